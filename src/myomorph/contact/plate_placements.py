@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plates import plate_wrench
-from myomorph.model.arrays import Array, frozen_array, runs
+from myomorph.model.arrays import Array, frozen_array, read_only, runs
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import Markers, PlateRecording
@@ -74,6 +74,7 @@ class PlacementOptions:
     gravity: tuple[float, float, float] | None = None
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Placement:
     """One rest of a weight, or one piece of a push with a rod.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
-from myomorph.model.arrays import Array, unit_vector
+from myomorph.model.arrays import Array, read_only, unit_vector
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
@@ -163,6 +163,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
     return found
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Impact:
     """A short force on a body at one of its sites.

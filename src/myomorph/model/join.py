@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Joint, Kept, Model
 from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
 from myomorph.model.series import Markers, Motion, Series, Wrenches
@@ -20,7 +20,7 @@ SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
 """What stands before a part's name in names that the tension problem makes."""
 
-NAMED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+NAMED: Mapping[str, tuple[str, ...]] = FrozenMap(
     {
         "bodies": (),
         "joints": ("parent", "child", "parent_frame_name", "child_frame_name"),
