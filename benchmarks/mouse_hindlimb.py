@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from myomorph.model.frozen_map import FrozenMap
 
 from benchmarks.cases import data_folder
 from myomorph.model.functions import constant, linear
@@ -145,7 +145,7 @@ def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
         row["optimal_fiber_length"],
         row["tendon_slack_length"],
         row["pennation_angle"],
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
         groups=groups,
     )
 

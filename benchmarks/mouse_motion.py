@@ -10,9 +10,9 @@ import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
+from myomorph.model.frozen_map import FrozenMap
 from numpy.typing import NDArray
 
 from benchmarks.mouse_recordings import (
@@ -330,7 +330,7 @@ def clip_fits(folder: Path, count: int = 3) -> list[Clip]:
     ]
 
 
-PARTS = MappingProxyType(
+PARTS = FrozenMap(
     {
         "head and neck": r"Head|Cervical",
         "trunk": r"Thoracic|Lumbar|^mouse$",

@@ -2,17 +2,18 @@
 
 import copyreg
 from collections.abc import Callable
-from types import MappingProxyType
 from typing import Any
 
-
-def _read_only(entries: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(entries)
+from myomorph.model.frozen_map import FrozenMap
 
 
-def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tuple[dict[Any, Any]]]:
+def _read_only(entries: dict[Any, Any]) -> FrozenMap[Any, Any]:
+    return FrozenMap(entries)
+
+
+def _reduced(mapping: FrozenMap[Any, Any]) -> tuple[Callable[..., Any], tuple[dict[Any, Any]]]:
     return _read_only, (dict(mapping),)
 
 
 # Python cannot pickle a read-only mapping by itself, and every noun has to travel to other processes.
-copyreg.pickle(MappingProxyType, _reduced)
+copyreg.pickle(FrozenMap, _reduced)

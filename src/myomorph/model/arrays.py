@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import wraps
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 
 Array = NDArray[np.float64]
 _Class = TypeVar("_Class", bound=type)
@@ -106,5 +106,5 @@ def _locked(value: Any) -> Any:
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Mapping):
         entries = {key: _locked(one) for key, one in value.items()}
-        return value if all(one is value[key] for key, one in entries.items()) else MappingProxyType(entries)
+        return value if all(one is value[key] for key, one in entries.items()) else FrozenMap(entries)
     return value

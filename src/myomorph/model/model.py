@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
 from myomorph.model.spatial import Transform
@@ -352,7 +352,7 @@ class Model:
     @cached_property
     def dependent_coordinates(self) -> Mapping[str, Coupler]:
         """The coupler of each coordinate that follows others."""
-        return MappingProxyType({coupler.dependent: coupler for coupler in self.couplers})
+        return FrozenMap({coupler.dependent: coupler for coupler in self.couplers})
 
     @cached_property
     def up(self) -> Array:

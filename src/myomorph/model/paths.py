@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.spatial import Transform
 
@@ -152,10 +152,10 @@ class Muscle:
     max_contraction_velocity: float = 10.0
     min_activation: float = 0.01
     max_activation: float = 1.0
-    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     groups: tuple[str, ...] = ()
     enabled: bool = True
-    curves: Mapping[str, Function] = field(default_factory=lambda: MappingProxyType({}))
+    curves: Mapping[str, Function] = field(default_factory=lambda: FrozenMap({}))
     viscosity: float = 0.0
 
 

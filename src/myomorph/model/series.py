@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
 
@@ -87,7 +87,7 @@ class Table(Series):
     """
 
     in_degrees: bool = False
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[str, ...] = ()
     source: str = ""
 
@@ -291,7 +291,7 @@ class Trial:
     emg: Emg | None = None
     events: tuple[Event, ...] = ()
     other_points: Series | None = None
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[str, ...] = ()
     source: str = ""
 

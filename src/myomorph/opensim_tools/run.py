@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.osim.scale_setup import ScaleSetup
 from myomorph.io.osim.tool_setups import InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
@@ -157,7 +157,7 @@ def error_table(fit: KinematicsFit) -> Table:
     """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame together."""
     total = np.nansum(fit.errors**2, axis=1)
     names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
-    facts = MappingProxyType({"name": "Model Marker Errors from IK"})
+    facts = FrozenMap({"name": "Model Marker Errors from IK"})
     return Table(fit.motion.time, names, np.column_stack([total, fit.rms, fit.largest]), facts=facts)
 
 
@@ -169,5 +169,5 @@ def location_table(model: Model, fit: KinematicsFit) -> Table:
     bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
     points = poses.points(bodies, np.array([one.location for one in marked]))
     names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
-    facts = MappingProxyType({"name": "Model Marker Locations from IK"})
+    facts = FrozenMap({"name": "Model Marker Locations from IK"})
     return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Table
@@ -148,7 +148,7 @@ def pose_table(motion: Motion, model: Model) -> Table:
     names = tuple(f"{path}/{kind}" for path in paths for kind in ("value", "speed"))
     states = {} if without_fibers(model) else default_states(model)
     rest = np.tile(list(states.values()), (len(motion), 1)).reshape(len(motion), -1)
-    facts = MappingProxyType({"name": "static pose"})
+    facts = FrozenMap({"name": "static pose"})
     labels = (*names, *(f"/forceset/{muscle}/{state}" for muscle, state in states))
     return Table(motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -19,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
@@ -200,7 +200,7 @@ class BoneMap:
     source: Surface | None = None
     target: Surface | None = None
     features: FeaturePoints | None = None
-    measures: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
 
 

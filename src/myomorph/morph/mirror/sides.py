@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import comb
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import mirror_names, other_side
@@ -256,7 +256,7 @@ def _signs(model: Model, planes: Mapping[str, Reflection], middle: Collection[st
     for coupler in model.couplers:
         if votes.get(coupler.dependent) == {True} and all(name in odd for name in coupler.independents):
             odd.add(coupler.dependent)
-    return MappingProxyType({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
+    return FrozenMap({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
 
 
 def _names(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
@@ -34,7 +34,7 @@ Box: TypeAlias = Mapping[str, tuple[float, float]]
 
 
 def _none() -> Mapping[str, Any]:
-    return MappingProxyType({})
+    return FrozenMap({})
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
+
+from myomorph.model.frozen_map import FrozenMap
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class Step:
     """
 
     name: str
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     seconds: float | None = None
     frames: int | None = None
 

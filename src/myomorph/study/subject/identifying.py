@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
 from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -183,7 +183,7 @@ def identify_subject(
         if motion.held_out
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain})
-    return Identified(found, MappingProxyType(validation), made)
+    return Identified(found, FrozenMap(validation), made)
 
 
 def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
@@ -263,7 +263,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
                 warnings=found.notes,
             ),
             recorded=Recorded(
-                subject, MappingProxyType({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
+                subject, FrozenMap({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
             ),
             model=found.model,
             surfaces=surfaces,

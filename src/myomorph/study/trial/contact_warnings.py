@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
 from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
 from myomorph.store.progress import progress
@@ -114,4 +114,4 @@ def interval_table(intervals: Sequence[ContactIntervals]) -> Table:
         for ending in ("", "_low", "_high")
     )
     values = np.stack(parts, axis=3).reshape(len(time), -1)
-    return Table(time, names, values, facts=MappingProxyType({"name": "What the data leave open of contact forces"}))
+    return Table(time, names, values, facts=FrozenMap({"name": "What the data leave open of contact forces"}))

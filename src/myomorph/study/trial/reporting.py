@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -206,7 +206,7 @@ def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | 
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
-        facts=MappingProxyType({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
+        facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(found),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
         plates=store.get_plates(found),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
@@ -63,20 +63,20 @@ class TrialFiles:
     markers: Path | None = None
     motion: Path | None = None
     loads: Path | None = None
-    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[str, ...] = ()
     emg: Path | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_reference: tuple[Path, ...] = ()
     emg_side: Side = ""
     tasks: Path | None = None
     actuators: Path | None = None
     contacts: str = ""
     measured: Measured | None = None
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
-    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     condition: str = ""
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
@@ -110,7 +110,7 @@ class TrialInputs:
     markers: Markers | None = None
     loads: Callable[[Motion], Wrenches] | None = None
     emg: Emg | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     events: tuple[Event, ...] = ()
     plates: tuple[ForcePlate, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))
@@ -118,9 +118,9 @@ class TrialInputs:
     time: tuple[float, float] | None = None
     contacts: ContactPlan | None = None
     actuators: tuple[Actuator, ...] | None = None
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
-    truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
-    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
+    truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
+    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))
     notes: TrialNotes = field(default_factory=TrialNotes)
     sources: tuple[Source, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Limb, Stride, Strides, feet_move, find_strides, walking_limbs, walking_points
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Series
@@ -289,6 +289,6 @@ class StridePlan:
     """
 
     trunk: str = ""
-    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     direction: tuple[float, float, float] | None = None
     belt: float | None = None

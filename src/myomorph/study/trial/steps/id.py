@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.sto import write_sto
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
@@ -89,7 +89,7 @@ def torque_table(torques: Series, model: Model) -> Table:
     """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`, `pelvis_tx_force`."""
     endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
     names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
-    facts = MappingProxyType({"name": "Inverse Dynamics Generalized Forces"})
+    facts = FrozenMap({"name": "Inverse Dynamics Generalized Forces"})
     return Table(torques.time, names, torques.values, facts=facts)
 
 

@@ -6,13 +6,13 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.emg_delay import USUAL, EmgCalibration
@@ -233,7 +233,7 @@ def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, 
         ("reserves", tension.reserve_names, tension.reserves),
     )
     for name, columns, values in tables:
-        facts = MappingProxyType({"name": f"Muscle tensions: {name}"})
+        facts = FrozenMap({"name": f"Muscle tensions: {name}"})
         write_sto(Table(tension.time, columns, values, facts=facts), output.folder / f"{name}.sto")
 
 
