@@ -21,7 +21,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, species_bones
 from myomorph.morph.transfer.model import graft_muscles
@@ -111,7 +111,7 @@ def from_man(data: Path, method: str) -> Morph:
     """The man's leg muscles on the mouse's skeleton; maps of one kind of features are made from the same ones."""
     kind, features = METHODS[method]
     found, table, target = bones_of_man(data, features), read_species("human-mouse"), mouse(data).model
-    alike = {body for one in table.bones if one.match != "similarity" for body in (*one.sources, *one.carried)}
+    alike = {body for one in table.bones if one.match != "similarity" for body in (*one.sources, *one.transferred)}
     bones = {
         name: replace(one, map=fit_map(one.features, MapOptions(kind))) if name in alike else one
         for name, one in found.bones.items()

@@ -10,11 +10,10 @@ from scipy import stats
 from benchmarks.accuracy.groups import ALPHA, CENTER, CURVES, PARAMETERS, PERCENT, WIDTH, animals, share
 from myomorph.analysis.conditions import FAR, modified_z
 from myomorph.analysis.permutations import (
+    g_interval,
+    hedges_g,
     holm,
-    paired_floor,
-    paired_g,
-    paired_g_interval,
-    paired_test,
+    p_floor,
     permutation_test,
 )
 
@@ -33,23 +32,23 @@ def measure_within() -> Iterator[Row]:
         near = np.abs(PERCENT - CENTER) < 2 * WIDTH
         for k in range(repeats):
             noise = animals(rng, n, CURVES)
-            test = paired_test(noise, most, k)
+            test = permutation_test(noise, most=most, seed=k)
             counts["curves"] += bool(np.nanmin(test.p) < ALPHA)
             counts["each"] += bool(np.nanmin(test.alone) < ALPHA)
-            p = np.array([paired_test(rng.standard_normal(n), most, k).p for _ in range(PARAMETERS)])
+            p = np.array([permutation_test(rng.standard_normal(n), most=most, seed=k).p for _ in range(PARAMETERS)])
             counts["parameters"] += bool(holm(p).min() < ALPHA)
             shifted = noise[:, 0] + bump
-            counts["found"] += bool((paired_test(shifted, most, k).p[near] < ALPHA).any())
+            counts["found"] += bool((permutation_test(shifted, most=most, seed=k).p[near] < ALPHA).any())
             subjects = BETWEEN * animals(rng, n, 1)[:, 0]
-            apart = permutation_test(subjects + shifted, subjects, min(most, 1000), k).p
+            apart = permutation_test(subjects + shifted, subjects, most=min(most, 1000), seed=k).p
             counts["groups"] += bool((apart[near] < ALPHA).any())
             differences = 1.0 + rng.standard_normal(n)
-            low, high = paired_g_interval(float(paired_g(differences)), n)
+            low, high = g_interval(float(hedges_g(differences)), n)
             counts["covered"] += low <= 1.0 <= high
         yield {
             "subjects": n,
             "studies": repeats,
-            "least p": paired_floor(n, most),
+            "least p": p_floor(n, most=most),
             f"{CURVES} curves, falsely [%]": share(counts["curves"], repeats),
             "each sample alone, falsely [%]": share(counts["each"], repeats),
             f"{PARAMETERS} parameters, Holm, falsely [%]": share(counts["parameters"], repeats),

@@ -49,19 +49,22 @@ def measure_false() -> Iterator[Row]:
         called = {"curves": 0, "alone": 0, "t": 0, "scalars": 0, "raw": 0}
         for k in range(repeats):
             one, other = animals(rng, n, CURVES), animals(rng, m, CURVES)
-            test = permutation_test(one, other, most, seed=k)
+            test = permutation_test(one, other, most=most, seed=k)
             called["curves"] += bool(np.nanmin(test.p) < ALPHA)
             called["alone"] += bool(np.nanmin(test.alone) < ALPHA)
             called["t"] += bool(stats.ttest_ind(one, other).pvalue.min() < ALPHA)
             p = np.array(
-                [permutation_test(rng.standard_normal(n), rng.standard_normal(m), most, k).p for _ in range(PARAMETERS)]
+                [
+                    permutation_test(rng.standard_normal(n), rng.standard_normal(m), most=most, seed=k).p
+                    for _ in range(PARAMETERS)
+                ]
             )
             called["scalars"] += bool(holm(p).min() < ALPHA)
             called["raw"] += bool(p.min() < ALPHA)
         yield {
             "animals": f"{n} and {m}",
             "studies": repeats,
-            "least p": p_floor(n, m, most),
+            "least p": p_floor(n, m, most=most),
             f"{CURVES} curves, corrected [%]": share(called["curves"], repeats),
             "curves, each sample alone [%]": share(called["alone"], repeats),
             "curves, t test of each sample [%]": share(called["t"], repeats),
@@ -86,12 +89,12 @@ def measure_power() -> Iterator[Row]:
             for k in range(repeats):
                 one, other = animals(rng, n, CURVES), animals(rng, n, CURVES)
                 one[:, 0] += bump
-                p = permutation_test(one, other, most, seed=k).p
+                p = permutation_test(one, other, most=most, seed=k).p
                 differs = p[0] < ALPHA
                 found += bool(differs[np.abs(PERCENT - CENTER) < 2 * WIDTH].any())
                 elsewhere += bool((p[1:] < ALPHA).any() or differs[np.abs(PERCENT - CENTER) > 3 * WIDTH].any())
                 centers += [float(PERCENT[differs].mean())] if differs.any() else []
-                values = permutation_test(rng.standard_normal(n) + effect, rng.standard_normal(n), most, k).p
+                values = permutation_test(rng.standard_normal(n) + effect, rng.standard_normal(n), most=most, seed=k).p
                 parameter += bool(values < ALPHA)
             yield {
                 "animals in each group": n,

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.cases import data_folder
 from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from benchmarks.speed.size import MEGABYTE, peak
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files

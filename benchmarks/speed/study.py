@@ -145,7 +145,7 @@ def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: boo
 
     own, began = time.process_time(), time.perf_counter()
     with watched(hands) as memory:
-        outcomes = run_study(plan, out, workers=hands, said=said)
+        outcomes = run_study(plan, out, workers=hands, report=said)
     failures = [one.error for one in outcomes if one.error]
     if failures:
         raise RuntimeError(f"{len(failures)} trials failed, the first with: {failures[0]}")

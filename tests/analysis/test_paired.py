@@ -10,9 +10,8 @@ from scipy import stats
 
 from myomorph.analysis.conditions import Condition, compare_conditions
 from myomorph.analysis.cycles import Cycles
-from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups
-from myomorph.analysis.paired import compare_paired
-from myomorph.analysis.permutations import paired_floor, paired_g, paired_g_interval, paired_test, signs
+from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups, compare_paired
+from myomorph.analysis.permutations import g_interval, hedges_g, p_floor, permutation_test, signs
 from myomorph.model.errors import BadData
 
 FAMILY = "joint angle [°]"
@@ -45,11 +44,13 @@ def test_one_number_is_tested_as_scipy_does():
             (differences,), lambda x, axis: stats.ttest_1samp(x, 0.0, axis=axis).statistic,
             permutation_type="samples", n_resamples=np.inf,
         )  # fmt: skip
-        own = paired_test(differences)
+        own = permutation_test(differences)
         assert own.exact
         assert own.p == pytest.approx(theirs.pvalue, abs=1e-12)
         assert own.statistic == pytest.approx(stats.ttest_1samp(differences, 0.0).statistic, rel=1e-9)
-    assert paired_floor(6) == 2 / 64
+    assert p_floor(6) == 2 / 64
+    # Drawn ways alone: no p is less than one of them.
+    assert p_floor(20, most=1000) == 1 / 1000
 
 
 def test_curves_are_corrected_for_all_that_is_looked_at():
@@ -57,11 +58,11 @@ def test_curves_are_corrected_for_all_that_is_looked_at():
     false = 0
     for _ in range(200):
         noise = np.cumsum(rng.standard_normal((7, 3, 40)), axis=2)
-        false += np.nanmin(paired_test(noise).p) < 0.05
+        false += np.nanmin(permutation_test(noise).p) < 0.05
     # At 5 % of 200, beyond 20 by chance only once in a thousand.
     assert false <= 20
     with pytest.raises(BadData, match="3 or more"):
-        paired_test(np.ones((2, 4)))
+        permutation_test(np.ones((2, 4)))
 
 
 def test_the_interval_of_the_effect_covers_it():
@@ -69,9 +70,19 @@ def test_the_interval_of_the_effect_covers_it():
     inside = 0
     for _ in range(400):
         differences = 0.8 + rng.standard_normal(5)
-        low, high = paired_g_interval(float(paired_g(differences)), 5)
+        low, high = g_interval(float(hedges_g(differences)), 5)
         inside += low < 0.8 < high
     assert stats.binomtest(inside, 400, 0.95).pvalue > 0.001
+
+
+def test_two_subjects_are_described_without_an_effect_size():
+    """One degree of freedom has no unbiased effect size."""
+    slow, fast = (
+        Group(name, tuple(subject(f"s{k}", k * (1.0 + shift)) for k in (1, 3))) for name, shift in (("a", 0), ("b", 1))
+    )
+    found = compare_paired(fast, slow).scalars[0]
+    assert np.isfinite([found.difference, found.low, found.high]).all()
+    assert np.isnan([found.g, found.g_low, found.g_high, found.p]).all()
 
 
 def test_subjects_beside_themselves():

@@ -76,7 +76,7 @@ def test_another_motion_is_compared(plate, command):
         (("--mass-sd", -1), "mass_sd"),
         (("--time", 5, 6), "has nothing from"),
         (("--time", 0.1, 0.3), "fewer than 0.5"),
-        (("--least-time", 1000), "fewer than 1000"),
+        (("--min-duration", 1000), "fewer than 1000"),
         (("--check-motion", "a.mot"), "1 motions but 0 files of forces"),
     ],
 )

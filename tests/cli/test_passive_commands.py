@@ -86,7 +86,7 @@ def test_a_shoulder_goes_through_every_step(data, command, tmp_path):
     for step, out in (("id", "torques.sto"), ("muscles", "muscles"), ("tension", "tension")):
         told = command(step, *common, "--out", tmp_path / out, *time)
         assert told.status == 0, told.err
-    folded = command("id", *common, "--out", tmp_path / "folded.sto", "--folded", *time)
+    folded = command("id", *common, "--out", tmp_path / "folded.sto", "--independent-coordinates", *time)
     assert folded.status == 0
     model = read_osim(data(SHOULDER))
     assert len(read_sto(tmp_path / "torques.sto").names) == len(model.coordinates)

@@ -10,12 +10,12 @@ from sticks import SITES, TIP, rods
 
 from myomorph.contact.sound import Instrument, Stroke, Strokes
 from myomorph.contact.strokes import (
-    Blow,
-    blow_wrenches,
-    blows_from_sound,
+    Impact,
     calibrate_impulse,
     calibration_pairs,
     effective_mass,
+    impact_wrenches,
+    impacts_from_sound,
     pulse,
     striking_sites,
     velocity_change,
@@ -103,7 +103,7 @@ def test_an_impulse_over_the_effective_mass_is_the_change_of_velocity():
     b = np.array([tree.body_index[body]])
     place = forward_kinematics(tree, motion.values).points(b, point[None])[:, 0]
     held = Motion(np.zeros(1), motion.names, motion.values, zero, zero)
-    load = Wrenches(np.zeros(1), ("blow",), (body,), way[None, None], place[:, None], np.zeros((1, 1, 3)))
+    load = Wrenches(np.zeros(1), ("impact",), (body,), way[None, None], place[:, None], np.zeros((1, 1, 3)))
     caused = np.linalg.solve((bare[1:] - bare[0]).T, bare[0] - inverse_dynamics(model, held, load).values[0])
     ahead = forward_kinematics(tree, motion.values + 1e-6 * caused).points(b, point[None])[0, 0]
     mass = effective_mass(model, motion, body, point, way)[0]
@@ -150,11 +150,11 @@ def test_known_strokes_calibrate_the_nearest_that_were_heard():
     strokes = heard((1.0, 1e-4), (2.0, 4e-4), (3.0, 9e-4))
     laws = calibration_pairs(strokes, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
     assert laws["drum"].impulse(4e-4) == pytest.approx(0.2)
-    blows, warnings = blows_from_sound(strokes, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
-    assert [one.time for one in blows] == [1.0, 2.0]
-    np.testing.assert_allclose(blows[0].direction, [0, 0, 1])
+    impacts, warnings = impacts_from_sound(strokes, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
+    assert [one.time for one in impacts] == [1.0, 2.0]
+    np.testing.assert_allclose(impacts[0].direction, [0, 0, 1])
     assert warnings == ()
-    louder, warnings = blows_from_sound(heard((1.0, 1.0)), laws, {0: "tip"}, {})
+    louder, warnings = impacts_from_sound(heard((1.0, 1.0)), laws, {0: "tip"}, {})
     assert "1 of 1 strokes are louder or softer than those calibrated on, first on 'drum' at 1.000 s" in warnings[0]
     np.testing.assert_allclose(louder[0].direction, [0, 1, 0])
     with pytest.raises(BadData, match="none of the 1 known strokes on 'drum' was heard"):
@@ -162,7 +162,7 @@ def test_known_strokes_calibrate_the_nearest_that_were_heard():
     with pytest.raises(UnknownName, match="'bell'"):
         calibration_pairs(strokes, {"bell": [(1.5, 0.1)]})
     with pytest.raises(UnknownName, match="'drum'"):
-        blows_from_sound(strokes, {}, {0: "tip"}, {})
+        impacts_from_sound(strokes, {}, {0: "tip"}, {})
 
 
 def test_the_stick_that_stops_is_the_one_that_struck():
@@ -186,33 +186,33 @@ def test_blows_are_loads_whose_torque_over_time_is_their_moment():
     zeros = np.zeros((len(time), 2))
     motion = Motion(time, ("a", "b"), zeros, zeros, zeros)
     given = (("tip_a", 0.301, 0.5), ("tip_b", 0.5, 0.2), ("tip_a", 0.6, 0.1))
-    blows = [Blow(*one, np.array([1.0, 0.0, 0.0])) for one in given]
-    loads = blow_wrenches(blows, model, motion, SITES)
+    impacts = [Impact(*one, np.array([1.0, 0.0, 0.0])) for one in given]
+    loads = impact_wrenches(impacts, model, motion, SITES)
     assert loads.names == ("tip_a", "tip_b")
     assert loads.bodies == ("a", "b")
     without, with_ = inverse_dynamics(model, motion), inverse_dynamics(model, motion, loads)
     taken = np.trapezoid(without.values - with_.values, time, axis=0)
     np.testing.assert_allclose(taken, 0.4 * np.array([0.6, 0.2]), rtol=1e-9)
     with pytest.raises(UnknownName, match="'tip_c'"):
-        blow_wrenches([Blow("tip_c", 0.3, 0.5, [1.0, 0, 0])], model, motion, SITES)
+        impact_wrenches([Impact("tip_c", 0.3, 0.5, [1.0, 0, 0])], model, motion, SITES)
     with pytest.raises(BadData, match="expected a vector with a length"):
-        Blow("tip_a", 0.3, 0.5, [0.0, 0, 0])
-    with pytest.raises(BadData, match="impulse of a blow on 'tip_a' is -1"):
-        Blow("tip_a", 0.3, -1.0, [0.0, 1.0, 0])
+        Impact("tip_a", 0.3, 0.5, [0.0, 0, 0])
+    with pytest.raises(BadData, match="impulse of an impact on 'tip_a' is -1"):
+        Impact("tip_a", 0.3, -1.0, [0.0, 1.0, 0])
 
 
 def test_a_filtered_motion_is_balanced_by_pulses_filtered_alike():
     model = rods("a", "b")
     time = np.arange(0.0, 2.0, 0.005)
     turned = 0.5 * 0.4 / (0.06 * 0.4**2 / 3.0)
-    # Without gravity the blow of 0.5 N s alone sets stick a turning.
+    # Without gravity the impact of 0.5 N s alone sets stick a turning.
     model = replace(model, gravity=np.zeros(3))
     values = np.column_stack([turned * np.maximum(time - 1.004, 0.0), np.zeros(len(time))]) * 1e-3
     motion = differentiate(Motion(time, ("a", "b"), values), 6.0)
-    blow = Blow("tip_a", 1.0, 0.5e-3, np.array([1.0, 0.0, 0.0]))
+    impact = Impact("tip_a", 1.0, 0.5e-3, np.array([1.0, 0.0, 0.0]))
     left = []
     for cutoff in (None, 6.0):
-        loads = blow_wrenches([blow], model, motion, SITES, cutoff=cutoff)
+        loads = impact_wrenches([impact], model, motion, SITES, cutoff=cutoff)
         assert np.trapezoid(loads.forces[:, 0, 0], time) == pytest.approx(0.5e-3, rel=1e-6)
         left.append(np.abs(inverse_dynamics(model, motion, loads).values[20:-20, 0]).max())
     assert left[1] < 0.01 * left[0]

@@ -143,7 +143,7 @@ def test_standing_still_excites_nothing(opencap):
     walking = usable(model, motion, wrenches, options=OPTIONS)
     check_excited(model, (walking,))
     with pytest.raises(BadData, match=r"fewer than 5.*edge of the filter"):
-        check_excited(model, (walking,), RecordingOptions(least_time=5.0))
+        check_excited(model, (walking,), RecordingOptions(min_duration=5.0))
 
 
 def test_free_fall_is_used_and_counted(opencap):

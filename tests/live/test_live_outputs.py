@@ -99,7 +99,7 @@ def test_a_folder_holds_everything(
 def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str], Path], tmp_path: Path) -> None:
     model, markers = data(f"{WALK}/subject_walk_scaled.osim"), data(f"{WALK}/markers_walk.trc")
     out = tmp_path / "out"
-    for options, told in ((ChainOptions, "cutoff"), (ChainOptions, "late"), (ChainOptions, "blend")):
+    for options, told in ((ChainOptions, "cutoff"), (ChainOptions, "max_age"), (ChainOptions, "blend")):
         with pytest.raises(BadData, match=told):
             options(**{told: 0.0})
     with pytest.raises(BadData, match="--up x"):

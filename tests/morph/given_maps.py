@@ -9,9 +9,9 @@ from myomorph.model.model import Model
 from myomorph.model.scale import slides_freely
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.transfer.bodies import standing_poses
 from myomorph.morph.transfer.carrier import nearest_rotation
 
 

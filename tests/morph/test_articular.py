@@ -10,14 +10,8 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.shapes.articular import (
-    articular_cylinder,
-    articular_sphere,
-    fit_cylinder,
-    fit_sphere,
-    spherical_patches,
-    warning_of,
-)
+from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.quadrics import fit_cylinder, fit_sphere
 
 CENTER = np.array([0.3, -0.2, 0.9])
 AXIS = np.array([2.0, 9.0, -4.0]) / np.sqrt(101.0)

@@ -15,10 +15,10 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import MorphOptions, TransferredPoint
-from myomorph.morph.transfer.bodies import standing_poses
 from myomorph.morph.transfer.carrier import Carrier
 from myomorph.morph.transfer.model import morph_model
 from myomorph.morph.transfer.moving_points import reparametrized, translated_path

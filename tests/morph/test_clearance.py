@@ -65,7 +65,7 @@ ALONG = ([0.03, 0.0, -0.15], [0.023, 0.0, 0.0], [0.03, 0.0, 0.15])
 
 def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
     one = model(muscle(*ALONG))
-    found = clear_paths(one, one, ground(one))
+    found = clear_paths(one, ground(one))
     assert found.before["m"] == pytest.approx(THICK - 0.023 - CheckOptions().deeper * LENGTH, abs=3e-4)
     assert not found.after
     first, via, last = (point.location for point in found.model.muscle("m").path.points)
@@ -76,19 +76,19 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
 
 def test_a_path_that_is_outside_stays_as_it_is():
     one = model(muscle([0.03, 0.0, -0.15], [0.028, 0.0, 0.0], [0.03, 0.0, 0.15]))
-    found = clear_paths(one, one, ground(one))
+    found = clear_paths(one, ground(one))
     assert found.model is one
     assert not found.notes
 
 
 def test_what_runs_through_the_source_may_run_through_the_target():
     one = model(muscle([0.03, 0.0, -0.15], [-0.03, 0.0, 0.15]))
-    assert not clear_paths(one, one, ground(one, THIN)).before
+    assert not clear_paths(one, ground(one, THIN)).before
 
 
 def test_origin_and_insertion_stay_and_what_cannot_be_helped_is_told():
     one = model(muscle([0.022, 0.0, -0.15], [0.022, 0.0, 0.15]))
-    found = clear_paths(one, one, ground(one))
+    found = clear_paths(one, ground(one))
     assert found.model is one
     assert found.after == found.before
     assert "1 muscles still do" in found.notes[0]
@@ -99,8 +99,8 @@ def test_a_wrap_object_grows_until_the_path_is_out():
     across = ([0.03, -0.05, 0.0], [0.03, 0.05, 0.0])
     one = model(muscle(*across, wraps=(PathWrap("shaft"),)), (around,))
     hidden = model(muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),)), (around,))
-    assert not clear_paths(one, one, ground(one)).before
-    found = clear_paths(hidden, hidden, ground(hidden))
+    assert not clear_paths(one, ground(one)).before
+    found = clear_paths(hidden, ground(hidden))
     assert found.before["m"] > 0.003
     assert not found.after
     assert found.grown["shaft"] == pytest.approx(THICK / 0.021, abs=0.05)
@@ -108,7 +108,7 @@ def test_a_wrap_object_grows_until_the_path_is_out():
 
 def test_a_via_point_that_cannot_clear_the_bone_goes_back():
     one = model(muscle(*ALONG))
-    found = clear_paths(one, one, ground(one, 0.06))
+    found = clear_paths(one, ground(one, 0.06))
     assert not found.shifts
     assert found.model.muscle("m") == one.muscle("m")
     assert found.after == found.before
@@ -116,7 +116,7 @@ def test_a_via_point_that_cannot_clear_the_bone_goes_back():
 
 def test_a_via_point_is_not_moved_further_than_a_share_of_the_bone():
     one = model(muscle([0.06, 0.0, -0.15], [0.023, 0.0, 0.0], [0.06, 0.0, 0.15]))
-    found = clear_paths(one, one, ground(one, 0.042))
+    found = clear_paths(one, ground(one, 0.042))
     assert 0.0 < found.after["m"] < 0.5 * found.before["m"]
     assert found.shifts["m", "P1"] == pytest.approx(0.04 * LENGTH)
 
@@ -124,7 +124,7 @@ def test_a_via_point_is_not_moved_further_than_a_share_of_the_bone():
 def test_a_wrap_object_grows_by_half_at_most():
     around = WrapObject("shaft", "femur", "cylinder", STILL, (0.02, 1.0))
     one = model(muscle([0.0, -0.08, 0.0], [0.004, 0.08, 0.0], wraps=(PathWrap("shaft"),)), (around,))
-    found = clear_paths(one, one, ground(one, 0.045))
+    found = clear_paths(one, ground(one, 0.045))
     assert found.after
     assert found.grown["shaft"] == pytest.approx(1.5)
 
@@ -132,7 +132,7 @@ def test_a_wrap_object_grows_by_half_at_most():
 def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
     """Deepest halfway between origin and via point, the via point goes twice as far as the place."""
     one = model(muscle([0.03, 0.02, -0.15], [0.03, -0.03, 0.0], [0.03, -0.03, 0.15]))
-    found = clear_paths(one, one, ground(one, 0.034))
+    found = clear_paths(one, ground(one, 0.034))
     assert found.before["m"] > 0.001
     assert not found.after
     assert 2.0 * found.before["m"] < found.shifts["m", "P1"] < 5.0 * found.before["m"]
@@ -142,8 +142,8 @@ def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
 @pytest.mark.parametrize("size", [0.05, 20.0])
 def test_a_mouse_is_cleared_as_a_man(size):
     one, other = model(muscle(*ALONG)), model(muscle(*(np.array(ALONG) * size)))
-    found = clear_paths(one, one, ground(one))
-    again = clear_paths(other, other, ground(other, THICK * size, size))
+    found = clear_paths(one, ground(one))
+    again = clear_paths(other, ground(other, THICK * size, size))
     assert again.before["m"] == pytest.approx(size * found.before["m"], rel=1e-6)
     assert again.shifts["m", "P1"] == pytest.approx(size * found.shifts["m", "P1"], rel=1e-6)
 
@@ -151,7 +151,7 @@ def test_a_mouse_is_cleared_as_a_man(size):
 def test_where_the_body_stands_does_not_matter():
     pose = Transform(rotation_from_euler_xyz([0.4, -1.1, 2.0]), np.array([0.3, -0.2, 0.9]))
     one, moved = model(muscle(*ALONG)), model(muscle(*ALONG), pose=pose)
-    found, again = (clear_paths(each, each, ground(each)) for each in (one, moved))
+    found, again = (clear_paths(each, ground(each)) for each in (one, moved))
     places = [each.model.muscle("m").path.points[1].location for each in (found, again)]
     np.testing.assert_allclose(*places, atol=1e-6)
 

@@ -10,10 +10,10 @@ import pytest
 from boxed_leg import FRONT, HALF, box, grown, leg, morph_of, muscle, with_muscle
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.surface import Surface
-from myomorph.morph.checks.checks import CheckOptions, check_morph, distinct_bones
+from myomorph.morph.checks.checks import check_morph, distinct_bones
 from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
 from myomorph.morph.checks.penetration import Penetration, Solid, bones_beside
-from myomorph.morph.checks.warnings import bone_warnings
+from myomorph.morph.checks.warnings import CheckOptions, bone_warnings
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.simulate.jump_model import leg_model
 

@@ -162,7 +162,7 @@ def test_coordinates_that_one_model_lacks_are_left_out():
 
 def test_a_posture_brings_a_riding_bone_along():
     source, ours, target, theirs = both()
-    bones = (replace(table().bones[0], carried=("shank",)),)
+    bones = (replace(table().bones[0], transferred=("shank",)),)
     bent = replace(table(), bones=bones, posture={"man_knee": 0.5 * np.pi})
     found = species_bones(source, ours, target, theirs, bent).bones
     place = np.array([0.02, -0.1, 0.03])

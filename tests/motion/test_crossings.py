@@ -33,10 +33,10 @@ def test_gaps_are_bridged_or_cut_and_short_parts_left_out(subject):
     markers = subject.markers
     step = 1.0 / markers.rate
     gone = hidden(markers, (0, 20), (60, 64), (150, 200), (208, 260))
-    found = crossings(gone, options=CrossingOptions(gap=5.0 * step, shortest=20.0 * step))
+    found = crossings(gone, options=CrossingOptions(max_gap=5.0 * step, min_duration=20.0 * step))
     expected = [(markers.time[20], markers.time[149]), (markers.time[260], markers.time[-1])]
     np.testing.assert_allclose(found, expected)
-    apart = crossings(gone, options=CrossingOptions(gap=0.0, shortest=0.0))
+    apart = crossings(gone, options=CrossingOptions(max_gap=0.0, min_duration=0.0))
     assert len(apart) == 4
     kept = within_crossings(gone, found)
     assert not np.isfinite(kept.values[200:208]).any()
@@ -86,7 +86,7 @@ def test_what_cannot_be_is_named(subject):
     with pytest.raises(BadData, match="share no marker"):
         crossings(other, subject.model)
     with pytest.raises(BadData, match="a share above 0"):
-        CrossingOptions(shown=0.0)
+        CrossingOptions(min_visible=0.0)
     with pytest.raises(BadData, match="0 or more"):
-        CrossingOptions(gap=-1.0)
+        CrossingOptions(max_gap=-1.0)
     assert crossings(hidden(subject.markers, (0, 400))) == ()

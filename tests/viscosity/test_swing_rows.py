@@ -21,7 +21,7 @@ from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial, Tra
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0
-PLAIN = TrackingOptions(clock=False, find_touch=False)
+PLAIN = TrackingOptions(clock=False, find_contact=False)
 
 
 @lru_cache(maxsize=1)

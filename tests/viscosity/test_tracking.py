@@ -21,7 +21,7 @@ from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_s
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track
 
-MARKERS_ONLY = TrackingOptions(clock=False, find_touch=False)
+MARKERS_ONLY = TrackingOptions(clock=False, find_contact=False)
 SPECIMEN = arm_specimen()
 
 

@@ -13,8 +13,8 @@ name = "shoulder"
 [[specimen]]
 name = "01"
 model = "arm.osim"
-without = ["bare*.trc"]
-with = ["full1.c3d"]
+removed = ["bare*.trc"]
+intact = ["full1.c3d"]
 """
 
 
@@ -54,7 +54,7 @@ def test_whole_form(folder):
     text = text.replace('name = "shoulder"', 'name = "shoulder"\nsimulated = ["made"]')
     text += """measured_muscle_mass = 0.765
 base = "blade"
-first = "arm"
+first_body = "arm"
 bones = ["ulna"]
 muscles = {biceps = ["BIClong", "BICshort"]}
 tare = "bare2_loads.mot"
@@ -95,10 +95,10 @@ def test_everything_wrong_is_told_at_once(folder):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("without =", "withuot =", "unknown key 'specimen.1.withuot': there are 'without', 'with'"),
-        ("with =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
+        ("removed =", "remvoed =", "unknown key 'specimen.1.remvoed': there are 'removed'"),
+        ("intact =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
         ('name = "shoulder"', 'nam = "shoulder"', "'study.name' is missing"),
-        ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.without.1.marker': there are 'markers'"),
+        ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.removed.1.marker': there are 'markers'"),
         ('["bare*.trc"]', '["bare1.trc"]\nmeasured_muscle_mass = -1', "greater than 0"),
         ('["bare*.trc"]', '["bare1.trc"]\ntime = [3, 1]', "expected a start before an end"),
         ("[study]", "[options.identification]\ndraw = 1\n[study]", "'options.identification.draw': there are 'draws'"),
@@ -114,7 +114,7 @@ def test_a_study_of_subjects_is_another_command(folder):
 
 
 def test_one_condition_alone_is_remarked(folder):
-    plan = plan_of(folder, SMALLEST.replace('with = ["full1.c3d"]\n', ""))
+    plan = plan_of(folder, SMALLEST.replace('intact = ["full1.c3d"]\n', ""))
     assert any("no recordings of muscles intact" in remark for remark in plan.remarks)
 
 

@@ -113,8 +113,8 @@ def test_options_that_are_out_of_range_stop_before_anything_is_written(study, tm
 
 
 def test_options_come_from_their_tables():
-    options = StudyOptions.of({"filter": {"cutoff": 6.0}, "arms": {"factor": 0.2}})
-    assert (options.filter.cutoff, options.arms.factor) == (6.0, 0.2)
+    options = StudyOptions.of({"filter": {"cutoff": 6.0}, "moment_arms": {"factor": 0.2}})
+    assert (options.filter.cutoff, options.moment_arms.factor) == (6.0, 0.2)
     assert options.identification == StudyOptions().identification
     assert options.plain["filter"] == {"cutoff": 6.0}
 
@@ -122,13 +122,13 @@ def test_options_come_from_their_tables():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ([], "give a study file, or --model with --with and --without"),
+        ([], "give a study file, or --model with --intact and --removed"),
         (["STUDY", "--model", "arm.osim"], "but not both"),
         (["STUDY", "--draws", "20"], "--draws is for --model: write it into the table [options]"),
-        (["--model", "none.osim", "--with", "b.trc"], "none.osim: does not exist"),
-        (["--model", "arm.osim"], "no recordings: give --with and --without"),
-        (["--model", "arm.osim", "--with", "b.trc", "--with-loads", "a.mot", "b.mot"], "1 recordings but 2 files"),
-        (["--model", "arm.osim", "--without", "lone.trc"], "lone.trc: has no forces beside it; give --without-loads"),
+        (["--model", "none.osim", "--intact", "b.trc"], "none.osim: does not exist"),
+        (["--model", "arm.osim"], "no recordings: give --intact and --removed"),
+        (["--model", "arm.osim", "--intact", "b.trc", "--intact-loads", "a.mot", "b.mot"], "1 recordings but 2 files"),
+        (["--model", "arm.osim", "--removed", "lone.trc"], "lone.trc: has no forces beside it; give --removed-loads"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_status_2(arguments, told, study, tmp_path, monkeypatch, capsys):

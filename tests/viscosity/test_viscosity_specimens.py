@@ -24,7 +24,7 @@ OPTIONS = """
 draws = 40
 [options.laws]
 draws = 4
-[options.arms]
+[options.moment_arms]
 draws = 10
 """
 
@@ -126,7 +126,7 @@ def test_one_specimen_needs_no_study_file(ran, capsys):
     folder = out.parent
     recordings = {
         name: [str(folder / f"{kind}{i}.trc") for i in (1, 2)]
-        for name, kind in (("--without", "bare"), ("--with", "full"))
+        for name, kind in (("--removed", "bare"), ("--intact", "full"))
     }
     given = [
         "--model",

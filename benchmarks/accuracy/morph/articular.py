@@ -15,16 +15,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, pieces_of, turned_outward
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
-from myomorph.morph.shapes.articular import (
-    CylinderFit,
-    SphereFit,
-    articular_cylinder,
-    articular_sphere,
-    fit_cylinder,
-    fit_sphere,
-    spherical_patches,
-    warning_of,
-)
+from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
 from myomorph.morph.shapes.surface_points import Shape
 
 Row = dict[str, object]

@@ -329,8 +329,8 @@ def measure_beside() -> Iterator[Row]:
             "12, picked with errors [mm]": 1e3 * float(noisy.on.mean()),
             "and beside [mm]": 1e3 * float(noisy.beside.mean()),
             "dense, beside [mm]": "" if dense is None else 1e3 * float(dense.beside.mean()),
-            "folded, 12 [%]": 100 * exact.inverted,
-            "folded, dense [%]": "" if dense is None else 100 * dense.inverted,
+            "inverted, 12 [%]": 100 * exact.inverted,
+            "inverted, dense [%]": "" if dense is None else 100 * dense.inverted,
         }
 
 

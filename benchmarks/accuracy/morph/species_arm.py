@@ -16,7 +16,7 @@ from myomorph.model.model import Model
 from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import species_morph
 from myomorph.morph.transfer.model import graft_muscles

@@ -17,8 +17,10 @@ METHODS = {
     "instruments, spring fitted (default)": ViscosityOptions(draws=2),
     "plain least squares in step 1": ViscosityOptions(draws=2, instruments=False),
     "no spring in step 2, as [S] eq. 1": ViscosityOptions(draws=2, stiffness=False),
-    "still swings kept": ViscosityOptions(draws=2, least=0.0),
-    "plain in both steps, still swings kept": ViscosityOptions(draws=2, instruments=False, stiffness=False, least=0.0),
+    "still swings kept": ViscosityOptions(draws=2, min_relative_speed=0.0),
+    "plain in both steps, still swings kept": ViscosityOptions(
+        draws=2, instruments=False, stiffness=False, min_relative_speed=0.0
+    ),
 }
 PLATE = "moment measured by the plate instead of inverse dynamics"
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
-from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups
-from myomorph.analysis.paired import compare_paired
+from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups, compare_paired
 from myomorph.analysis.permutations import FEWEST
 from myomorph.model.arrays import Array, read_only
 

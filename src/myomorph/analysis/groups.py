@@ -1,6 +1,6 @@
-"""Two groups of animals or subjects: how their strides and curves over the cycle differ, and how sure that is.
+"""Two groups, or the same subjects in two conditions: how strides and curves differ, and how sure that is.
 
-The animal is the unit: the mean of its strides stands for it, however many they are.
+The animal or subject is the unit: the mean of its strides stands for it, however many they are.
 """
 
 from __future__ import annotations
@@ -73,11 +73,7 @@ class Animal:
     def curve(self, family: str, name: str) -> Array:
         """(samples,) mean over its cycles, NaN where no cycle is known."""
         cycles = self.curves[family]
-        values = cycles.values[:, :, cycles.names.index(name)]
-        known = np.isfinite(values)
-        count = known.sum(axis=0)
-        mean: Array = np.where(count > 0, np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
-        return mean
+        return band(cycles.values[:, :, cycles.names.index(name)]).mean
 
     def scalar(self, name: str) -> float:
         """Mean over its strides."""
@@ -209,34 +205,64 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     if both:
         raise BadData(f"'{min(both)}' is in both groups")
     n, m = len(first.animals), len(second.animals)
-    tested = min(n, m) >= FEWEST
-    notes: list[str] = []
-    floor = p_floor(n, m, options.permutations) if tested else float("nan")
-    if not tested:
-        notes.append(f"groups of {n} and {m} are described, not tested: a test needs {FEWEST} or more in each")
-    elif floor > options.alpha:
-        notes.append(
-            f"groups of {n} and {m} cannot reach a p below {floor:.3g}: no difference can be called so at "
-            f"{options.alpha:g}"
-        )
-    scalars = _scalars(first, second, options, tested, notes)
-    curves = _curves(first, second, options, tested, notes)
-    exact = comb(n + m, n) <= options.permutations
-    members = tuple(tuple((one.name, one.strides) for one in group.animals) for group in (first, second))
+    few = f"groups of {n} and {m} are described, not tested: a test needs {FEWEST} or more in each"
+    blunt = (
+        f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:g}"
+    )
+    return _compared(first, second, options, (n, m), (few, blunt))
+
+
+def compare_paired(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
+    """Parameters and curves of subjects in two conditions, with intervals, effect sizes and tests.
+
+    As `compare_groups`, but of the differences within subjects, so that what differs between subjects drops out: the
+    interval is that of their mean (Student's t), the effect size their mean over their standard deviation with Hedges'
+    correction, and the test turns differences round instead of exchanging subjects. Subjects that only one of the
+    conditions has are left out, by name.
+
+    Raises
+    ------
+    BadData : no subject has both
+    """
+    options = options or GroupOptions()
+    own = {one.name: one for one in second.animals}
+    pairs = [(one, own[one.name]) for one in first.animals if one.name in own]
+    if not pairs:
+        raise BadData(f"no subject has both '{first.name}' and '{second.name}'")
+    both = {one.name for one, _ in pairs}
+    alone = [one.name for one in (*first.animals, *second.animals) if one.name not in both]
+    notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
+    n = len(pairs)
+    few = f"{n} subjects with both are described, not tested: a test needs {FEWEST} or more"
+    blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:.3g}"
+    one, other = (Group(group.name, own) for group, own in zip((first, second), zip(*pairs, strict=True), strict=True))
+    return _compared(one, other, options, (n,), (few, blunt), notes)
+
+
+def _compared(
+    first: Group, second: Group, options: GroupOptions, sizes: Sequence[int], words: tuple[str, str],
+    notes: Sequence[str] = (),
+) -> Comparison:  # fmt: skip
+    """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
+    tested, paired = min(sizes) >= FEWEST, len(sizes) == 1
+    floor = p_floor(*sizes, most=options.permutations) if tested else float("nan")
+    told = [*notes, *([] if tested else words[:1]), *([words[1].format(floor)] if floor > options.alpha else [])]
+    members = [tuple((one.name, one.strides) for one in group.animals) for group in (first, second)]
     return Comparison(
         (first.name, second.name),
         (members[0], members[1]),
-        scalars,
-        curves,
+        _scalars(first, second, options, tested, paired, told),
+        _curves(first, second, options, tested, paired, told),
         options,
         tested,
-        exact,
+        (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations,
         floor,
-        tuple(notes),
+        tuple(told),
+        paired,
     )
 
 
-def common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
+def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
     """Names that all animals have, in the first one's order."""
     shared = [name for name in names[0] if all(name in own for own in names)]
     lost = sorted({name for own in names for name in own} - set(shared))
@@ -247,120 +273,82 @@ def common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) ->
 
 
 def _scalars(
-    first: Group, second: Group, options: GroupOptions, tested: bool, notes: list[str]
+    first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
 ) -> tuple[ScalarDifference, ...]:
     animals = (*first.animals, *second.animals)
-    names = common_names([tuple(one.scalars) for one in animals], "parameters", notes)
     found = []
-    for name in names:
-        one, other = (
-            np.array([value for value in (animal.scalar(name) for animal in group.animals) if np.isfinite(value)])
-            for group in (first, second)
-        )
-        found.append(_scalar(name, one, other, options, tested))
-    p = np.array([one.p for one in found])
-    corrected, q = holm(p), benjamini_hochberg(p)
+    for name in _common_names([tuple(one.scalars) for one in animals], "parameters", notes):
+        one, other = (np.array([animal.scalar(name) for animal in group.animals]) for group in (first, second))
+        known, others = np.isfinite(one), np.isfinite(other)
+        if paired:
+            known = others = known & others
+        one, other = one[known], other[others]
+        samples = (one - other,) if paired else (one, other)
+        sizes = [len(part) for part in samples]
+        g = float(hedges_g(*samples))
+        p = float("nan")
+        if tested and min(sizes) >= FEWEST:
+            p = float(permutation_test(*samples, most=options.permutations, seed=options.seed).p)
+        mean, low, high = (float(end) for end in _mean_interval(samples, options.confidence))
+        g_low, g_high = g_interval(g, *sizes, confidence=options.confidence)
+        found.append(ScalarDifference(name, _described(one), _described(other), mean, low, high, g, g_low, g_high, p))
+    alone = np.array([one.p for one in found])
+    corrected, q = holm(alone), benjamini_hochberg(alone)
     return tuple(replace(one, holm=float(corrected[i]), q=float(q[i])) for i, one in enumerate(found))
 
 
-def _scalar(name: str, one: Array, other: Array, options: GroupOptions, tested: bool) -> ScalarDifference:
-    difference, low, high = _welch(one, other, options.confidence)
-    g = float(hedges_g(one, other))
-    enough = tested and min(len(one), len(other)) >= FEWEST
-    p = float(permutation_test(one, other, options.permutations, options.seed).p) if enough else float("nan")
-    return ScalarDifference(
-        name,
-        described(one),
-        described(other),
-        float(difference),
-        float(low),
-        float(high),
-        g,
-        *g_interval(g, len(one), len(other), options.confidence),
-        p,
-    )
-
-
-def described(values: Array) -> tuple[float, float, int]:
+def _described(values: Array) -> tuple[float, float, int]:
     """Mean, standard deviation (ddof = 1) and number of values."""
     spread = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
     return float(values.mean()) if len(values) else float("nan"), spread, len(values)
 
 
-def _welch(one: Array, other: Array, confidence: float) -> tuple[Array, Array, Array]:
-    """Difference of means and its interval, with spreads of their own (Welch 1947)."""
-    n, m = len(one), len(other)
-    if not n or not m:
-        nothing = np.full(one.shape[1:], np.nan)
+def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, Array, Array]:
+    """Difference of two groups' means, with spreads of their own (Welch 1947), or mean of one sample; its interval."""
+    nothing = np.full(samples[0].shape[1:], np.nan)
+    if not all(len(one) for one in samples):
         return nothing, nothing, nothing
-    difference = one.mean(axis=0) - other.mean(axis=0)
-    if min(n, m) < 2:
-        nothing = np.full(np.shape(difference), np.nan)
+    means = [one.mean(axis=0) for one in samples]
+    difference = means[0] - means[1] if len(means) > 1 else means[0]
+    if min(len(one) for one in samples) < 2:
         return difference, nothing, nothing
-    a, b = one.var(axis=0, ddof=1) / n, other.var(axis=0, ddof=1) / m
+    errors = [one.var(axis=0, ddof=1) / len(one) for one in samples]
     with np.errstate(divide="ignore", invalid="ignore"):
-        freedom = (a + b) ** 2 / (a**2 / (n - 1) + b**2 / (m - 1))
-    half = student.ppf(0.5 + 0.5 * confidence, np.where(np.isfinite(freedom), freedom, 1.0)) * np.sqrt(a + b)
+        parts = sum(error**2 / (len(one) - 1) for one, error in zip(samples, errors, strict=True))
+        freedom = sum(errors) ** 2 / parts
+    half = student.ppf(0.5 + 0.5 * confidence, np.where(np.isfinite(freedom), freedom, 1.0)) * np.sqrt(sum(errors))
     return difference, difference - half, difference + half
 
 
 def _curves(
-    first: Group, second: Group, options: GroupOptions, tested: bool, notes: list[str]
+    first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
-    families = common_names([tuple(one.curves) for one in animals], "kinds of curves", notes)
     found: list[CurveDifference] = []
-    for family in families:
-        names = common_names([one.curves[family].names for one in animals], f"{family}: curves", notes)
+    for family in _common_names([tuple(one.curves) for one in animals], "kinds of curves", notes):
+        names = _common_names([one.curves[family].names for one in animals], f"{family}: curves", notes)
         if not names:
             continue
         one, other = (
             np.stack([[animal.curve(family, name) for name in names] for animal in group.animals])
             for group in (first, second)
         )
+        samples = (one - other,) if paired else (one, other)
         p = np.full(one.shape[1:], np.nan)
         if tested:
-            p = permutation_test(one, other, options.permutations, options.seed).p
-        found += [_curve(family, name, one[:, k], other[:, k], p[k], options) for k, name in enumerate(names)]
+            p = permutation_test(*samples, most=options.permutations, seed=options.seed).p
+        g, sizes = hedges_g(*samples), [len(part) for part in samples]
+        difference, low, high = _mean_interval(samples, options.confidence)
+        g_low, g_high = g_curve_interval(g, *sizes, confidence=options.confidence)
+        for k, name in enumerate(names):
+            first_band, second_band = (band(part[:, k], options.confidence) for part in (one, other))
+            found.append(
+                CurveDifference(
+                    family, name, first_band, second_band, (one[:, k], other[:, k]), difference[k], low[k], high[k],
+                    g[k], g_low[k], g_high[k], p[k], regions(p[k] < options.alpha),
+                )
+            )  # fmt: skip
     return tuple(found)
-
-
-def _curve(family: str, name: str, one: Array, other: Array, p: Array, options: GroupOptions) -> CurveDifference:
-    g = hedges_g(one, other)
-    bounds = g_curve_interval(g, len(one), len(other), options.confidence)
-    return curve_difference(
-        (family, name), one, other, _welch(one, other, options.confidence), (g, *bounds), p, options
-    )
-
-
-def curve_difference(
-    named: tuple[str, str],
-    one: Array,
-    other: Array,
-    difference: tuple[Array, Array, Array],
-    effect: tuple[Array, Array, Array],
-    p: Array,
-    options: GroupOptions,
-) -> CurveDifference:
-    """A curve of two groups or conditions beside each other.
-
-    Parameters
-    ----------
-    named : family and name
-    one, other : (animals, samples)
-    difference, effect : (samples,) each, with its lower and its upper bound
-    p : (samples,) corrected
-    """
-    return CurveDifference(
-        *named,
-        band(one, options.confidence),
-        band(other, options.confidence),
-        (one, other),
-        *difference,
-        *effect,
-        p,
-        regions(p < options.alpha),
-    )
 
 
 def regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
+from myomorph.analysis.permutations import benjamini_hochberg
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
@@ -147,12 +148,7 @@ def _chance(values: Array, freedom: Array) -> Array:
 
 def discovered(chance: Array, share: float) -> np.ndarray:
     """Pairs that stay within the share of false discoveries, by Benjamini and Hochberg's step."""
-    known = np.sort(chance[np.isfinite(chance)])
-    if not known.size:
-        return np.zeros(chance.shape, dtype=np.bool_)
-    passed = known <= share * np.arange(1, len(known) + 1) / len(known)
-    limit = known[passed].max(initial=-1.0)
-    return np.asarray(np.nan_to_num(chance, nan=2.0) <= limit)
+    return np.asarray(benjamini_hochberg(chance.ravel()).reshape(chance.shape) <= share)
 
 
 FEWEST_CYCLES = 4

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,18 +108,10 @@ class LengthAnalysis:
             rates = self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)] / self.fiber[k]
             if np.isfinite(rates).all():
                 fastest = (float(-rates.min(axis=1).mean()), float(rates.max(axis=1).mean()))
-        return MuscleRange(
-            muscle,
-            limb,
-            int(whole.sum()),
-            float(curves[whole].min(axis=1).mean()),
-            float(curves[whole].max(axis=1).mean()),
-            float(percent[int(np.argmin(mean))]),
-            float(percent[int(np.argmax(mean))]),
-            float(self.standing[k]),
-            float(self.fiber[k]),
-            *fastest,
-        )
+        shortest, longest = (float(end(curves[whole], axis=1).mean()) for end in (np.min, np.max))
+        at = float(percent[int(np.argmin(mean))]), float(percent[int(np.argmax(mean))])
+        lengths = float(self.standing[k]), float(self.fiber[k])
+        return MuscleRange(muscle, limb, int(whole.sum()), shortest, longest, *at, *lengths, *fastest)
 
 
 def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Series | None = None) -> LengthAnalysis:
@@ -180,16 +172,20 @@ def _columns(series: Series, names: tuple[str, ...]) -> Series:
 
 def curves_table(analysis: LengthAnalysis) -> str:
     """Every stride of every muscle as CSV: limb, start, end, muscle, and the length at each percent [mm]."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
     samples = next(iter(analysis.lengths.values())).values.shape[1]
-    percent = np.linspace(0.0, 100.0, samples)
-    table.writerow(("limb", "start [s]", "end [s]", "muscle", *(f"{one:g} %" for one in percent)))
+    head = ("limb", "start [s]", "end [s]", "muscle", *(f"{one:g} %" for one in np.linspace(0.0, 100.0, samples)))
+    rows = []
     for limb, cycles in analysis.lengths.items():
         for stride, curves in zip(analysis.strides[limb], cycles.values, strict=True):
             for j, muscle in enumerate(cycles.names):
                 values = ("" if np.isnan(one) else f"{1e3 * one:.5g}" for one in curves[:, j])
-                table.writerow((limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values))
+                rows.append((limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values))
+    return _csv(head, rows)
+
+
+def _csv(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
     return text.getvalue()
 
 
@@ -208,8 +204,4 @@ def range_row(one: MuscleRange) -> tuple[str, ...]:
 
 def ranges_table(analysis: LengthAnalysis) -> str:
     """What every muscle does in a stride, as CSV."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(RANGE_HEAD)
-    table.writerows(range_row(one) for one in analysis.ranges)
-    return text.getvalue()
+    return _csv(RANGE_HEAD, [range_row(one) for one in analysis.ranges])

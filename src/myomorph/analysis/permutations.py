@@ -15,7 +15,6 @@ the largest t there, and hide what is different elsewhere. The test is exact wit
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb
 from typing import Any
@@ -73,67 +72,54 @@ def labellings(first: int, second: int, most: int = 10000, seed: int = 0) -> tup
     return rows, False
 
 
-def p_floor(first: int, second: int, most: int = 10000) -> float:
-    """Least p that can come out: equal groups exchanged as a whole give the same |t|."""
-    total = comb(first + second, first)
-    return max((2.0 if first == second else 1.0) / total, 1.0 / most if total > most else 0.0)
+def p_floor(first: int, second: int | None = None, *, most: int = 10000) -> float:
+    """Least p that can come out of two groups, or of pairs: all exchanged, or turned round, give the same |t|."""
+    total = 2**first if second is None else comb(first + second, first)
+    return max((2.0 if second in (None, first) else 1.0) / total, 1.0 / most if total > most else 0.0)
 
 
-def permutation_test(first: ArrayLike, second: ArrayLike, most: int = 10000, seed: int = 0) -> PermutationTest:
-    """Largest-statistic test of two groups.
+def permutation_test(
+    first: ArrayLike, second: ArrayLike | None = None, *, most: int = 10000, seed: int = 0
+) -> PermutationTest:
+    """Largest-statistic test of two groups, or of differences within pairs.
+
+    Groups are relabelled; differences within pairs are turned round: under no difference each is as likely to be.
 
     Parameters
     ----------
-    first, second : (members,) numbers, (members, samples) a curve or (members, curves, samples) several; a number that
-        is NaN for any member is left out
+    first, second : (members,) numbers, (members, samples) a curve or (members, curves, samples) several; without
+        `second`, differences within pairs; a number that is NaN for any member is left out
     most : relabellings above which random ones are drawn
     seed : of these
 
     Raises
     ------
-    BadData : shapes that differ, or a group of fewer than three
+    BadData : shapes that differ, or fewer than three in a group, or pairs
     """
-    one, other = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    if one.shape[1:] != other.shape[1:]:
-        raise BadData(f"groups of shapes {one.shape} and {other.shape}: expected the same but for their members")
-    if min(len(one), len(other)) < FEWEST:
-        raise BadData(f"groups of {len(one)} and {len(other)}: a test needs {FEWEST} or more in each")
-    shape = one.shape[1:]
-    whose = np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1]) if shape else None
-    values = np.concatenate([one, other]).reshape(len(one) + len(other), -1)
+    groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
+    sizes, shape = [len(one) for one in groups], groups[0].shape[1:]
+    if groups[-1].shape[1:] != shape:
+        raise BadData(f"groups of shapes {groups[0].shape} and {groups[1].shape}: expected the same but for members")
+    if min(sizes) < FEWEST:
+        who = f"{sizes[0]} pairs" if second is None else f"groups of {sizes[0]} and {sizes[1]}"
+        raise BadData(f"{who}: a test needs {FEWEST} or more{'' if second is None else ' in each'}")
+    values = np.concatenate(groups).reshape(sum(sizes), -1)
     known = np.isfinite(values).all(axis=0)
-    rows, exact = labellings(len(one), len(other), most, seed)
-    curve = None if whose is None else whose[known]
-    return _largest(
-        rows, values.shape[1], known, shape, exact, p_floor(len(one), len(other), most),
-        lambda part: _statistics(values[:, known], part, curve),
-    )  # fmt: skip
-
-
-def _largest(
-    rows: NDArray[Any],
-    count: int,
-    known: NDArray[np.bool_],
-    shape: tuple[int, ...],
-    exact: bool,
-    floor: float,
-    statistics: Callable[[NDArray[Any]], Array],
-) -> PermutationTest:
-    """The largest |t| of every row of relabellings against the first row's, number by number."""
-    observed = statistics(rows[:1])[0]
-    largest = np.empty(len(rows))
-    alone = np.zeros(int(known.sum()))
+    curve = np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known] if shape else None
+    rows: NDArray[Any]
+    rows, exact = signs(sizes[0], most, seed) if second is None else labellings(sizes[0], sizes[1], most, seed)
+    statistics = _paired_statistics if second is None else _statistics
+    observed = statistics(values[:, known], rows[:1], curve)[0]
+    largest, alone = np.empty(len(rows)), np.zeros(int(known.sum()))
     for start in range(0, len(rows), 256):
-        sizes = np.abs(statistics(rows[start : start + 256]))
-        largest[start : start + 256] = sizes.max(axis=1, initial=0.0)
-        alone += (sizes >= np.abs(observed) * (1.0 - SAME)).sum(axis=0)
-    ordered = np.sort(largest)
-    reached = len(rows) - np.searchsorted(ordered, np.abs(observed) * (1.0 - SAME), side="left")
-    found = [np.full(count, np.nan) for _ in range(3)]
-    for table, part in zip(found, (observed, reached / len(rows), alone / len(rows)), strict=True):
-        table[known] = part
-    statistic, p, single = (table.reshape(shape) for table in found)
-    return PermutationTest(statistic, p, single, len(rows), exact, floor)
+        part = np.abs(statistics(values[:, known], rows[start : start + 256], curve))
+        largest[start : start + 256] = part.max(axis=1, initial=0.0)
+        alone += (part >= np.abs(observed) * (1.0 - SAME)).sum(axis=0)
+    reached = len(rows) - np.searchsorted(np.sort(largest), np.abs(observed) * (1.0 - SAME), side="left")
+    found = np.full((3, values.shape[1]), np.nan)
+    found[:, known] = observed, reached / len(rows), alone / len(rows)
+    statistic, p, single = found.reshape(3, *shape)
+    return PermutationTest(statistic, p, single, len(rows), exact, p_floor(*sizes, most=most))
 
 
 def signs(members: int, most: int = 10000, seed: int = 0) -> tuple[Array, bool]:
@@ -147,60 +133,15 @@ def signs(members: int, most: int = 10000, seed: int = 0) -> tuple[Array, bool]:
     return rows, False
 
 
-def paired_floor(members: int, most: int = 10000) -> float:
-    """Least p that can come out of pairs: all differences turned round together give the same |t|."""
-    return max(2.0 / 2.0**members, 1.0 / most if 2**members > most else 0.0)
-
-
-def paired_test(differences: ArrayLike, most: int = 10000, seed: int = 0) -> PermutationTest:
-    """Largest-statistic test of differences within pairs: under no difference each is as likely turned round.
-
-    Parameters
-    ----------
-    differences : (pairs,) numbers, (pairs, samples) a curve or (pairs, curves, samples) several; a number that is NaN
-        for any pair is left out
-    most : ways to turn them round above which random ones are drawn
-    seed : of these
-
-    Raises
-    ------
-    BadData : fewer than three pairs
-    """
-    given = np.asarray(differences, dtype=np.float64)
-    if len(given) < FEWEST:
-        raise BadData(f"{len(given)} pairs: a test needs {FEWEST} or more")
-    shape = given.shape[1:]
-    values = given.reshape(len(given), -1)
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(values).all(axis=0))
-    curve = None if not shape else np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known]
-    rows, exact = signs(len(given), most, seed)
-    return _largest(
-        rows, values.shape[1], known, shape, exact, paired_floor(len(given), most),
-        lambda part: _paired_statistics(values[:, known], part, curve),
-    )  # fmt: skip
-
-
-def _paired_statistics(values: Array, rows: Array, curve: NDArray[np.int64] | None) -> Array:
+def _paired_statistics(values: Array, rows: NDArray[Any], curve: NDArray[np.int64] | None) -> Array:
     """The statistic (ways, numbers) of differences (pairs, numbers); `curve` (numbers,) tells whose each is."""
-    n = float(len(values))
-    whole = (values**2).sum(axis=0)
+    n, whole = float(len(values)), (values**2).sum(axis=0)
     mean = rows @ values / n
     error = np.sqrt(np.maximum(whole - n * mean**2, 0.0) / (n - 1.0) / n)
-    floor = np.maximum(error, 1e-9 * np.sqrt(np.maximum(whole, 1e-300)))
-    if curve is not None:
-        _add_medians(floor, error, curve)
-    t: Array = mean / floor
-    return t
+    return _over_error(mean, error, whole, curve)
 
 
-def _add_medians(floor: Array, error: Array, curve: NDArray[np.int64]) -> None:
-    """Add to every standard error the median of those along its curve."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[-1], curve, [-1]])))
-    for start, stop in itertools.pairwise(edges):
-        floor[:, start:stop] += np.median(error[:, start:stop], axis=1, keepdims=True)
-
-
-def _statistics(values: Array, rows: NDArray[np.bool_], curve: NDArray[np.int64] | None) -> Array:
+def _statistics(values: Array, rows: NDArray[Any], curve: NDArray[np.int64] | None) -> Array:
     """The statistic (labellings, numbers) of values (members, numbers); `curve` (numbers,) tells whose each is."""
     inside = rows.astype(np.float64)
     n, m = float(inside[0].sum()), float(len(values) - inside[0].sum())
@@ -211,15 +152,25 @@ def _statistics(values: Array, rows: NDArray[np.bool_], curve: NDArray[np.int64]
     mean, other = sums / n, (total - sums) / m
     within = np.maximum(squares - n * mean**2, 0.0) + np.maximum(whole - squares - m * other**2, 0.0)
     error = np.sqrt(within / (n + m - 2.0) * (1.0 / n + 1.0 / m))
+    return _over_error(mean - other, error, whole, curve)
+
+
+def _over_error(difference: Array, error: Array, whole: Array, curve: NDArray[np.int64] | None) -> Array:
+    """Differences over their standard errors, to each of which the median of those along its curve is added."""
     floor = np.maximum(error, 1e-9 * np.sqrt(np.maximum(whole, 1e-300)))
     if curve is not None:
-        _add_medians(floor, error, curve)
-    t: Array = (mean - other) / floor
+        edges = np.flatnonzero(np.diff(np.concatenate([[-1], curve, [-1]])))
+        for start, stop in itertools.pairwise(edges):
+            floor[:, start:stop] += np.median(error[:, start:stop], axis=1, keepdims=True)
+    t: Array = difference / floor
     return t
 
 
-def hedges_g(first: ArrayLike, second: ArrayLike) -> Array:
-    """Difference of means over the pooled standard deviation, without its bias in small groups (Hedges 1981).
+def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
+    """Effect size without its bias in small groups (Hedges 1981).
+
+    Of two groups the difference of means over the pooled standard deviation; of differences within pairs, given alone,
+    their mean over their standard deviation.
 
     Parameters
     ----------
@@ -227,16 +178,18 @@ def hedges_g(first: ArrayLike, second: ArrayLike) -> Array:
 
     Returns
     -------
-    (...), NaN with fewer than two members in a group or without any spread
+    (...), NaN with fewer than two members in a group, fewer than three pairs, or without any spread
     """
-    one, other = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    n, m = len(one), len(other)
-    if min(n, m) < 2:
-        return np.full(one.shape[1:], np.nan)
-    pooled = np.sqrt(((n - 1) * one.var(axis=0, ddof=1) + (m - 1) * other.var(axis=0, ddof=1)) / (n + m - 2))
+    groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
+    freedom = sum(len(one) - 1 for one in groups)
+    # One degree of freedom has no unbiased estimate.
+    if min(len(one) for one in groups) < 2 or freedom < 2:
+        return np.full(groups[0].shape[1:], np.nan)
+    spread = np.sqrt(sum((len(one) - 1) * one.var(axis=0, ddof=1) for one in groups) / freedom)
+    difference = groups[0].mean(axis=0) - (groups[1].mean(axis=0) if second is not None else 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.where(pooled > 0.0, (one.mean(axis=0) - other.mean(axis=0)) / pooled, np.nan)
-    found: Array = d * _unbiased(n + m - 2)
+        d = np.where(spread > 0.0, difference / spread, np.nan)
+    found: Array = d * _unbiased(freedom)
     return found
 
 
@@ -244,46 +197,19 @@ def _unbiased(freedom: int) -> float:
     return 1.0 - 3.0 / (4.0 * freedom - 1.0)
 
 
-def paired_g(differences: ArrayLike) -> Array:
-    """Mean of differences within pairs over their standard deviation, without its bias in small groups.
+def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval of Hedges' g by the noncentral t distribution of the statistic, two-sided.
+
+    It is exact for the effect itself, so that the ends are not corrected for the bias of the estimate.
 
     Parameters
     ----------
-    differences : (pairs, ...); NaN where unknown
-
-    Returns
-    -------
-    (...), NaN with fewer than two pairs or without any spread
+    g : estimate without bias
+    sizes : of the two groups, or the number of pairs
     """
-    given = np.asarray(differences, dtype=np.float64)
-    if len(given) < 2:
-        return np.full(given.shape[1:], np.nan)
-    spread = given.std(axis=0, ddof=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.where(spread > 0.0, given.mean(axis=0) / spread, np.nan)
-    found: Array = d * _unbiased(len(given) - 1)
-    return found
-
-
-def g_interval(g: float, first: int, second: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval of Hedges' g by the noncentral t distribution of the statistic, two-sided."""
-    if not np.isfinite(g) or min(first, second) < 2:
+    if not np.isfinite(g) or min(sizes) < 2:
         return float("nan"), float("nan")
-    return _noncentral(g, first + second - 2, float(np.sqrt(first * second / (first + second))), confidence)
-
-
-def paired_g_interval(g: float, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The same of the effect size within pairs."""
-    if not np.isfinite(g) or pairs < 2:
-        return float("nan"), float("nan")
-    return _noncentral(g, pairs - 1, float(np.sqrt(pairs)), confidence)
-
-
-def _noncentral(g: float, freedom: int, scale: float, confidence: float) -> tuple[float, float]:
-    """Interval of the effect whose statistic is `scale` times as large, from its estimate without bias.
-
-    It is exact for the effect itself, so that the ends are not corrected for the bias of the estimate.
-    """
+    freedom, scale = sum(sizes) - len(sizes), float(np.sqrt(1.0 / sum(1.0 / one for one in sizes)))
     t = g / _unbiased(freedom) * scale
     tail = 0.5 - 0.5 * confidence
     reach = 8.0 * np.sqrt(1.0 + t**2 / (2.0 * freedom))
@@ -300,20 +226,15 @@ def _noncentral(g: float, freedom: int, scale: float, confidence: float) -> tupl
     return end(1.0 - tail), end(tail)
 
 
-def g_curve_interval(g: Array, first: int, second: int, confidence: float = 0.95) -> tuple[Array, Array]:
-    """Interval of Hedges' g along a curve, by its variance in large groups (Hedges and Olkin 1985)."""
-    if min(first, second) < 2:
-        return np.full_like(g, np.nan), np.full_like(g, np.nan)
-    error = np.sqrt((first + second) / (first * second) + g**2 / (2.0 * (first + second)))
-    half = student.ppf(0.5 + 0.5 * confidence, first + second - 2) * error
-    return g - half, g + half
+def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[Array, Array]:
+    """Interval of Hedges' g along a curve, by its variance in large groups (Hedges and Olkin 1985).
 
-
-def paired_g_curve_interval(g: Array, pairs: int, confidence: float = 0.95) -> tuple[Array, Array]:
-    """The same of the effect size within pairs."""
-    if pairs < 2:
+    Parameters as those of `g_interval`.
+    """
+    if min(sizes) < 2:
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
-    half = student.ppf(0.5 + 0.5 * confidence, pairs - 1) * np.sqrt(1.0 / pairs + g**2 / (2.0 * pairs))
+    error = np.sqrt(sum(1.0 / one for one in sizes) + g**2 / (2.0 * sum(sizes)))
+    half = student.ppf(0.5 + 0.5 * confidence, sum(sizes) - len(sizes)) * error
     return g - half, g + half
 
 

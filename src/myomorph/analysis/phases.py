@@ -160,14 +160,10 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, opt
                 events.append(Event(float(time[stop]), "Foot Off" if side else "Release", side))
             if start > 0 and stop < len(time) - 1:
                 stances.append(time[stop] - time[start])
-        if side and stances:
-            measures.append(
-                Measure(f"{side} stance time", float(np.mean(stances)), "s", f"mean of {len(stances)}, from the plates")
-            )
-        if side and len(strikes) > 1:
-            measures.append(
-                Measure(f"{side} stride time", float(np.mean(np.diff(strikes))), "s", f"mean of {len(strikes) - 1}")
-            )
+        for name, times, plates in (("stance", stances, ", from the plates"), ("stride", np.diff(strikes), "")):
+            if side and len(times):
+                mean = float(np.mean(times))
+                measures.append(Measure(f"{side} {name} time", mean, "s", f"mean of {len(times)}{plates}"))
     kind = "" if not events else "gait" if known else "contact"
     return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
@@ -239,41 +235,27 @@ def _jump_phases(
     steps = np.diff(time[push])
     speed = np.concatenate([[0.0], np.cumsum(0.5 * (accelerating[1:] + accelerating[:-1]) * steps)])
     events = [Event(float(time[onset]), "Onset")]
-    flight = float(time[land] - time[off])
+    flight, height = float(time[land] - time[off]), max(speed[-1], 0.0) ** 2 / (2 * gravity)
     measures = [
         Measure("Body weight on the plates", weight, "N", "quiet standing"),
         Measure("Flight time", flight, "s", f"vertical force under {100 * options.threshold:.0f} % of body weight"),
         Measure("Jump height from flight time", gravity * flight**2 / 8.0, "m", "g t² / 8"),
-        Measure(
-            "Jump height from take-off velocity", max(speed[-1], 0.0) ** 2 / (2 * gravity), "m", "v² / 2g, impulse"
-        ),
+        Measure("Jump height from take-off velocity", height, "m", "v² / 2g, impulse"),
     ]
     slowest = int(np.argmin(speed))
     if speed[slowest] < -0.05 * max(speed.max(), 1e-9):
         turn = slowest + int(np.argmax(speed[slowest:] >= 0.0))
         if com is not None and np.isfinite(com[push]).any():
             turn = int(np.nanargmin(com[push]))
-            measures.append(
-                Measure("Countermovement depth", float(com[onset] - com[push][turn]), "m", "center of mass")
-            )
+            depth = float(com[onset] - com[push][turn])
+            measures.append(Measure("Countermovement depth", depth, "m", "center of mass"))
         events.append(Event(float(time[onset + slowest]), "Braking"))
         events.append(Event(float(time[onset + turn]), "Lowest point"))
     events += [Event(float(time[off]), "Take-off"), Event(float(time[land]), "Landing")]
     settled = min(last, land + max(1, int(np.searchsorted(time[land:], time[land] + 0.5))))
-    measures += [
-        Measure(
-            "Peak force before take-off",
-            float(total[push].max()),
-            "N",
-            f"{total[push].max() / weight:.2f} body weights",
-        ),
-        Measure(
-            "Peak force of landing",
-            float(total[land : settled + 1].max()),
-            "N",
-            f"{total[land : settled + 1].max() / weight:.2f} body weights",
-        ),
-    ]
+    for when, part in (("before take-off", total[push]), ("of landing", total[land : settled + 1])):
+        peak = float(part.max())
+        measures.append(Measure(f"Peak force {when}", peak, "N", f"{peak / weight:.2f} body weights"))
     return Movement("jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from myomorph.analysis.selection import MAJOR_MUSCLES, Pair
+from myomorph.analysis.selection import MAJOR_MUSCLES, SIDES, Pair, spelled, with_right
 from myomorph.model.errors import UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
@@ -45,14 +44,9 @@ def named_muscles(
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     found, lacking = [], []
     for label in wanted:
-        members: dict[str, tuple[str, ...]] = {}
-        for name, (base, side) in bare.items():
-            if re.fullmatch(MUSCLES[label], base, re.IGNORECASE):
-                members[side] = (*members.get(side, ()), name)
-        if "left" in members and "" in members and "right" not in members:
-            members["right"] = members.pop("")
+        members = with_right(spelled(bare, MUSCLES[label]))
         if members:
-            found.append(Pair(label, {side: members[side] for side in ("right", "left", "") if side in members}))
+            found.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
         else:
             lacking.append(label)
     return tuple(found), tuple(lacking)
@@ -88,18 +82,18 @@ class Preset:
     ----------
     name : as study files and the command line say it
     title : in print
-    panels : of `PANELS`
     muscles : of `MUSCLES`, from top to bottom
     cuts : of `CUTS`, the first that cuts the motion at all is taken
     pictures : in the strip
+    panels : of `PANELS`
     """
 
     name: str
     title: str
-    panels: tuple[Panel, ...]
     muscles: tuple[str, ...]
     cuts: tuple[Cut, ...]
     pictures: int = 9
+    panels: tuple[Panel, ...] = PANELS
 
     def __post_init__(self) -> None:
         for kind, names, known in (
@@ -113,79 +107,33 @@ class Preset:
 
 
 _ARM = ("Deltoid, anterior", "Deltoid, posterior", "Biceps brachii, long head", "Triceps brachii, lateral head")
-_LEG = (
-    "Rectus femoris",
-    "Biceps femoris, long head",
-    "Tibialis anterior",
-    "Gastrocnemius, lateral",
-)
+_LEG = ("Rectus femoris", "Biceps femoris, long head", "Tibialis anterior", "Gastrocnemius, lateral")
 _WALK = (
-    "Gluteus maximus",
-    "Gluteus medius",
-    "Rectus femoris",
-    "Vastus lateralis",
-    "Biceps femoris, long head",
-    "Gastrocnemius, lateral",
-    "Soleus",
-    "Tibialis anterior",
-)
+    "Gluteus maximus", "Gluteus medius", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
+    "Gastrocnemius, lateral", "Soleus", "Tibialis anterior",
+)  # fmt: skip
+_TAP = (*_ARM, "Trapezius", "Gluteus maximus", *_LEG)
+_DRUM = (*_ARM, "Brachioradialis", "External oblique", "Tibialis anterior", "Gastrocnemius, lateral")
+_JUDO = (
+    *_ARM, "Trapezius", "Latissimus dorsi", "External oblique", "Erector spinae", "Gluteus maximus", *_LEG
+)  # fmt: skip
+_LIFT = (
+    "Deltoid, anterior", "Biceps brachii, long head", "Trapezius", "Latissimus dorsi", "Erector spinae",
+    "External oblique", "Gluteus maximus", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
+)  # fmt: skip
 _GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], "Vastus lateralis", *_LEG[1:])
 
 PRESETS: Mapping[str, Preset] = FrozenMap(
     {
         one.name: one
         for one in (
-            Preset("taichi", "Tai Chi", PANELS, (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
-            Preset(
-                "tap",
-                "Tap dance",
-                PANELS,
-                (*_ARM, "Trapezius", "Gluteus maximus", *_LEG),
-                ("events", "cycles", "parts"),
-                10,
-            ),
-            Preset(
-                "drum",
-                "Drum playing",
-                PANELS,
-                (*_ARM, "Brachioradialis", "External oblique", "Tibialis anterior", "Gastrocnemius, lateral"),
-                ("events", "cycles", "parts"),
-            ),
-            Preset(
-                "judo",
-                "Judo",
-                PANELS,
-                (
-                    *_ARM,
-                    "Trapezius",
-                    "Latissimus dorsi",
-                    "External oblique",
-                    "Erector spinae",
-                    "Gluteus maximus",
-                    *_LEG,
-                ),
-                ("events", "contacts", "cycles", "parts"),
-            ),
-            Preset("gait", "Gait", PANELS, _WALK, ("contacts", "events", "cycles"), 9),
-            Preset(
-                "lift",
-                "Lifting",
-                PANELS,
-                (
-                    "Deltoid, anterior",
-                    "Biceps brachii, long head",
-                    "Trapezius",
-                    "Latissimus dorsi",
-                    "Erector spinae",
-                    "External oblique",
-                    "Gluteus maximus",
-                    "Rectus femoris",
-                    "Vastus lateralis",
-                    "Biceps femoris, long head",
-                ),
-                ("contacts", "events", "cycles", "parts"),
-            ),
-            Preset("motion", "The motion", PANELS, _GENERAL, ("events", "contacts", "cycles", "parts")),
+            Preset("taichi", "Tai Chi", (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
+            Preset("tap", "Tap dance", _TAP, ("events", "cycles", "parts"), 10),
+            Preset("drum", "Drum playing", _DRUM, ("events", "cycles", "parts")),
+            Preset("judo", "Judo", _JUDO, ("events", "contacts", "cycles", "parts")),
+            Preset("gait", "Gait", _WALK, ("contacts", "events", "cycles")),
+            Preset("lift", "Lifting", _LIFT, ("contacts", "events", "cycles", "parts")),
+            Preset("motion", "The motion", _GENERAL, ("events", "contacts", "cycles", "parts")),
         )
     }
 )

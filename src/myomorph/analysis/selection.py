@@ -106,10 +106,23 @@ def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
     for name in names:
         base, side = split_side(name)
         found.setdefault(base, {}).setdefault(side, (name,))
-    for members in found.values():
-        if "left" in members and "" in members and "right" not in members:
-            members["right"] = members.pop("")
-    return tuple(Pair(printed(base), members) for base, members in found.items())
+    return tuple(Pair(printed(base), with_right(members)) for base, members in found.items())
+
+
+def with_right(members: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Names by side; those without a side are the right ones where only left ones answer them."""
+    if "left" in members and "" in members and "right" not in members:
+        members["right"] = members.pop("")
+    return members
+
+
+def spelled(bare: Mapping[str, tuple[str, str]], pattern: str) -> dict[str, tuple[str, ...]]:
+    """By side, the names whose bases, of `bare` names to bases and sides, a pattern matches whole."""
+    members: dict[str, tuple[str, ...]] = {}
+    for name, (base, side) in bare.items():
+        if re.fullmatch(pattern, base, re.IGNORECASE):
+            members[side] = (*members.get(side, ()), name)
+    return members
 
 
 def printed(name: str) -> str:
@@ -171,8 +184,7 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
         usual = COORDINATE_ORDER.index(base) if base in COORDINATE_ORDER else len(COORDINATE_ORDER)
         return usual, -max(ranges[name] for name in pair.names)
 
-    chosen = sorted(pairs(moving), key=rank)[:most]
-    return tuple(chosen)
+    return tuple(sorted(pairs(moving), key=rank)[:most])
 
 
 def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: int = 16) -> tuple[Pair, ...]:
@@ -186,15 +198,9 @@ def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: i
     names : of the muscles
     mean_force : (muscles,) mean tension [N], or None
     """
-    chosen: list[Pair] = []
-    for label, pattern in MAJOR_MUSCLES:
-        members: dict[str, tuple[str, ...]] = {}
-        for name in names:
-            base, side = split_side(name)
-            if re.fullmatch(pattern, base, re.IGNORECASE):
-                members[side] = members.get(side, ()) + (name,)
-        if members:
-            chosen.append(Pair(label, members))
+    bare = {name: split_side(name) for name in names}
+    known = ((label, spelled(bare, pattern)) for label, pattern in MAJOR_MUSCLES)
+    chosen = [Pair(label, members) for label, members in known if members]
     taken = {name for pair in chosen for name in pair.names}
     if len(chosen) < 6 and 2 * len(taken) < len(names):
         chosen, taken = [], set()

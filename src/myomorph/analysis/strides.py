@@ -45,7 +45,7 @@ class Stride:
     ----------
     start, lift, stop : strike, lift and next strike [s]; the lift is nan where it was not seen
     length : way of the foot over the ground along the direction of travel [m]
-    width : distance to the other side's track, across the direction of travel [m]; nan without another side
+    width : step width: distance to the other side's track, across the direction of travel [m]; nan without another side
     seen : share of the stride in which the foot was seen
     source : "markers" or "plates", what told the strikes
     """

@@ -12,7 +12,7 @@ from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.study.subject.morph_files import Unit
 
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)

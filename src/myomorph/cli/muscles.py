@@ -103,7 +103,7 @@ def tension_command(
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
-    warn((*trial.warnings, *results.notes), f"the report tells them ('myomorph report {out}')")
+    warn((*trial.warnings, *results.notes), f"the report lists them ('myomorph report {out}')")
     said(f"{tension_summary(results[tension.Tensions].tension)}; wrote {out}")
     return 0
 

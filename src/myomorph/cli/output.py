@@ -22,7 +22,7 @@ def said(text: str) -> None:
 
 
 def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them") -> None:
-    """Print what looked wrong but did not stop the work, and where all of it is told."""
+    """Print what looked wrong but did not stop the work, and where all of it is listed."""
     for text in warnings[:MAX_WARNINGS]:
         sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
     if len(warnings) > MAX_WARNINGS:

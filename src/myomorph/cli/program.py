@@ -17,7 +17,7 @@ DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0 done; 2 bad input, told in one line; 1 our fault; 130 interrupted with Ctrl-C.
+    0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C.
 
     Parameters
     ----------
@@ -62,10 +62,15 @@ def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
     from myomorph.cli.app import command_names, new_app
+    from myomorph.cli.output import warn
+    from myomorph.model.deprecated import current_options
 
     command = given[0] if given and not given[0].startswith("-") else ""
     if command and command not in command_names():
         raise UnknownName("command", command, command_names(), "myomorph")
+    given, notices = current_options(command, given)
+    for text in notices:
+        warn([text])
     try:
         status = new_app()(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:

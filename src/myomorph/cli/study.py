@@ -151,7 +151,7 @@ def run_command(
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
     if scheduler is not None:
         if (workers, memory, threads) != (None, None, None):
-            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: tell 'dask worker'")
+            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: set them at 'dask worker'")
         # Its processes are in folders of their own.
         study, out = study.resolve(), out.resolve()
     use_threads(threads)
@@ -168,7 +168,7 @@ def run_command(
             said(f"{text}; it gets no work")
     else:
         hands = _hands(plan, workers, memory, threads)
-    outcomes = run_study(plan, out, fresh=fresh, workers=hands, said=_report)
+    outcomes = run_study(plan, out, fresh=fresh, workers=hands, report=_report)
     return _ended(outcomes, out)
 
 

@@ -27,21 +27,24 @@ ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptio
 
 Intact = Annotated[
     tuple[Path, ...],
-    Parameter(name="--with", help="Recordings with muscles: markers, or C3D with plates.", consume_multiple=True),
+    Parameter(
+        name="--intact", help="Recordings with muscles intact: markers, or C3D with plates.", consume_multiple=True
+    ),
 ]
 Without = Annotated[
-    tuple[Path, ...], Parameter(name="--without", help="Recordings without muscles.", consume_multiple=True)
+    tuple[Path, ...], Parameter(name="--removed", help="Recordings with muscles removed.", consume_multiple=True)
 ]
 IntactLoads = Annotated[
     tuple[Path, ...],
     Parameter(
-        name="--with-loads",
-        help="Forces on the base with muscles, in the same order; by default those beside each recording.",
+        name="--intact-loads",
+        help="Forces on the base with muscles intact, in the same order; by default those beside each recording.",
         consume_multiple=True,
     ),
 ]
 WithoutLoads = Annotated[
-    tuple[Path, ...], Parameter(name="--without-loads", help="The same without muscles.", consume_multiple=True)
+    tuple[Path, ...],
+    Parameter(name="--removed-loads", help="The same with muscles removed.", consume_multiple=True),
 ]
 
 
@@ -56,7 +59,9 @@ def viscosity_command(
     with_loads: IntactLoads = (),
     without_loads: WithoutLoads = (),
     base: Annotated[str | None, Parameter(help="Body that is fixed to the plate; the scapula by default.")] = None,
-    first: Annotated[str | None, Parameter(help="First body of the limb; the humerus by default.")] = None,
+    first: Annotated[
+        str | None, Parameter(name="--first-body", help="First body of the limb; the humerus by default.")
+    ] = None,
     muscle_mass: Annotated[float | None, Parameter(help="Of the removed muscles, as weighed [kg].")] = None,
     time: Time = None,
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
@@ -100,7 +105,7 @@ def changed(options: Any) -> list[str]:
 def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: Sequence[str]) -> None:
     """Raise `BadData` where a study file is given together with what it says itself."""
     if model is not None or intact or without:
-        raise BadData("give a study file, or --model with --with and --without, but not both")
+        raise BadData("give a study file, or --model with --intact and --removed, but not both")
     if options:
         name = options[0].replace("_", "-")
         raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")

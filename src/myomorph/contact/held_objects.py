@@ -91,7 +91,7 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
         if not moving.any():
             raise BadData(
                 f"'{site.against}' is never faster than {options.moving:g} m/s: when '{site.name}' holds it cannot be "
-                "told from motion; name the times in a table of contacts"
+                "found from motion; name the times in a table of contacts"
             )
         apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
         held = steady(hysteresis(apart <= options.near, apart > options.far), motion.time, options.shortest)

@@ -93,7 +93,7 @@ def foot_sites(
 
     Raises
     ------
-    BadData : the model has no foot that can be told by its bodies' names
+    BadData : the model has no foot that is found by its bodies' names
     """
     options = options or FootOptions()
     cone = replace(options.cone, direction=model.up)
@@ -140,7 +140,7 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
                     found[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
     if not found:
         raise BadData(
-            f"no foot of model '{model.name}' can be told by its bodies' names (calcn, heel, foot, toes, and a side): "
+            f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot, toes, and a side): "
             "name contact sites and their points yourself"
         )
     return tuple(found.values())

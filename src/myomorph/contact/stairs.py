@@ -188,7 +188,7 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
     for step in steps:
         if "fz" not in step.measures:
             raise BadData(
-                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it is not told"
+                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it cannot be found"
             )
         for one in step.channels:
             if one not in channels.names:

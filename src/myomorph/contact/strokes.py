@@ -123,10 +123,10 @@ def calibration_pairs(strokes: Strokes, known: Mapping[str, Sequence[tuple[float
 
 
 def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike) -> Array:
-    """Mass (frames,) with which a point of a body meets a blow along a direction [kg].
+    """Mass (frames,) with which a point of a body meets an impact along a direction [kg].
 
     1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken as loose:
-    over a few milliseconds a blow outruns what muscles hold. It is inf where the point cannot move that way.
+    over a few milliseconds an impact outruns what muscles hold. It is inf where the point cannot move that way.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
         alone, _ = forward_accelerations(tree, coordinates, still, still, nothing, still)
     except np.linalg.LinAlgError:
         raise BadModel(
-            f"model '{model.name}' has coordinates that move no mass: a blow has no effective mass"
+            f"model '{model.name}' has coordinates that move no mass: an impact has no effective mass"
         ) from None
     yields = np.einsum("fj,fj->f", rows, pushed - alone)
     found: Array = np.where(yields > 0.0, 1.0 / np.where(yields > 0.0, yields, 1.0), np.inf)
@@ -166,7 +166,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class Blow:
+class Impact:
     """A short force on a body at one of its sites.
 
     Attributes
@@ -186,10 +186,10 @@ class Blow:
         given = frozen_array(self.direction, (3,))
         length = float(np.linalg.norm(given))
         if not (np.isfinite(length) and length > 0.0):
-            raise BadData(f"direction {given.tolist()} of a blow on '{self.site}': expected a vector with a length")
+            raise BadData(f"direction {given.tolist()} of an impact on '{self.site}': expected a vector with a length")
         object.__setattr__(self, "direction", frozen_array(given / length))
         if not (np.isfinite(self.impulse) and self.impulse >= 0.0):
-            raise BadData(f"impulse of a blow on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
+            raise BadData(f"impulse of an impact on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
 
 
 def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequence[Site]) -> dict[int, str]:
@@ -219,17 +219,17 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
 
 
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
-    """Change of a site's velocity (3,) in a blow at `time`, in ground [m/s].
+    """Change of a site's velocity (3,) in an impact at `time`, in ground [m/s].
 
-    Between straight lines through its places in the 30 ms before and after it touches. Motion capture smooths a blow
+    Between straight lines through its places in the 30 ms before and after it touches. Motion capture smooths an impact
     over its frames and its filter, so this is too small where either is slow.
     """
     return _jump(motion.time, site_places(model, motion, site), time)
 
 
-def blows_from_sound(
+def impacts_from_sound(
     strokes: Strokes, laws: Mapping[str, ImpulseLaw], sites: Mapping[int, str], normals: Mapping[str, ArrayLike]
-) -> tuple[tuple[Blow, ...], tuple[str, ...]]:
+) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
     """Blows of the strokes whose site is known, and warnings, one line each.
 
     Parameters
@@ -252,7 +252,7 @@ def blows_from_sound(
         if not law.covers(stroke.energy):
             beyond.append(stroke)
         direction = np.asarray(normals.get(stroke.instrument, (0.0, 1.0, 0.0)), float)
-        found.append(Blow(site, stroke.time, float(law.impulse(stroke.energy)), direction))
+        found.append(Impact(site, stroke.time, float(law.impulse(stroke.energy)), direction))
     warnings = []
     if beyond:
         first = beyond[0]
@@ -263,8 +263,8 @@ def blows_from_sound(
     return tuple(found), tuple(warnings)
 
 
-def blow_wrenches(
-    blows: Sequence[Blow],
+def impact_wrenches(
+    impacts: Sequence[Impact],
     model: Model,
     motion: Motion,
     sites: Sequence[Site],
@@ -276,25 +276,25 @@ def blow_wrenches(
     Parameters
     ----------
     duration : of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can carry
-    cutoff : low-pass that the motion went through [Hz]: its accelerations are spread over a blow, and so must the
+    cutoff : low-pass that the motion went through [Hz]: its accelerations are spread over an impact, and so must the
         force be that balances them; None for none
 
     Raises
     ------
     UnknownName
-        where a blow is on a site that is not among `sites`
+        where an impact is on a site that is not among `sites`
     """
     by_name = {one.name: one for one in sites}
-    for blow in blows:
-        if blow.site not in by_name:
-            raise UnknownName("contact site", blow.site, tuple(by_name), "the model's sites")
-    struck = tuple(dict.fromkeys(one.site for one in blows))
+    for impact in impacts:
+        if impact.site not in by_name:
+            raise UnknownName("contact site", impact.site, tuple(by_name), "the model's sites")
+    struck = tuple(dict.fromkeys(one.site for one in impacts))
     forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
     for s, name in enumerate(struck):
         points[:, s] = site_places(model, motion, by_name[name])
-        for blow in blows:
-            if blow.site == name:
-                forces[:, s] += pulse(motion.time, blow.time, blow.impulse, duration)[:, None] * blow.direction
+        for impact in impacts:
+            if impact.site == name:
+                forces[:, s] += pulse(motion.time, impact.time, impact.impulse, duration)[:, None] * impact.direction
     if cutoff is not None and struck:
         forces = lowpass(forces, motion.rate, cutoff)
     bodies = tuple(by_name[name].body for name in struck)

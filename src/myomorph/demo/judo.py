@@ -67,7 +67,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         contacts=ContactPlan(
             feet=False,
             sites=sites,
-            when=FrozenMap({site.name: "told" for site in sites}),
+            when=FrozenMap({site.name: "file" for site in sites}),
             told=touches_of(pair.touching),
             measured="hidden",
         ),

@@ -108,10 +108,10 @@ def _write_specimen(made: VirtualSpecimen, folder: Path) -> str:
 name = "{number}"
 model = "{place.name}/model.xml"
 base = "{BASE}"
-first = "{FIRST}"
+first_body = "{FIRST}"
 bones = [{bones}]
-without = ["{place.name}/without_*.{ending}"]
-with = ["{place.name}/with_*.{ending}"]
+removed = ["{place.name}/without_*.{ending}"]
+intact = ["{place.name}/with_*.{ending}"]
 {more}measured_muscle_mass = {made.published.measured_muscle_mass}
 truth = {{ {_pairs(truth_of(made))} }}
 paper = {{ {_pairs(paper_of(made.published))} }}
@@ -175,5 +175,5 @@ def _head(seconds: float, trials: int, noise: Noise) -> str:
         f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
     )
     quoted = ",\n".join(f'  "{line}"' for line in lines)
-    options = f"\n[options.arms]\noffset = {ARM_OFFSET}\n"
+    options = f"\n[options.moment_arms]\noffset = {ARM_OFFSET}\n"
     return f'[study]\nname = "Six virtual shoulders"\nsimulated = [\n{quoted},\n]\n{options}'

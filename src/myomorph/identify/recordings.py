@@ -59,11 +59,11 @@ class RecordingOptions:
     Attributes
     ----------
     cutoff : low-pass filter of coordinates and forces alike [Hz]; none by default, as in OpenSim
-    least_time : that must be usable, all recordings together [s]
+    min_duration : of what can be used, all recordings together [s]
     """
 
     cutoff: float | None = None
-    least_time: float = 0.5
+    min_duration: float = 0.5
 
     def __post_init__(self) -> None:
         if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
@@ -188,14 +188,14 @@ def check_excited(model: Model, recordings: tuple[Usable, ...], options: Recordi
     """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
     options = options or RecordingOptions()
     seconds = sum(float(one.use.sum()) * _step(one.recording.motion.time) for one in recordings)
-    if seconds < options.least_time:
+    if seconds < options.min_duration:
         counts: dict[str, int] = {}
         for one in recordings:
             for reason, count in one.left_out.items():
                 counts[reason] = counts.get(reason, 0) + count
         total = sum(one.frames for one in recordings)
         raise BadData(
-            f"{seconds:.2g} s of motion can be used, fewer than {options.least_time:g}: of {total} frames "
+            f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of {total} frames "
             f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
             + "".join(f"; {note}" for one in recordings for note in one.notes)
         )

@@ -50,7 +50,7 @@ IDENTIFIABLE = 0.5
 
 @dataclass(frozen=True)
 class IdentificationOptions:
-    """What identification may be told.
+    """Options of identification.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ MIN_CENTERS = 4
 
 @dataclass(frozen=True)
 class TransferOptions:
-    """What a transfer may be told.
+    """Options of a transfer.
 
     Attributes
     ----------

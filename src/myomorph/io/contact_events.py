@@ -22,18 +22,8 @@ CAMERA = "camera"
 TOUCH = ("touch", "on", "down", "start", "contact")
 LEAVE = ("leave", "off", "up", "stop", "release")
 COLUMNS = (
-    "site",
-    "start",
-    "stop",
-    "time",
-    "frame",
-    "event",
-    "surface",
-    "confidence",
-    "source",
-    "first_frame",
-    "last_frame",
-)
+    "site", "start", "stop", "time", "frame", "event", "surface", "confidence", "source", "first_frame", "last_frame",
+)  # fmt: skip
 MOST_SIGNS = 60
 """Of a cell in a message."""
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.parsing.guard import run_guarded, seconds_for
-from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
@@ -102,13 +102,13 @@ def read_keypoints(
     if told.unit is None:
         raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
     if told.rate is None:
-        found.append(f"no frame rate is told: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+        found.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
     elif not 0.0 < told.rate < 1e6:
-        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was told", "expected frames per second")
+        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was specified", "expected frames per second")
     values = without_far_away(told.unit * tracks, found)
     facts = {
         "unit of length": f"{told.unit:g} m",
-        "point rate": "not told" if told.rate is None else f"{told.rate:g} Hz",
+        "point rate": "not specified" if told.rate is None else f"{told.rate:g} Hz",
     }
     markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
@@ -226,11 +226,10 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > LONGEST_TEXT:
-            raise BadFile(path, "is too long to be a file of names")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+        with readable(path):
+            if path.stat().st_size > LONGEST_TEXT:
+                raise BadFile(path, "is too long to be a file of names")
+            text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise BadFile(path, "is not text") from None
     if path.suffix.lower() == ".txt":

@@ -17,11 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim.document import Node, read_document
+from myomorph.io.osim.document import read_document
 from myomorph.io.osim.frames import Frames
-from myomorph.io.parsing.text import file_text, number
+from myomorph.io.osim.marker_set import holder_of, named_markers
+from myomorph.io.parsing.text import check_size, file_text, number
 from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadFile, UnknownName
+from myomorph.model.errors import BadFile, UnknownName, quoted
 from myomorph.model.landmarks import LandmarkPairs
 
 LARGEST = 64 * 1024 * 1024
@@ -88,7 +89,7 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
             raise UnknownName("body", body, sorted(found), str(path))
         return found[body] if body in found else found[""]
     if len(found) > 1:
-        raise BadFile(path, f"has landmarks of {len(found)} bodies", f"say which: {_few(sorted(found))}")
+        raise BadFile(path, f"has landmarks of {len(found)} bodies", f"say which: {quoted(sorted(found))}")
     return next(iter(found.values()))
 
 
@@ -165,12 +166,7 @@ class _Table:
 
 
 def _text(path: Path, hint: str) -> str:
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    if size > LARGEST:
-        raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed for landmarks")
+    check_size(path, LARGEST, "landmarks")
     return file_text(path, hint)
 
 
@@ -189,10 +185,10 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     names, factors = _columns(_cells(path, header, delimiter), 0.001 if slicer else 1.0)
     missing = [name for name in columns if name not in names]
     if missing:
-        raise BadFile(path, f"has no column {_few(missing)}: its header is {_few(names, 10)}", hint)
+        raise BadFile(path, f"has no column {quoted(missing)}: its header is {quoted(names, 10)}", hint)
     twice = [name for name in (*columns, *optional) if names.count(name) > 1]
     if twice:
-        raise BadFile(path, f"has the column {_few(twice)} twice", hint)
+        raise BadFile(path, f"has the column {quoted(twice)} twice", hint)
     lines = []
     for k, row in rows:
         cells = _cells(path, row, delimiter)
@@ -271,7 +267,7 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
     if not isinstance(inner, dict):
         raise BadFile(path, "its 'landmarks' are no table", hint)
     if not isinstance(unit, str) or unit.lower() not in UNITS:
-        raise BadFile(path, f"has units '{unit}'", f"expected one of {_few(list(UNITS))}, in {hint[9:]}")
+        raise BadFile(path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {hint[9:]}")
     factor = UNITS[unit.lower()]
     found: dict[str, dict[str, Array]] = {}
     for name, value in inner.items():
@@ -291,7 +287,7 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
             raise BadFile(path, "has control points that are no list", hint)
         unit = str(markup.get("coordinateUnits", "mm")).lower() if points else "mm"
         if unit not in UNITS:
-            raise BadFile(path, f"has coordinates in '{unit}'", f"expected one of {_few(list(UNITS))}")
+            raise BadFile(path, f"has coordinates in '{unit}'", f"expected one of {quoted(list(UNITS))}")
         for point in points:
             name = str(point.get("label", "")) if isinstance(point, dict) else ""
             if not name or name in found:
@@ -316,22 +312,9 @@ def _stations(path: Path) -> dict[str, dict[str, Array]]:
     if node.kind == "Model":
         placed = Frames(node).stations()
     else:
-        inside = node.element.find("objects")
-        holder = node.element if inside is None else inside
-        placed = [_marker(node.node(element)) for element in holder.findall("Marker")]
+        placed = [(one.name, holder_of(one), one.vector("location")) for one in named_markers(node)]
     for name, body, location in placed:
         if name in found.setdefault(body, {}):
             raise BadFile(path, f"names landmark '{name}' of '{body}' twice", "each may stand there once")
         found[body][name] = frozen_array(location)
     return found
-
-
-def _marker(node: Node) -> tuple[str, str, Array]:
-    if not node.name:
-        raise node.bad("has no name")
-    body = node.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
-    return node.name, body, node.vector("location", (0.0, 0.0, 0.0))
-
-
-def _few(names: Sequence[str], most: int = 6) -> str:
-    return ", ".join(f"'{name}'" for name in names[:most]) + (", ..." if len(names) > most else "")

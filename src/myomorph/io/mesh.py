@@ -14,25 +14,17 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 from lxml import etree
 
+from myomorph.io.parsing.text import check_size
 from myomorph.io.parsing.xml import ENTITIES, read_xml
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadFile, MyomorphError
+from myomorph.model.errors import BadFile, MyomorphError, quoted
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 
 LARGEST = 256 * 1024 * 1024
 ENDINGS = (".vtp", ".obj", ".stl", ".ply")
-_TYPES = {
-    "Float32": "f4",
-    "Float64": "f8",
-    "Int8": "i1",
-    "UInt8": "u1",
-    "Int16": "i2",
-    "UInt16": "u2",
-    "Int32": "i4",
-    "UInt32": "u4",
-    "Int64": "i8",
-    "UInt64": "u8",
+_TYPES = {"Float32": "f4", "Float64": "f8"} | {
+    f"{sign}Int{8 * size}": f"{letter}{size}" for sign, letter in (("", "i"), ("U", "u")) for size in (1, 2, 4, 8)
 }
 
 
@@ -69,11 +61,11 @@ def read_surfaces(
         except MyomorphError as error:
             warnings.append(str(error))
     if refused:
-        warnings.append(f"mesh files outside the model's folder are not opened: {_few(refused)}")
+        warnings.append(f"mesh files outside the model's folder are not opened: {quoted(refused, 4)}")
     if missing:
         where = ", ".join(str(folder) for folder in folders) or "no folder"
         warnings.append(
-            f"{len(missing)} of {len(dict.fromkeys(wanted))} mesh files are not in {where}: {_few(missing)}"
+            f"{len(missing)} of {len(dict.fromkeys(wanted))} mesh files are not in {where}: {quoted(missing, 4)}"
         )
     return found, tuple(warnings)
 
@@ -110,10 +102,6 @@ def _allowed(name: str, climbing: bool) -> bool:
     return climbing or ".." not in posix.parts
 
 
-def _few(names: Sequence[str], most: int = 4) -> str:
-    return ", ".join(f"'{name}'" for name in names[:most]) + (", ..." if len(names) > most else "")
-
-
 def read_mesh(path: str | Path) -> Surface:
     """The surface in a VTP, OBJ, STL or PLY file, in the file's own units (meters in models).
 
@@ -148,12 +136,7 @@ def read_mesh(path: str | Path) -> Surface:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise BadFile(path, f"is not a mesh: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}")
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    if size > LARGEST:
-        raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed for a mesh")
+    check_size(path, LARGEST, "a mesh")
     try:
         surface = _read_vtp(path) if ending == ".vtp" else _read_other(path, ending[1:])
     except BadFile:
@@ -233,17 +216,10 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Triangles of polygons given by the end of each one's corners."""
     starts = np.concatenate([[0], ends[:-1]])
     sides = ends - starts
-    found = [
-        np.stack(
-            [
-                corners[starts[sides > k + 1]],
-                corners[starts[sides > k + 1] + k],
-                corners[starts[sides > k + 1] + k + 1],
-            ],
-            axis=1,
-        )
-        for k in range(1, int(sides.max()) - 1)
-    ]
+    found = []
+    for k in range(1, int(sides.max()) - 1):
+        first = starts[sides > k + 1]
+        found.append(np.stack([corners[first], corners[first + k], corners[first + k + 1]], axis=1))
     return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.io.parsing.text import mapped_bytes, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
@@ -81,10 +81,7 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
 
 def _check(path: Path) -> None:
     """Refuse what is no version 5 file, was cut off, or would not fit into memory."""
-    try:
-        data = np.memmap(path, dtype=np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    data = mapped_bytes(path)
     head = bytes(data[:HEADER])
     if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
         raise BadFile(path, "is a MATLAB file of version 7.3", "save it with save(..., '-v7')")

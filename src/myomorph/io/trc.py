@@ -28,15 +28,8 @@ from myomorph.model.series import Markers, Trial
 HINT = "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
 METERS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "mm": 1e-3, "millimeters": 1e-3, "cm": 1e-2, "dm": 1e-1, "in": 0.0254}
 FIELDS = (
-    "DataRate",
-    "CameraRate",
-    "NumFrames",
-    "NumMarkers",
-    "Units",
-    "OrigDataRate",
-    "OrigDataStartFrame",
-    "OrigNumFrames",
-)
+    "DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame", "OrigNumFrames",
+)  # fmt: skip
 HEADER_LINES = 30
 
 

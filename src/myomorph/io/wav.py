@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.parsing.text import mapped_bytes
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Sound
 
@@ -58,10 +59,7 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
         where the file is no WAV file, is compressed, or holds no sample
     """
     path = Path(path)
-    try:
-        data = np.memmap(path, dtype=np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    data = mapped_bytes(path)
     facts, first, promised = _chunks(data, path)
     warnings = []
     if promised in UNFINISHED:

@@ -35,15 +35,15 @@ class ChainOptions:
     ----------
     cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz]
     blend : time constant with which the jump of a lost or found marker is given back [s]
-    late : frames older than that are dropped, the oldest first, so that nothing piles up [s]
+    max_age : frames older than that are dropped, the oldest first, so that nothing piles up [s]
     """
 
     cutoff: float = 6.0
     blend: float = BLEND
-    late: float = 0.1
+    max_age: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("cutoff", "blend", "late"):
+        for name in ("cutoff", "blend", "max_age"):
             if not (getattr(self, name) > 0.0 and np.isfinite(getattr(self, name))):
                 raise BadData(f"{name} {getattr(self, name):g}: expected above 0")
 
@@ -165,7 +165,7 @@ class LiveChain:
     ):
         self.model, self.options = model, options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
-        self.filter_delay, self.max_age = self.filter.delay, self.options.late
+        self.filter_delay, self.max_age = self.filter.delay, self.options.max_age
         self.poses = Poses(model, source, self.options.blend)
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies

@@ -7,6 +7,7 @@ import time as clock
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.steady_pose import SteadyFrame
 from myomorph.store.settings import with_settings
 from myomorph.study.subject.identifying import SubjectMotion, _surfaces, open_motions
-from myomorph.viewer.identification_page import (
-    Clock,
-    Display,
-    TerminalDisplay,
-    WebDisplay,
-)
+from myomorph.viewer.identification_page import Clock, Display, TerminalDisplay, WebDisplay
 
 INTERVAL = 0.2
 """Time between two looks at the estimate [s]."""
@@ -338,23 +334,15 @@ def live_motions(
     """
     live = with_settings(LiveOptions(), settings)
     online = with_settings(OnlineOptions(), settings)
-    surfaces = _surfaces(model)
-    if live.lsl_markers or live.lsl_forces:
-        result = run_live(model, mass=mass, live=live, online=online, surfaces=surfaces)
+    run = partial(run_live, model, mass=mass, live=live, online=online, surfaces=_surfaces(model))
+    opened = [] if live.lsl_markers or live.lsl_forces else open_motions(model, motions, loads, time)
+    if not opened:
+        # Streams; where none are named either, this says so.
+        result = run()
         sys.stderr.write(result.summary() + "\n")
         return [SubjectMotion("live", result.motion, result.wrenches)]
-    opened = open_motions(model, motions, loads, time)
-    if not opened:
-        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
     for motion_path, loads_path in zip(motions, loads, strict=True):
-        result = run_live(
-            model,
-            open_recording(model, motion_path, loads_path, time),
-            mass=mass,
-            live=live,
-            online=online,
-            surfaces=surfaces,
-        )
+        result = run(open_recording(model, motion_path, loads_path, time))
         sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
     return opened
 

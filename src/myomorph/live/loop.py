@@ -114,7 +114,7 @@ class Spread:
 
 
 class Delays:
-    """Times of every frame, 33 bytes each.
+    """Times of every frame, 40 bytes each.
 
     Attributes
     ----------
@@ -122,8 +122,7 @@ class Delays:
     """
 
     def __init__(self) -> None:
-        self._time, self._age, self._busy, self._taken = array("d"), array("d"), array("d"), array("d")
-        self._state = array("b")
+        self._rows = array("d")
         self.dropped = 0
 
     def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
@@ -136,42 +135,34 @@ class Delays:
         busy : what its computation took [s]
         state : index into `STATES`
         """
-        self._time.append(time)
-        self._taken.append(taken)
-        self._age.append(age)
-        self._busy.append(busy)
-        self._state.append(state)
+        self._rows.extend((time, taken, age, busy, state))
 
     def __len__(self) -> int:
-        return len(self._time)
+        return len(self._rows) // 5
 
     @property
     def table(self) -> Array:
         """(frames, 5) time, taken, age, busy, state."""
-        return np.stack([np.array(one, dtype=np.float64) for one in self._columns], axis=1).reshape(-1, 5)
-
-    @property
-    def _columns(self) -> tuple[array[float], ...]:
-        return self._time, self._taken, self._age, self._busy, self._state  # type: ignore[return-value]
+        return np.array(self._rows).reshape(-1, 5)
 
     @property
     def end_to_end(self) -> Spread:
         """From a frame's being there to its result being given out, the filter's delay apart."""
-        return Spread.of(np.array(self._age))
+        return Spread.of(self.table[:, 2])
 
     @property
     def busy(self) -> Spread:
         """Computation of a frame."""
-        return Spread.of(np.array(self._busy))
+        return Spread.of(self.table[:, 3])
 
     def recent(self, frames: int) -> Spread:
         """`end_to_end` of the newest frames, or the computation alone where nobody knows when they were there."""
-        ages = np.array(self._age[-frames:])
-        return Spread.of(ages if np.isfinite(ages).any() else np.array(self._busy[-frames:]))
+        newest = np.array(self._rows[-5 * frames :]).reshape(-1, 5)
+        return Spread.of(newest[:, 2] if np.isfinite(newest[:, 2]).any() else newest[:, 3])
 
     def states(self) -> dict[int, int]:
         """Frames by state."""
-        found, counts = np.unique(np.array(self._state, dtype=np.int64), return_counts=True)
+        found, counts = np.unique(self.table[:, 4].astype(np.int64), return_counts=True)
         return dict(zip(found.tolist(), counts.tolist(), strict=True))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 import numpy as np
+import psutil
 
 from myomorph.live.chain import ChainFrame, LiveChain
 from myomorph.live.loop import SOLVED, STATES, Delays
@@ -129,7 +130,9 @@ class LivePage:
 
 def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int) -> None:
     """The page's process: draw what comes, until nothing more does."""
-    _yield_to_frames()
+    # The process that computes goes first where both want the same core.
+    with contextlib.suppress(psutil.Error, OSError):
+        psutil.Process().nice(getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10))
     try:
         viewer = ChainViewer(model, surfaces, port, wrenches)
     except MyomorphError as error:
@@ -145,12 +148,3 @@ def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port
         pass
     finally:
         viewer.close()
-
-
-def _yield_to_frames() -> None:
-    """Let the process that computes go first where both want the same core."""
-    import psutil
-
-    lower = getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10)
-    with contextlib.suppress(psutil.Error, OSError):
-        psutil.Process().nice(lower)

@@ -167,7 +167,7 @@ class LiveRecord:
         widths = {
             "time": 1, "coordinates": n, "velocities": n, "torques": n, "activations": muscles, "forces": muscles,
             "reserves": len(chain.actuators), "balanced": len(chain.tension.rows), "wrenches": 6 * len(chain.bodies),
-            "imbalance": 1, "status": 1, "error": 1, "seen": 1, "owed": 1,
+            "residual": 1, "status": 1, "error": 1, "seen": 1, "remaining": 1,
         }  # fmt: skip
         ends = np.cumsum([0, *widths.values()])
         self._part = {name: slice(a, b) for name, a, b in zip(widths, ends, ends[1:], strict=False)}
@@ -185,14 +185,14 @@ class LiveRecord:
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Keep one frame."""
-        row, part, shared = self._rows[self._filled], self._part, frame.tension
-        row[part["time"]] = frame.time
-        row[part["coordinates"]], row[part["velocities"]] = frame.coordinates, frame.velocities
-        row[part["torques"]], row[part["activations"]] = frame.torques, shared.activations
-        row[part["forces"]], row[part["reserves"]] = shared.forces, shared.reserves
-        row[part["balanced"]], row[part["wrenches"]] = shared.balanced, frame.wrenches.ravel()
-        row[part["imbalance"]], row[part["status"]] = shared.equilibrium_residual, shared.status
-        row[part["error"]], row[part["seen"]], row[part["owed"]] = frame.error, frame.seen, frame.owed
+        row, shared = self._rows[self._filled], frame.tension
+        values = (
+            frame.time, frame.coordinates, frame.velocities, frame.torques, shared.activations, shared.forces,
+            shared.reserves, shared.balanced, frame.wrenches.ravel(), shared.equilibrium_residual, shared.status,
+            frame.error, frame.seen, frame.owed,
+        )  # fmt: skip
+        for part, value in zip(self._part.values(), values, strict=True):
+            row[part] = value
         self._filled += 1
         if self._filled == BLOCK:
             self._flush()
@@ -222,13 +222,13 @@ class LiveRecord:
         table = session.delays.table
         with (self._folder / "delays.csv").open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(
-                "time_s,taken_after_ms,result_after_ms,computation_ms,state,markers_seen,marker_error_mm,jump_owed\n"
+                "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump\n"
             )
-            markers = rows[:, [self._part[one].start for one in ("seen", "error", "owed")]]
-            for (time, taken, age, busy, state), (seen, error, owed) in zip(table, markers, strict=True):
+            markers = rows[:, [self._part[one].start for one in ("seen", "error", "remaining")]]
+            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(table, markers, strict=True):
                 stream.write(
-                    f"{time:.6f},{1e3 * taken:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
-                    f"{1e3 * error:.3f},{owed:.3g}\n"
+                    f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
+                    f"{1e3 * error:.3f},{remaining:.3g}\n"
                 )
         delays, spread = session.delays, {}
         for name, one in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
@@ -281,7 +281,7 @@ class LiveRecord:
             reserves=np.array(rows[:, part["reserves"]]),
             coordinates=solver.rows,
             torques=np.array(rows[:, part["balanced"]]),
-            equilibrium_residual=np.array(rows[:, part["imbalance"]][:, 0]),
+            equilibrium_residual=np.array(rows[:, part["residual"]][:, 0]),
             status=rows[:, part["status"]][:, 0].astype(np.int8),
             iterations=np.zeros(len(rows), np.int64),
             lower=np.array(solver.lower),

@@ -71,6 +71,12 @@ def one_line(text: str) -> str:
     return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} letters) ... {text[-LAST:]}"
 
 
+def quoted(names: Iterable[str], most: int = 6) -> str:
+    """Names in quotes, cut to `most`."""
+    given = tuple(names)
+    return ", ".join(f"'{name}'" for name in given[:most]) + (", ..." if len(given) > most else "")
+
+
 def listing(name: str, existing: Sequence[str], most: int = 6) -> str:
     """Names that exist, those nearest to `name` first, cut to `most`."""
     if not existing:

@@ -43,6 +43,19 @@ class Surface:
             raise BadData("a surface has vertices that are not finite")
 
 
+def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
+    """(m, 3) along the normals of faces, twice as long as their areas [m^2]."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    crossed: Array = np.cross(b - a, c - a)
+    return crossed
+
+
+def used_part(vertices: Array, faces: np.ndarray) -> Surface:
+    """Faces with the vertices that they name and no others."""
+    used, compact = np.unique(faces, return_inverse=True)
+    return Surface(vertices[used], compact.reshape(-1, 3))
+
+
 def signed_volume(vertices: Array, faces: np.ndarray) -> float:
     """Volume that faces enclose, negative where they look inward [m^3]."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -51,8 +64,7 @@ def signed_volume(vertices: Array, faces: np.ndarray) -> float:
 
 def area_of(vertices: Array, faces: np.ndarray) -> float:
     """Area of faces [m^2]."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
+    return float(np.linalg.norm(face_crosses(vertices, faces), axis=1).sum() / 2.0)
 
 
 def distinct_faces(faces: np.ndarray) -> np.ndarray:

@@ -18,8 +18,8 @@ from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
     Distances,
-    FoundLength,
-    FoundMarker,
+    LengthEstimate,
+    MarkerEstimate,
     root_mean_square,
 )
 from myomorph.motion.calibration_search import Search, calibration_prior, search_minimum, usual_shifts
@@ -41,7 +41,7 @@ from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import compile_tree
 
-__all__ = ["Calibration", "CalibrationOptions", "FoundLength", "FoundMarker", "calibrate"]
+__all__ = ["Calibration", "CalibrationOptions", "LengthEstimate", "MarkerEstimate", "calibrate"]
 
 STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
@@ -224,7 +224,7 @@ def _calibration(
     placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
     sd, prior_sd, place_sd = _deviations(problem, search)
     lengths = tuple(
-        FoundLength(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
+        LengthEstimate(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
     )
     unstretched = np.zeros_like(x)
     unstretched[:n] = 1.0
@@ -232,7 +232,7 @@ def _calibration(
     before, after = reduce(problem, given).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
     markers = tuple(
-        FoundMarker(
+        MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
             root_mean_square([one[:, m] for one in before]), root_mean_square([one[:, m] for one in after]),
         )
@@ -282,8 +282,8 @@ def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, A
 
 def _notes(
     search: Search,
-    lengths: Sequence[FoundLength],
-    markers: Sequence[FoundMarker],
+    lengths: Sequence[LengthEstimate],
+    markers: Sequence[MarkerEstimate],
     most: float,
 ) -> tuple[str, ...]:
     notes = []

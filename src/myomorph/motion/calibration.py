@@ -1,4 +1,4 @@
-"""What kinematic identification may be told, and what it finds."""
+"""Options and results of kinematic identification."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from myomorph.rigid.coordinates import Ints
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What kinematic identification may be told.
+    """Options of kinematic identification.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Distances:
 
 
 @dataclass(frozen=True, eq=False)
-class FoundLength:
+class LengthEstimate:
     """A length as the recordings show it.
 
     Attributes
@@ -118,7 +118,7 @@ class FoundLength:
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class FoundMarker:
+class MarkerEstimate:
     """A marker where the recordings show it.
 
     Attributes
@@ -160,8 +160,8 @@ class Calibration:
     model: Model
     options: CalibrationOptions
     factors: Mapping[str, Array]
-    lengths: tuple[FoundLength, ...]
-    markers: tuple[FoundMarker, ...]
+    lengths: tuple[LengthEstimate, ...]
+    markers: tuple[MarkerEstimate, ...]
     size: float
     noise: float
     frames: tuple[Ints, ...]

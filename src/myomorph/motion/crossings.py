@@ -35,25 +35,27 @@ class CrossingOptions:
 
     Attributes
     ----------
-    only : only the crossings are used: parts of the recording in which enough markers are seen
-    shown : a frame shows enough where its markers tell this share of what all markers of the model tell: of the
+    only : use only the passes through the capture volume: parts of the recording in which enough markers are seen
+    min_visible : a frame shows enough where its markers tell this share of what all markers of the model tell: of the
         independent directions in which coordinates move markers; without a model, of the markers themselves
-    gap : shorter stretches that show less are bridged [s]
-    shortest : shorter parts are left out [s]
+    max_gap : shorter stretches that show less are bridged [s]
+    min_duration : shorter parts are left out [s]
     """
 
-    SETTING_PREFIX: ClassVar[str] = "crossings_"
+    SETTING_PREFIX: ClassVar[str] = "passes_"
 
     only: bool = False
-    shown: float = 0.75
-    gap: float = 0.1
-    shortest: float = 0.2
+    min_visible: float = 0.75
+    max_gap: float = 0.1
+    min_duration: float = 0.2
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.shown <= 1.0:
-            raise BadData(f"crossings: shown is {self.shown:g}; expected a share above 0, 1 at most")
-        if not (self.gap >= 0.0 and self.shortest >= 0.0):
-            raise BadData(f"crossings: gap {self.gap:g} s, shortest {self.shortest:g} s: expected 0 or more")
+        if not 0.0 < self.min_visible <= 1.0:
+            raise BadData(f"passes: min_visible is {self.min_visible:g}; expected a share above 0, 1 at most")
+        if not (self.max_gap >= 0.0 and self.min_duration >= 0.0):
+            raise BadData(
+                f"passes: max_gap {self.max_gap:g} s, min_duration {self.min_duration:g} s: expected 0 or more"
+            )
 
 
 def crossings(
@@ -69,7 +71,7 @@ def crossings(
     BadData : model and recording share no marker
     """
     options = options or CrossingOptions()
-    enough = shown_shares(markers, model) >= options.shown - 1e-9
+    enough = shown_shares(markers, model) >= options.min_visible - 1e-9
     return tuple(
         (float(markers.time[start]), float(markers.time[stop - 1]))
         for start, stop in _joined(enough, markers.time, options)
@@ -142,8 +144,8 @@ def _joined(enough: Bools, time: Array, options: CrossingOptions) -> list[tuple[
         return []
     joined = [spans[0]]
     for (_, before), (start, stop) in pairwise(spans):
-        if time[start] - time[before - 1] <= options.gap + 1e-9:
+        if time[start] - time[before - 1] <= options.max_gap + 1e-9:
             joined[-1] = (joined[-1][0], stop)
         else:
             joined.append((start, stop))
-    return [(start, stop) for start, stop in joined if time[stop - 1] - time[start] >= options.shortest - 1e-9]
+    return [(start, stop) for start, stop in joined if time[stop - 1] - time[start] >= options.min_duration - 1e-9]

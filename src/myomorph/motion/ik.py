@@ -41,7 +41,7 @@ class CoordinateTask:
 
 @dataclass(frozen=True)
 class InverseKinematicsOptions:
-    """What inverse kinematics may be told.
+    """Options of inverse kinematics.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from myomorph.model.series import Series
 from myomorph.report.trial.given import Situation
 from myomorph.store.results import ResultWriter, Stored
 
-SITES, LOOKED_AT, DOUBTS = "contact_sites", "contact_sites_looked_at", "contact_doubts"
+SITES, LOOKED_AT, WARNINGS = "contact_sites", "contact_sites_looked_at", "contact_warnings"
 SITUATION = "contact_situation"
 
 TOUCH_NUMBERS = (
@@ -30,7 +30,7 @@ def put_contact_forces(writer: ResultWriter, found: ContactForces) -> None:
     writer.names("axis", ("x", "y", "z"))
     writer.fact(SITES, json.dumps([_plain_site(one) for one in found.sites]))
     three = ("time", "contact_site", "axis")
-    writer.put("contact_strength", ("time", "contact_site"), found.strengths, "1", "how ready a site is to carry force")
+    writer.put("contact_activation", ("time", "contact_site"), found.strengths, "1", "activation of a contact, 0 to 1")
     writer.put("contact_force", three, found.forces, "N", "estimated force on the body at a contact site, in ground")
     writer.put("contact_point", three, found.points, "m", "center of pressure of a contact site, in ground")
     writer.put("contact_torque", three, found.torques, "N m", "free torque about that point, in ground")
@@ -42,7 +42,7 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
     if "contact_force" not in values:
         return None
     sites = tuple(_site(one) for one in json.loads(stored.facts[SITES]))
-    parts = (values[f"contact_{name}"] for name in ("strength", "force", "point", "torque"))
+    parts = (values[f"contact_{name}"] for name in ("activation", "force", "point", "torque"))
     return ContactForces(stored.time, sites, *parts)
 
 
@@ -50,7 +50,7 @@ def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation 
     """Which site touches what, and when, and how the forces came to be known."""
     writer.fact(SITUATION, situation)
     writer.fact(LOOKED_AT, json.dumps(contacts.sites))
-    writer.fact(DOUBTS, json.dumps(contacts.warnings))
+    writer.fact(WARNINGS, json.dumps(contacts.warnings))
     writer.sizes("touch", len(contacts.touches))
     for name, unit, meaning in TOUCH_NUMBERS:
         values = np.array([getattr(one, name) for one in contacts.touches], dtype=np.float64)
@@ -67,19 +67,19 @@ def get_contacts(stored: Stored) -> Contacts | None:
     texts = [stored.names.get(f"touch_{name}", ()) for name in TOUCH_TEXTS]
     names = (*(name for name, _, _ in TOUCH_NUMBERS), *TOUCH_TEXTS)
     touches = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
-    return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[DOUBTS])))
+    return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[WARNINGS])))
 
 
-def put_carried(writer: ResultWriter, torques: Series) -> None:
+def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
     """Generalized forces under all external forces, those of estimated contacts included."""
     writer.names("coordinate", torques.names)
     meaning = "generalized force of inverse dynamics with estimated contacts"
-    writer.put("carried_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
+    writer.put("generalized_force_with_contacts", ("time", "coordinate"), torques.values, "N m or N", meaning)
 
 
-def get_carried(stored: Stored) -> Series | None:
-    """What `put_carried` wrote, or None."""
-    found = stored.values.get("carried_force")
+def get_forces_with_contacts(stored: Stored) -> Series | None:
+    """What `put_forces_with_contacts` wrote, or None."""
+    found = stored.values.get("generalized_force_with_contacts")
     return None if found is None else Series(stored.time, stored.names["coordinate"], found)
 
 

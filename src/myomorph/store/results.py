@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.deprecated import DIMENSIONS, FACTS, VARIABLES, current_settings
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -172,15 +173,16 @@ class ResultWriter:
         """The same from a file that is open, or held in memory."""
         for one in other.variables():
             made_by = as_text(one.told.get(STEP, ""))
-            if one.name not in self._file and (not made_by or made_by in steps):
+            if VARIABLES.get(one.name, one.name) not in self._file and (not made_by or made_by in steps):
                 self._copy_variable(one, other.dimensions_of(one))
         for name, value in other.attributes.items():
             marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
-            if name not in self._file.attributes and not marked:
-                self.fact(name, value)
+            if FACTS.get(name, name) not in self._file.attributes and not marked:
+                self.fact(FACTS.get(name, name), value)
 
     def _copy_variable(self, variable: NetcdfVariable, dimensions: tuple[str, ...]) -> None:
-        name, values = variable.name, variable.values
+        name, values = VARIABLES.get(variable.name, variable.name), variable.values
+        dimensions = tuple(DIMENSIONS.get(one, one) for one in dimensions)
         for dimension, size in zip(dimensions, values.shape, strict=True):
             known = self._file.dimensions.setdefault(dimension, size)
             if known != size:
@@ -283,7 +285,8 @@ def stored_values(
     only : variables that are wanted, () for all
     """
     values, names = {}, {}
-    for name, variable in file.data(only):
+    for written, variable in file.data([*only, *(old for old, new in VARIABLES.items() if new in only)]):
+        name = VARIABLES.get(written, written)
         if name in leave_out:
             continue
         if variable.dtype.kind in "OSU":
@@ -291,14 +294,15 @@ def stored_values(
         else:
             values[name] = variable[...]
     attributes = dict(file.attributes)
-    facts = {name: text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
+    facts = {FACTS.get(name, name): text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
     return Stored(Path(path), values, names, made_from(attributes), facts)
 
 
 def made_from(attributes: Mapping[str, str]) -> dict[str, Provenance]:
     """Provenance by step, from the texts about a whole file."""
     marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
-    return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+    found = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
+    return {step: replace(one, options=current_settings(one.options)) for step, one in found.items()}
 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:

@@ -22,7 +22,7 @@ Preset: TypeAlias = Literal["", "taichi", "tap", "drum", "judo", "gait", "lift",
 """A kind of motion that reports know (`report.presets`), "" for the one that fits."""
 
 Side: TypeAlias = Literal["", "right", "left"]
-"""Side of a body, "" where it is not told."""
+"""Side of a body, "" where it is not specified."""
 
 SIMPLE = (bool, int, float, str)
 
@@ -45,7 +45,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """What the steps that need velocities and accelerations may be told.
+    """Options of the steps that need velocities and accelerations.
 
     Attributes
     ----------
@@ -67,12 +67,12 @@ class TorqueTable:
     ----------
     net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as OpenSim's tool
         does where forces_to_exclude is Muscles; by default nothing is taken off, as with ALL
-    folded : only coordinates that follow no other, with what falls on those that couplers and closed loops make
-        follow handed on to them; by default every coordinate has its own column, as in OpenSim
+    independent_coordinates : only independent coordinates, with the forces of dependent ones (of couplers and closed
+        loops) projected onto them; by default every coordinate has its own column, as in OpenSim
     """
 
     net: bool = False
-    folded: bool = False
+    independent_coordinates: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class ReportOptions:
     Attributes
     ----------
     preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
-        where it is not told
+        where it is not specified
     """
 
     preset: Preset = ""

@@ -28,7 +28,7 @@ def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
     writer.put("ik_converged", ("time",), fit.converged, "1", "1 where the last step was within the tolerance")
     writer.put("ik_iterations", ("time",), np.asarray(fit.iterations, np.int32), "1", "iterations taken")
     if fit.closure is not None:
-        writer.put("loop_closure", ("time",), fit.closure, "m or rad", "how far closed loops stand open, the largest")
+        writer.put("loop_closure_error", ("time",), fit.closure, "m or rad", "largest loop-closure error")
     writer.names("unused_marker", fit.unused_markers)
     writer.names("missing_marker", fit.missing_markers)
 
@@ -46,7 +46,7 @@ def get_fit(stored: Stored) -> KinematicsFit | None:
         iterations=stored.values["ik_iterations"].astype(np.int64),
         unused_markers=stored.names.get("unused_marker", ()),
         missing_markers=stored.names.get("missing_marker", ()),
-        closure=stored.values.get("loop_closure"),
+        closure=stored.values.get("loop_closure_error"),
     )
 
 
@@ -225,7 +225,7 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     two = ("time", "balanced_coordinate")
     writer.put("balanced_torque", two, tension.torques, "N m or N", "what muscles and actuators had to balance")
     writer.put(
-        "tension_imbalance", ("time",), tension.equilibrium_residual, "N m or N", "largest torque left unbalanced"
+        "equilibrium_residual", ("time",), tension.equilibrium_residual, "N m or N", "largest torque left unbalanced"
     )
     writer.put("tension_status", ("time",), np.asarray(tension.status, np.int8), "1", "0 where the frame is optimal")
     writer.put("tension_iterations", ("time",), np.asarray(tension.iterations, np.int32), "1", "iterations taken")
@@ -249,7 +249,7 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         reserves=values.get("actuator_force", np.zeros((len(stored.time), 0))),
         coordinates=names["balanced_coordinate"],
         torques=values["balanced_torque"],
-        equilibrium_residual=values["tension_imbalance"],
+        equilibrium_residual=values["equilibrium_residual"],
         status=values["tension_status"],
         iterations=values["tension_iterations"],
         lower=values["activation_lower"],

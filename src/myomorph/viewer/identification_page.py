@@ -26,7 +26,7 @@ from myomorph.model.surface import Surface
 from myomorph.report.charts.axis import number
 from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.report.scene.image import level_color
-from myomorph.viewer.web_page import DEEPER, MARKER, Links, Page
+from myomorph.viewer.web_page import DEEPER, MARKER, Page
 
 BAR = 18
 """Characters of a bar."""
@@ -127,20 +127,14 @@ def _rms(errors: Array) -> str:
 def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock) -> str:
     """The same as text for a web page."""
     moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
-    lines = [
+    facts = (
         f"**Move next: {move_next(state, segments) or 'anything'}**",
-        "",
         f"{at.now:.1f} s" + (f" of {at.duration:.1f} s" if at.duration else ""),
-        "",
-        f"{_frames(state)}",
-        "",
+        _frames(state),
         _identifiable(state).capitalize(),
-        "",
         f"Error of the predicted wrench {_rms(force)} N, {_rms(moment)} N·m",
-        "",
-        "| Segment | identified |",
-        "|---|---|",
-    ]
+    )
+    lines = ["\n\n".join(facts), "", "| Segment | identified |", "|---|---|"]
     for words, sides in segment_levels(names, segments, state.levels).items():
         lines += [f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |" for side, level in sides.items()]
     return "\n".join(lines)
@@ -153,7 +147,6 @@ class WebViewer(Page):
     ----------
     surfaces : meshes by `Mesh.file`; without any, limbs are rounds
     port : of the page, http://localhost:PORT
-    title : of the text panel
 
     Raises
     ------
@@ -161,25 +154,17 @@ class WebViewer(Page):
     BadData : the port is taken, or none
     """
 
-    def __init__(
-        self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080, title: str = "Myomorph"
-    ):
-        super().__init__(port, title)
-        self._view = BodyView(model, surfaces)
-        scene = self._view.scene
-        self._lay_floor(scene, scene.origins[0, 1])
-        meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
-        self._links = Links(self._page, "/around", scene.solids if meshed else self._view.rounds)
-        self._look_at_body(scene, 0.6)
+    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080):
+        super().__init__(port, "Myomorph")
+        view = BodyView(model, surfaces)
+        self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
         self._progress = self._server.gui.add_progress_bar(0.0)
         self._text = self._server.gui.add_markdown("")
 
     def pose(self, coordinates: Array, markers: Array | None = None) -> None:
         """Put the body in a pose (coordinates,) and show markers (n, 3) in ground [m], NaN where hidden."""
-        rotations, origins = self._view.poses(coordinates)
         with self._server.atomic():
-            self._carry_back(origins[1])
-            self._links.pose(rotations, origins)
+            self._pose(coordinates)
             if markers is not None:
                 self._show_markers(markers, MARKER)
 

@@ -18,7 +18,7 @@ from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.shapes import tube
 from myomorph.viewer.replay_body import LEAST_FORCE, SLACK, TALL, TIGHT, WEIGHT, Tubes, arrows, tubes
 from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
-from myomorph.viewer.web_page import DEEPER, Links, Page
+from myomorph.viewer.web_page import DEEPER, Page
 
 STRONGEST, TURNED = 8, 8
 """Muscles and torques that the table holds."""
@@ -73,18 +73,14 @@ class ChainViewer(Page):
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int):
         super().__init__(port, "Myomorph live")
-        self._model, self._view = model, BodyView(model, surfaces)
+        self._model, view = model, BodyView(model, surfaces)
         self._paths = compile_paths(model)
         self._strength = np.array([max(one.max_isometric_force, 1e-9) for one in model.muscles])
-        scene = self._view.scene
+        scene = view.scene
         self._size = min(scene.size, TALL * (scene.high - scene.low))
         gravity = float(np.linalg.norm(model.gravity)) or 9.81
         self._weight = max(gravity * model.mass, 1e-9)
-        self._lay_floor(scene, scene.origins[0, 1])
-        meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
-        solids = bone_solids(scene, self._size) if meshed else self._view.limbs(THIN)
-        self._links = Links(self._page, "/around", solids)
-        self._look_at_body(scene, 0.9)
+        self._show_body(view, bone_solids(scene, self._size) if view.meshed else view.limbs(THIN), 0.9)
         rest = np.array([one.default for one in model.coordinates])
         unknown = np.full(len(model.muscles), np.nan)
         self._muscles = add_batch(self._page, "/around/muscles", tube(), self._strings(rest, unknown, unknown))
@@ -97,9 +93,7 @@ class ChainViewer(Page):
         """Draw one frame."""
         with self._server.atomic():
             if np.isfinite(shown.coordinates).all():
-                rotations, origins = self._view.poses(shown.coordinates)
-                self._carry_back(origins[1])
-                self._links.pose(rotations, origins)
+                self._pose(shown.coordinates)
                 move_batch(self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces))
                 self._draw_forces(shown.wrenches)
             if len(shown.markers):

@@ -60,8 +60,7 @@ def coordinate_choices(body: PlayedBody) -> dict[str, tuple[str, ...]]:
 
 def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart:
     """Some coordinates, angles in degrees."""
-    turns = {one.name: one.motion == "rotational" for one in body.model.coordinates}
-    angle = all(turns.get(name, False) for name in names)
+    angle = _are_angles(body, names)
     scale = np.rad2deg(1.0) if angle else 1.0
     curves = tuple(Curve(name, scale * body.motion[name], _ink(name, k)) for k, name in enumerate(names))
     return Chart(f"{label} [{'°' if angle else 'm'}]", curves)
@@ -72,8 +71,7 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     torques = body.given.dynamics.torques
     if torques is None or not set(names) & set(torques.names):
         return None
-    turns = {one.name: one.motion == "rotational" for one in body.model.coordinates}
-    unit = "N m" if all(turns.get(name, False) for name in names) else "N"
+    unit = "N m" if _are_angles(body, names) else "N"
     known = [name for name in names if name in torques.names]
     curves = tuple(
         Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, k)) for k, name in enumerate(known)
@@ -81,18 +79,19 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", curves)
 
 
+def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
+    return set(names) <= {one.name for one in body.model.coordinates if one.motion == "rotational"}
+
+
 def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Activations of some muscles, with EMG that was measured on them."""
     if body.given.tension is None or not len(muscles):
         return None
-    chosen = muscles[:MAX_CURVES]
-    curves = [Curve(body.muscles[m], body.activations[:, m], _ink(body.muscles[m], k)) for k, m in enumerate(chosen)]
-    emg = body.given.recorded.emg
-    if emg is not None:
-        names = {body.muscles[m] for m in chosen}
-        for channel in emg.names:
-            if names & set(body.given.recorded.emg_muscles.get(channel, ())):
-                curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
+    curves = _of_muscles(body, muscles, body.activations)
+    emg, names = body.given.recorded.emg, {one.label for one in curves}
+    for channel in () if emg is None else emg.names:
+        if emg is not None and names & set(body.given.recorded.emg_muscles.get(channel, ())):
+            curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
     return Chart("Activation", tuple(curves))
 
 
@@ -100,9 +99,12 @@ def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Tensions of some muscles."""
     if body.given.tension is None or not len(muscles):
         return None
-    chosen = muscles[:MAX_CURVES]
-    curves = [Curve(body.muscles[m], body.tensions[:, m], _ink(body.muscles[m], k)) for k, m in enumerate(chosen)]
-    return Chart("Tension [N]", tuple(curves))
+    return Chart("Tension [N]", tuple(_of_muscles(body, muscles, body.tensions)))
+
+
+def _of_muscles(body: PlayedBody, muscles: Sequence[int], values: Array) -> list[Curve]:
+    names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
+    return [Curve(name, values[:, m], _ink(name, k)) for k, (name, m) in enumerate(zip(names, muscles, strict=False))]
 
 
 def strongest(body: PlayedBody) -> tuple[int, ...]:

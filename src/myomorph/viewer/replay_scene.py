@@ -72,12 +72,10 @@ class ShownBody:
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
             self._layers["muscles"] = [add_batch(page, f"{root}/muscles", tube(), first.tubes)]
-        for name, ends in (("measured", first.measured), ("estimated", first.estimated)):
-            if len(ends):
-                self._layers[name] = add_arrows(page, f"{root}/{name}_", ends, size, COLORS[name])
-        for name, count in (("recorded", len(first.recorded)), ("modelled", len(first.modelled))):
-            if count:
-                self._layers[name] = [self._add_balls(name, count, MARKER_RADIUS * size)]
+        for name in (one for one in ("measured", "estimated") if len(getattr(first, one))):
+            self._layers[name] = add_arrows(page, f"{root}/{name}_", getattr(first, name), size, COLORS[name])
+        for name in (one for one in ("recorded", "modelled") if len(getattr(first, one))):
+            self._layers[name] = [self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
             traces = [self._add_trace(k) for k in range(len(first.centers))]

@@ -10,11 +10,13 @@ from io import StringIO
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
+from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import outward
 
@@ -77,13 +79,22 @@ class Page:
         self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
         self._up, self._start = scene.up, np.array(root)
 
-    def _look_at_body(self, scene: Scene, right: float) -> None:
-        """Let browsers look at one body from ahead, and from so far to its right."""
+    def _show_body(self, view: BodyView, solids: Sequence[Solid], right: float) -> None:
+        """Lay the floor of one body, show its links, and let browsers look at it from ahead and so far to its right."""
+        self._view, scene = view, view.scene
         root = scene.origins[0, 1]
+        self._lay_floor(scene, root)
+        self._links = Links(self._page, "/around", solids)
         middle = root + (0.5 * (scene.low + scene.high) - root @ scene.up) * scene.up
         camera = self._server.initial_camera
         camera.position = tuple(view_from(scene, middle, scene.forward + right * scene.right + 0.15 * scene.up))
         camera.look_at = tuple(middle)
+
+    def _pose(self, coordinates: Array) -> None:
+        """Put that body in a pose (coordinates,), carried back to the middle of the floor."""
+        rotations, origins = self._view.poses(coordinates)
+        self._carry_back(origins[1])
+        self._links.pose(rotations, origins)
 
     def _carry_back(self, root: Array) -> None:
         """Move all that is seen back by the way over the floor from where the first body began to `root` [m]."""
@@ -222,9 +233,7 @@ def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1
 
 def quaternions(rotations: Array) -> Array:
     """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
-    from scipy.spatial.transform import Rotation
-
-    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True)[:, [3, 0, 1, 2]]
+    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)
     return turned
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import number, scaled_unit, ticks
 from myomorph.report.charts.cells import heat_map, pooled
-from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.marks import Level, decimate, envelope
 from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.rows import bar_plot
@@ -73,7 +73,7 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
     """What the page's script does: places to values through the chart's own scales."""
     time = np.linspace(2.0, 5.0, 60)
     values = -3.0 + 40.0 * np.sin(time)
-    drawing = ElementTree.fromstring(time_plot(Panel("a", "N", [Line(time, values, "right", "r")], (2.0, 5.0))))
+    drawing = ElementTree.fromstring(time_plot("a", "N", [Line(time, values, "right", "r")], (2.0, 5.0)))
     left, top, right, bottom = (float(one) for one in drawing.get("data-place", "").split())
     x0, x1, y0, y1 = (float(one) for one in drawing.get("data-range", "").split())
     (line,) = (one for one in drawing.iter() if one.get("data-label") == "r")
@@ -88,7 +88,7 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
     "values", [np.full(5, np.nan), np.zeros(5), np.array([1.0, np.nan, 2.0, np.inf, 3.0]), np.zeros(0)]
 )
 def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
-    panel = Panel(
+    drawing = time_plot(
         "<odd> & 'quoted'",
         "N",
         [Line(np.arange(float(len(values))), values, "emg left", 'a "b"', True)],
@@ -97,7 +97,7 @@ def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
         [Level(0.5, "a < b")],
         name_events=True,
     )
-    ElementTree.fromstring(time_plot(panel))
+    ElementTree.fromstring(drawing)
 
 
 def test_noise_becomes_a_band() -> None:

@@ -73,7 +73,7 @@ def test_a_title_notes_and_sections_of_ones_own_find_their_place(morph, checks):
 def test_tables_have_a_name_for_every_column(morph, checks):
     tables = morphing_tables(morph, checks)
     assert {"bones.csv", "points.csv", "muscles.csv", "joints.csv", "masses.csv", "moment_arms.csv", "warnings.csv",
-            "penetration.csv", "moment_arm_summary.csv", "left_out.csv"} == set(tables)  # fmt: skip
+            "penetration.csv", "moment_arm_summary.csv", "not_transferred.csv"} == set(tables)  # fmt: skip
     for name, (header, rows) in tables.items():
         assert {len(row) for row in rows} == {len(header)}, name
     header, rows = tables["moment_arms.csv"]

@@ -27,7 +27,7 @@ from myomorph.report.trial.estimated_forces import (
     groups_of,
     situation_of,
 )
-from myomorph.report.trial.given import ReportInput, Uncarried
+from myomorph.report.trial.given import InfeasibleContact, ReportInput
 from myomorph.report.trial.motion_analysis import analyse
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
@@ -77,7 +77,7 @@ def test_presets_name_only_what_exists() -> None:
         assert len(set(one.muscles)) == len(one.muscles)
     assert len(PRESETS["taichi"].muscles) == 8
     with pytest.raises(UnknownName, match="muscle"):
-        Preset("x", "X", ("muscle",), (), ())  # type: ignore[arg-type]
+        Preset("x", "X", (), (), panels=("muscle",))  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="gait"):
         preset_of("walking")
 
@@ -288,14 +288,14 @@ def test_residuals_are_held_against_the_limits() -> None:
         "x",
         forces=force,
         residuals=Series(time, names, values),
-        uncarried=(Uncarried(0.5, "friction 0.8 to 1.1"),),
+        infeasible=(InfeasibleContact(0.5, "friction 0.8 to 1.1"),),
     )
     rows = {one.quantity: one for one in contact_verdicts(given, 1.0)}
     assert rows["Residual force beside contacts, peak"].state == "over"
     assert rows["Residual force beside contacts, peak"].value == pytest.approx(6.0)
     assert rows["Residual force beside contacts, RMS"].state == "ok"
     assert rows["Residual moment beside contacts, peak"].value == pytest.approx(0.5)
-    not_carried = rows["Frames whose contacts could not carry the motion"]
+    not_carried = rows["Infeasible contact frames"]
     assert (not_carried.value, not_carried.state, not_carried.time) == (1.0, "over", 0.5)
     assert contact_verdicts(shown("x"), 1.0) == []
 
@@ -313,7 +313,9 @@ def test_the_panel_of_contact_forces() -> None:
     given = everything()
     time = given.dynamics.wrenches.time
     forces = contact_forces(time)
-    told = having(given, forces=forces, intervals=Open(forces, 2), uncarried=(Uncarried(0.5, "more friction"),))
+    told = having(
+        given, forces=forces, intervals=Open(forces, 2), infeasible=(InfeasibleContact(0.5, "more friction"),)
+    )
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
     assert "that the data allow" in panel.lead

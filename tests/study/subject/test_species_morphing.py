@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables
@@ -48,7 +48,9 @@ def test_tables_name_what_the_models_have(data, name):
     target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species(name)
     joints = [rule for bone in table.bones for rule in bone.landmarks if rule.rule == "joint"]
-    ours = [n for bone in table.bones for n in (*bone.sources, *bone.carried)] + [one.source_joint for one in joints]
+    ours = [n for bone in table.bones for n in (*bone.sources, *bone.transferred)] + [
+        one.source_joint for one in joints
+    ]
     theirs = [n for bone in table.bones for n in bone.targets] + [one.target_joint for one in joints]
     assert set(ours) | set(table.missing) <= set(source.body_names)
     assert set(theirs) | set(table.extra) <= set(target.body_names)

@@ -40,8 +40,12 @@ def test_files():
 
 
 def test_options_and_version():
-    told = replace(BEFORE, options=BEFORE.options | {"ik.tolerance": 1e-4, "id.folded": True}, version="1.1.0")
-    assert changes(BEFORE, told) == ("version 1.0.0 -> 1.1.0", "id.folded None -> True", "ik.tolerance 1e-05 -> 0.0001")
+    told = replace(BEFORE, options=BEFORE.options | {"ik.tolerance": 1e-4, "id.net": True}, version="1.1.0")
+    assert changes(BEFORE, told) == (
+        "version 1.0.0 -> 1.1.0",
+        "id.net None -> True",
+        "ik.tolerance 1e-05 -> 0.0001",
+    )
 
 
 def test_numbers_that_differ_little_are_told_apart():

@@ -48,9 +48,9 @@ def test_a_table_tells_touches(model, tmp_path):
 def test_a_file_of_sites(model, tmp_path):
     taps = written(tmp_path, "frame,site,event\n150,hand,touch\n300,hand,leave\n", "taps.csv")
     text = (
-        'feet = false\nmeasured = "shared"\ntouches = "taps.csv"\n[camera]\nrate = 300.0\nstart = 1.0\n'
-        + SITE.replace("[[site]]", '[[site]]\ntouching = "told"\ndirection = "any"\ngrip = 0.05')
-        + SITE.replace('"hand"', '"elbow"').replace("points", "touching = [[0.0, 0.5]]\nfriction = inf\npoints")
+        'feet = false\nmeasured = "shared"\nintervals = "taps.csv"\n[camera]\nrate = 300.0\nstart = 1.0\n'
+        + SITE.replace("[[site]]", '[[site]]\nintervals = "file"\ndirection = "any"\ngrip = 0.05')
+        + SITE.replace('"hand"', '"elbow"').replace("points", "intervals = [[0.0, 0.5]]\nfriction = inf\npoints")
         + SITE.replace('"hand"', '"wrist"').replace("points", 'direction = [0.0, 0.0, 2.0]\nframe = "upper"\npoints')
     )
     path = written(tmp_path, text)
@@ -61,7 +61,7 @@ def test_a_file_of_sites(model, tmp_path):
     np.testing.assert_array_equal(elbow.cone.direction, [0.0, 1.0, 0.0])
     np.testing.assert_array_equal(wrist.cone.direction, [0.0, 0.0, 1.0])
     assert (wrist.cone.frame, np.isinf(elbow.cone.friction)) == ("upper", True)
-    assert plan.when == {"hand": "told", "elbow": "told", "wrist": "motion"}
+    assert plan.when == {"hand": "file", "elbow": "file", "wrist": "motion"}
     assert [(one.site, one.start, one.stop) for one in plan.told.touches] == [("elbow", 0.0, 0.5), ("hand", 1.5, 2.0)]
     assert contact_files(path) == (path, taps)
 
@@ -72,12 +72,12 @@ def test_a_file_of_sites(model, tmp_path):
         (SITE.replace('"fore"', '"fora"'), "site 'hand': unknown body 'fora'"),
         (SITE.replace("points", "point"), "unknown key 'site.1.point'"),
         (SITE + "friction = -1\n", "friction of a contact is -1"),
-        ('touches = "tap.csv"\n' + SITE, "touches file 'tap.csv' does not exist"),
-        (SITE + 'touching = "sometimes"\n', "touching"),
+        ('intervals = "tap.csv"\n' + SITE, "intervals file 'tap.csv' does not exist"),
+        (SITE + 'intervals = "sometimes"\n', "intervals"),
         ('measured = "maybe"\n', "'measured' = 'maybe'"),
         (SITE.replace('"hand"', '""'), "'site.1.name' = ''"),
         (SITE + "rests = nan\n", "'site.1.rests' = nan"),
-        (SITE + "touching = [[0.4, 0.2]]\n", "site 'hand': touching = .*expected a start before an end"),
+        (SITE + "intervals = [[0.4, 0.2]]\n", "site 'hand': intervals = .*expected a start before an end"),
         ("[camera]\nstart = nan\n" + SITE, "'camera.start' = nan"),
     ],
 )
@@ -112,16 +112,16 @@ def test_a_file_that_is_not_there_tells_what_is(tmp_path):
 
 
 def test_touches_of_another_clock_are_named(arm, command, tmp_path):
-    path = written(tmp_path, "feet = false\n" + SITE + "touching = [[900.0, 901.0]]\n")
+    path = written(tmp_path, "feet = false\n" + SITE + "intervals = [[900.0, 901.0]]\n")
     done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
     assert done.status == 0
-    assert "'hand' is told to touch at 900 to 901 s" in done.err
+    assert "'hand' is specified to touch at 900 to 901 s" in done.err
 
 
 def test_soles_that_a_table_leaves_out_are_named():
     told = Contacts(("heel_r",), ())
     soles = [Site(name, "foot", np.zeros((1, 3))) for name in ("heel_r", "toe_r")]
-    assert unreported_feet(told, soles) == ("no touch is told of toe_r: the motion tells when they do",)
+    assert unreported_feet(told, soles) == ("no contact interval is specified for toe_r: found from the motion",)
     assert unreported_feet(Contacts(("hand",), ()), soles) == ()
 
 
@@ -142,7 +142,7 @@ def test_a_model_without_feet_needs_sites(arm, command):
 
 def test_touches_of_a_site_that_does_not_exist(arm, command, tmp_path):
     taps = written(tmp_path, "site,start,stop\nheel_r,0.1,0.4\n", "taps.csv")
-    path = written(tmp_path, f'feet = false\ntouches = "{taps.name}"\n' + SITE)
+    path = written(tmp_path, f'feet = false\nintervals = "{taps.name}"\n' + SITE)
     done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
     assert done.status == 2
     assert "'heel_r'" in done.err

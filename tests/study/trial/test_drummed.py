@@ -25,7 +25,7 @@ known = {[list(one) for one in STROKES]}
 name = "hand"
 body = "fore"
 points = [[0.0, -0.28, 0.0]]
-touching = "told"
+intervals = "file"
 """
 
 

@@ -39,7 +39,7 @@ def study(folder, data, steps, more=""):
 
 
 def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
-    plan = study(tmp_path, data, ["ik", "muscles", "report"], "[options.ik]\ncrossings_only = true")
+    plan = study(tmp_path, data, ["ik", "muscles", "report"], "[options.ik]\npasses_only = true")
     outcome = run_study(plan, tmp_path / "out")[0]
     assert outcome.error == ""
     assert outcome.done == ("ik", "muscles", "report")
@@ -57,10 +57,10 @@ def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
 
 
 def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):
-    plan = study(tmp_path, data, ["ik"], "[options.ik]\ncrossings_only = true\ncrossings_shortest = 30.0")
+    plan = study(tmp_path, data, ["ik"], "[options.ik]\npasses_only = true\npasses_min_duration = 30.0")
     assert "no part of 30 s shows 75 %" in run_study(plan, tmp_path / "out")[0].error
-    with pytest.raises(BadFile, match="crossings_onl"):
-        study(tmp_path, data, ["ik"], "[options.ik]\ncrossings_onl = true")
+    with pytest.raises(BadFile, match="passes_onl"):
+        study(tmp_path, data, ["ik"], "[options.ik]\npasses_onl = true")
 
 
 def test_labels_that_the_model_does_not_know_are_named(tmp_path, data):

@@ -55,7 +55,7 @@ against = "s01_fore"
 points = [[0.0, 0.0, 0.0]]
 direction = "any"
 grip = 0.05
-touching = "always"
+intervals = "always"
 """
 
 

@@ -9,13 +9,15 @@ more than the file holds.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.parsing.text import readable
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadFile
 
@@ -60,23 +62,22 @@ class RawC3d:
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
         """Texts of a parameter and of its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
-        found: list[str] = []
-        for number in ("", *range(2, 40)):
-            value = self.groups.get(group, {}).get(f"{name}{number}")
-            if value is None:
-                break
-            found += value if isinstance(value, tuple) else ()
-        return tuple(text.partition("\0")[0].strip() for text in found)
+        values = self._continued(group, name)
+        texts = [text for value in values if isinstance(value, tuple) for text in value]
+        return tuple(text.partition("\0")[0].strip() for text in texts)
 
     def numbers(self, group: str, name: str) -> Array:
         """Numbers of a parameter, flat in the file's order, and of its continuations; empty if absent."""
-        found: list[Array] = []
+        values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
+        return np.concatenate([np.zeros(0), *(np.asarray(one, dtype=np.float64).ravel(order="F") for one in values)])
+
+    def _continued(self, group: str, name: str) -> Iterator[Value]:
+        """Values of a parameter and of its continuations, up to the first that is absent."""
         for number in ("", *range(2, 40)):
             value = self.groups.get(group, {}).get(f"{name}{number}")
-            if value is None or isinstance(value, tuple):
-                break
-            found.append(np.asarray(value, dtype=np.float64).ravel(order="F"))
-        return np.concatenate(found) if found else np.zeros(0)
+            if value is None:
+                return
+            yield value
 
     def shape(self, group: str, name: str) -> tuple[int, ...]:
         """Shape of a parameter's value, () if absent or text."""
@@ -92,10 +93,8 @@ def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
     BadFile : it is no C3D file, or holds neither a point nor an analog sample
     """
     path = Path(path)
-    try:
+    with readable(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
     if len(data) < BLOCK:
         raise BadFile(path, "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)")
     if data[1] != KEY:
@@ -242,12 +241,8 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
         width = shape[0] if rank else 1
         rows = count // width if width else 0
         return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
-    if kind == 1:
-        values = np.frombuffer(raw, dtype=np.int8).astype(np.float64)
-    elif kind == 2:
-        values = order.ints(raw).astype(np.float64)
-    else:
-        values = order.floats(raw)
+    values = order.floats(raw) if kind == 4 else order.ints(raw) if kind == 2 else np.frombuffer(raw, dtype=np.int8)
+    values = values.astype(np.float64)
     return values.reshape(shape or (1,), order="F")
 
 
@@ -282,24 +277,21 @@ def _samples(
         if (len(data) - start) // larger >= _frames(about, header, held):
             channels, size = used, larger
             held = (len(data) - start) // size
-    frames = min(_frames(about, header, held), held)
-    if frames < _frames(about, header, held):
-        remarks.append(f"the file ends early: it holds {frames} frames of {_frames(about, header, held)}")
+    claimed = _frames(about, header, held)
+    frames = min(claimed, held)
+    if frames < claimed:
+        remarks.append(f"the file ends early: it holds {frames} frames of {claimed}")
     if frames <= 0:
         raise BadFile(path, "holds no whole frame", "the recording may have been cut off")
     raw = data[start : start + frames * size]
     unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
-    if real:
-        table = order.floats(raw).reshape(frames, -1)
-        coordinates, analog = table[:, : 4 * points], table[:, 4 * points :]
-        factor = 1.0
-    else:
-        coordinates = order.ints(raw).reshape(frames, -1)[:, : 4 * points].astype(np.float64)
-        analog = order.ints(raw, signed=not unsigned).reshape(frames, -1)[:, 4 * points :].astype(np.float64)
-        factor = scale
+    table = (order.floats(raw) if real else order.ints(raw).astype(np.float64)).reshape(frames, -1)
+    coordinates, analog = table[:, : 4 * points], table[:, 4 * points :]
+    if unsigned and not real:
+        analog = np.where(analog < 0.0, analog + 65536.0, analog)
     places = coordinates.reshape(frames, points, 4)
     residuals = _residuals(places[:, :, 3], abs(scale))
-    positions = np.where((residuals < 0)[:, :, None], np.nan, places[:, :, :3] * factor)
+    positions = np.where((residuals < 0)[:, :, None], np.nan, places[:, :, :3] * (1.0 if real else scale))
     rate = header.rate if 0 < header.rate < 1e6 else _first(about, "POINT", "RATE", 0.0)
     return RawC3d(
         groups=groups,

@@ -6,6 +6,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from myomorph.io.c3d.ezc3d import has_ezc3d, read_c3d_ezc3d
 from myomorph.io.c3d.plain import BLOCK, KEY, RawC3d, read_c3d_plain
 from myomorph.io.c3d.plates import plate_recordings
-from myomorph.io.parsing.text import unique_names, without_far_away
+from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
@@ -72,11 +73,8 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
 
 
 def _read_raw(path: Path) -> RawC3d:
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(BLOCK)
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    with readable(path), path.open("rb") as stream:
+        head = stream.read(BLOCK)
     if len(head) < BLOCK or head[1] != KEY or not has_ezc3d():
         return read_c3d_plain(path)  # which says what is wrong with a file that is no C3D file
     raw = read_c3d_ezc3d(path)
@@ -85,7 +83,7 @@ def _read_raw(path: Path) -> RawC3d:
     reason = raw if isinstance(raw, str) else "it left out what the header announces"
     plain = read_c3d_plain(path)
     remark = f"ezc3d could not read it ({re.split('[,.]', reason)[0]}): our own reader did"
-    return RawC3d(**{**plain.__dict__, "remarks": (remark, *plain.remarks)})
+    return replace(plain, remarks=(remark, *plain.remarks))
 
 
 def _whole(raw: RawC3d, head: bytes) -> bool:
@@ -110,15 +108,8 @@ def _cut_off(raw: RawC3d, path: Path) -> list[str]:
 def _meters(raw: RawC3d, found: list[str]) -> float:
     """Metres in the file's unit of length."""
     text = (raw.texts("POINT", "UNITS") or ("",))[0].lower()
-    for begin, factor in (
-        ("mm", 1e-3),
-        ("mil", 1e-3),
-        ("cm", 1e-2),
-        ("cen", 1e-2),
-        ("dm", 0.1),
-        ("m", 1.0),
-        ("in", 0.0254),
-    ):
+    units = {"mm": 1e-3, "mil": 1e-3, "cm": 1e-2, "cen": 1e-2, "dm": 0.1, "m": 1.0, "in": 0.0254}
+    for begin, factor in units.items():
         if text.startswith(begin):
             return factor
     size = float(np.nanmedian(np.abs(raw.points))) if np.isfinite(raw.points).any() else 0.0
@@ -134,8 +125,7 @@ def _points(
     count = raw.points.shape[1]
     if not count or not len(time):
         return None, None
-    labels = list(raw.texts("POINT", "LABELS")[:count])
-    labels += [""] * (count - len(labels))
+    labels = _filled(raw.texts("POINT", "LABELS"), count)
     labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), found)
     computed = _quantities(raw)
     qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
@@ -159,6 +149,11 @@ def _points(
     if other:
         others = Series(time, unique_names([names[one] for one in other], "quantity", []), raw.points[:, other])
     return markers, others
+
+
+def _filled(texts: Sequence[str], count: int) -> list[str]:
+    """So many texts, "" where there are fewer."""
+    return [*texts[:count], *[""] * (count - len(texts))]
 
 
 def _full_labels(labels: list[str], descriptions: Sequence[str], found: list[str]) -> list[str]:
@@ -196,11 +191,8 @@ def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
     if not samples or not channels:
         return None
     rate = raw.analog_rate if raw.analog_rate > 0 else raw.point_rate * samples / max(len(raw.points), 1)
-    labels = list(raw.texts("ANALOG", "LABELS")[:channels])
-    labels += [""] * (channels - len(labels))
+    labels, units = (_filled(raw.texts("ANALOG", name), channels) for name in ("LABELS", "UNITS"))
     names = [label or f"channel_{one + 1}" for one, label in enumerate(labels)]
-    units = list(raw.texts("ANALOG", "UNITS")[:channels])
-    units += [""] * (channels - len(units))
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     if np.isnan(values).any():
         found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
@@ -276,15 +268,11 @@ def emg_channels(trial: Trial) -> tuple[str, ...]:
     if trial.analog is None:
         return ()
     plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
-    volts = []
-    named = []
+    volts, named = [], []
     units = trial.analog.units or ("",) * len(trial.analog.names)
     for name, unit in zip(trial.analog.names, units, strict=True):
-        if (
-            name in plates
-            or NOT_EMG.search(name)
-            or unit.lower().replace("µ", "u") not in ("v", "mv", "uv", "volts", "")
-        ):
+        electric = unit.lower().replace("µ", "u") in ("v", "mv", "uv", "volts", "")
+        if name in plates or NOT_EMG.search(name) or not electric:
             continue
         volts.append(name)
         if EMG_NAME.search(name):

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, legal, number, numbers, read_document
+from myomorph.io.osim.document import Node, child, legal, put, read_document
 from myomorph.io.osim.joints import plain_name
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadFile, UnknownName
@@ -19,7 +20,6 @@ from myomorph.model.series import Table
 from myomorph.model.spatial import Transform
 
 KINDS = ("CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointActuator")
-ZEROS = (0.0, 0.0, 0.0)
 OLD = 10905
 
 BEFORE = (
@@ -32,57 +32,47 @@ AFTER = ("<min_nodes />", "<max_nodes />", "<kp>100</kp>", "<kv>20</kv>")
 
 def read_actuator(node: Node) -> Actuator:
     """An ideal actuator with the names the file gives, not yet looked up in a model."""
-    low = node.number("min_control", -np.inf, infinite=True)
-    high = node.number("max_control", np.inf, infinite=True)
-    enabled = node.is_applied
-    name, force = node.name, node.number("optimal_force", 1.0)
+    old = node.document.version < OLD
+    common: dict[str, Any] = {
+        "optimal_force": node.number("optimal_force", 1.0),
+        "min_control": node.number("min_control", -np.inf, infinite=True),
+        "max_control": node.number("max_control", np.inf, infinite=True),
+        "enabled": node.is_applied,
+    }
     if node.kind == "CoordinateActuator":
-        coordinate = plain_name(node.text("", "coordinate"))
-        return Actuator(name, "coordinate", force, low, high, coordinate=coordinate, enabled=enabled)
+        return Actuator(node.name, "coordinate", coordinate=plain_name(node.text("", "coordinate")), **common)
     if node.kind == "TorqueActuator":
-        old = node.document.version < OLD
-        body, other = ("body_B", "body_A") if old else ("bodyA", "bodyB")
         axis = node.vector("direction_A" if old else "axis", (0.0, 0.0, 1.0)) * (-1.0 if old else 1.0)
         return Actuator(
-            name,
+            node.name,
             "torque",
-            force,
-            low,
-            high,
-            body=_body(node, body),
-            other_body=_body(node, other),
+            body=_body(node, "body_B" if old else "bodyA"),
+            other_body=_body(node, "body_A" if old else "bodyB"),
             direction=axis,
             direction_is_global=node.flag("torque_is_global", True),
-            enabled=enabled,
+            **common,
         )
     if node.kind == "PointActuator":
-        old = node.document.version < OLD
         direction = node.vector("direction_A" if old else "direction", (1.0, 0.0, 0.0)) * (-1.0 if old else 1.0)
         return Actuator(
-            name,
+            node.name,
             "point",
-            force,
-            low,
-            high,
             body=_body(node, "body_B" if old else "body"),
-            point=node.vector("point_B" if old else "point", ZEROS),
+            point=node.vector("point_B" if old else "point"),
             direction=direction,
             point_is_global=node.flag("point_is_global", False),
             direction_is_global=node.flag("force_is_global", old),
-            enabled=enabled,
+            **common,
         )
     return Actuator(
-        name,
+        node.name,
         "point_to_point",
-        force,
-        low,
-        high,
         body=_body(node, "bodyA"),
         other_body=_body(node, "bodyB"),
-        point=node.vector("pointA", ZEROS),
-        other_point=node.vector("pointB", ZEROS),
+        point=node.vector("pointA"),
+        other_point=node.vector("pointB"),
         point_is_global=node.flag("points_are_global", False),
-        enabled=enabled,
+        **common,
     )
 
 
@@ -122,37 +112,24 @@ def placed_actuator(
 
 def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
     """An ideal actuator."""
-    kinds = {
-        "coordinate": "CoordinateActuator",
-        "torque": "TorqueActuator",
-        "point": "PointActuator",
-        "point_to_point": "PointToPointActuator",
-    }
+    kinds = dict(zip(("coordinate", "torque", "point", "point_to_point"), KINDS, strict=True))
     element = child(parent, kinds[actuator.kind], name=actuator.name)
-    child(element, "appliesForce", str(actuator.enabled).lower())
-    child(element, "min_control", number(actuator.min_control))
-    child(element, "max_control", number(actuator.max_control))
-    child(element, "optimal_force", number(actuator.optimal_force))
-    is_global = str(actuator.point_is_global).lower(), str(actuator.direction_is_global).lower()
+    put(element, appliesForce=actuator.enabled, min_control=actuator.min_control, max_control=actuator.max_control)
+    put(element, optimal_force=actuator.optimal_force)
+    points, turned = actuator.point_is_global, actuator.direction_is_global
     if actuator.kind == "coordinate":
-        child(element, "coordinate", legal(actuator.coordinate))
+        put(element, coordinate=legal(actuator.coordinate))
     elif actuator.kind == "point":
-        child(element, "body", legal(actuator.body))
-        child(element, "point", numbers(actuator.point))
-        child(element, "point_is_global", is_global[0])
-        child(element, "direction", numbers(actuator.direction))
-        child(element, "force_is_global", is_global[1])
+        put(element, body=legal(actuator.body), point=actuator.point, point_is_global=points)
+        put(element, direction=actuator.direction, force_is_global=turned)
     else:
-        child(element, "bodyA", legal(actuator.body))
+        put(element, bodyA=legal(actuator.body))
         if actuator.other_body:
-            child(element, "bodyB", legal(actuator.other_body))
+            put(element, bodyB=legal(actuator.other_body))
         if actuator.kind == "torque":
-            child(element, "torque_is_global", is_global[1])
-            child(element, "axis", numbers(actuator.direction))
+            put(element, torque_is_global=turned, axis=actuator.direction)
         else:
-            child(element, "points_are_global", is_global[0])
-            child(element, "pointA", numbers(actuator.point))
-            child(element, "pointB", numbers(actuator.other_point))
+            put(element, points_are_global=points, pointA=actuator.point, pointB=actuator.other_point)
 
 
 def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> tuple[Actuator, ...]:

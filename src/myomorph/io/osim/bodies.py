@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, number, numbers
+from myomorph.io.osim.document import Node, child, put
 from myomorph.io.osim.frames import OFFSET_KINDS, Frames, body_path, euler, is_still, write_offset_frame
 from myomorph.io.osim.kept import put_back
 from myomorph.model.arrays import Array
@@ -16,10 +16,17 @@ from myomorph.model.model import GROUND, Body, Frame, Kept, Mesh, Model
 from myomorph.model.paths import WrapObject
 from myomorph.model.spatial import Transform
 
-ONES, ZEROS = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+ONES = (1.0, 1.0, 1.0)
 QUADRANTS = {"all": "", "unassigned": "", "": ""} | {
     sign + axis: (sign or "+") + axis for sign in ("", "+", "-") for axis in "xyz"
 }
+WRAPS: dict[str, tuple[str, dict[str, float]]] = {
+    "WrapCylinder": ("cylinder", {"radius": 1.0, "length": 1.0}),
+    "WrapSphere": ("sphere", {"radius": 0.05}),
+    "WrapTorus": ("torus", {"inner_radius": 0.01, "outer_radius": 0.05}),
+    "WrapEllipsoid": ("ellipsoid", {}),
+}
+"""By class its shape, and its sizes with their defaults [m]."""
 PRIMITIVES = {"Sphere": "sphere", "Cylinder": "cylinder", "Ellipsoid": "ellipsoid", "Brick": "box"}
 
 
@@ -30,7 +37,7 @@ def read_body(node: Node) -> Body:
         raise node.bad("has no mass", "expected <mass> in kg, 0 for none")
     if mass < 0:
         raise BadModel(f"{node.document.path}: body '{node.name}' has mass {mass:g} kg: a mass cannot be negative")
-    return Body(node.name, mass, node.vector("mass_center", ZEROS), _inertia(node), read_meshes(node))
+    return Body(node.name, mass, node.vector("mass_center"), _inertia(node), read_meshes(node))
 
 
 def _inertia(node: Node) -> Array:
@@ -82,10 +89,9 @@ def _geometry(node: Node, pose: Transform) -> list[Mesh]:
         elif one.kind in PRIMITIVES:
             meshes.append(Mesh("", pose, _half_sizes(one) * one.vector("scale_factors", ONES), PRIMITIVES[one.kind]))
     for inner in node.items("components"):
-        if inner.kind in OFFSET_KINDS and inner.kind != "StationDefinedFrame":
-            offset = Transform.from_euler_xyz(inner.vector("orientation", ZEROS), inner.vector("translation", ZEROS))
-            if inner.socket("parent") in ("..", node.path, ""):
-                meshes += _geometry(inner, pose @ offset)
+        offset = inner.kind in OFFSET_KINDS and inner.kind != "StationDefinedFrame"
+        if offset and inner.socket("parent") in ("..", node.path, ""):
+            meshes += _geometry(inner, pose @ inner.pose("orientation", "translation"))
     return meshes
 
 
@@ -112,19 +118,14 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
     quadrant = node.text("all", "quadrant").lower()
     if quadrant not in QUADRANTS:
         raise node.bad(f"its quadrant is '{quadrant}'", "expected all, x, -x, y, -y, z or -z")
-    pose = frame @ Transform.from_euler_xyz(node.vector("xyz_body_rotation", ZEROS), node.vector("translation", ZEROS))
-    kinds = {
-        "WrapCylinder": ("cylinder", (("radius", 1.0), ("length", 1.0))),
-        "WrapSphere": ("sphere", (("radius", 0.05),)),
-        "WrapTorus": ("torus", (("inner_radius", 0.01), ("outer_radius", 0.05))),
-    }
-    if node.kind in kinds:
-        kind, sizes = kinds[node.kind]
-        size = tuple(node.number(tag, default, infinite=tag == "length") for tag, default in sizes)
-    elif node.kind == "WrapEllipsoid":
-        kind, size = "ellipsoid", tuple(float(one) for one in node.vector("dimensions", (0.05, 0.05, 0.05)))
-    else:
+    pose = frame @ node.pose("xyz_body_rotation", "translation")
+    if node.kind not in WRAPS:
         raise BadModel(f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built")
+    kind, tags = WRAPS[node.kind]
+    if kind == "ellipsoid":
+        size = tuple(float(one) for one in node.vector("dimensions", (0.05, 0.05, 0.05)))
+    else:
+        size = tuple(node.number(tag, default, infinite=tag == "length") for tag, default in tags.items())
     if min(size) < 0:
         raise node.bad(f"has size {size}", "expected positive numbers")
     active = node.flag("active", True)
@@ -139,10 +140,8 @@ def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept
     element = child(parent, "Body", name=body.name)
     write_body_parts(element, body.name, body.meshes, model, kept)
     inertia = body.inertia
-    child(element, "mass", number(body.mass))
-    child(element, "mass_center", numbers(body.mass_center))
-    six = (inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2])
-    child(element, "inertia", numbers(six))
+    six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    put(element, mass=body.mass, mass_center=body.mass_center, inertia=six)
 
 
 def write_body_parts(
@@ -181,10 +180,8 @@ def _free_name(stem: str, taken: Iterable[str]) -> str:
 
 
 def _close(first: Transform, second: Transform) -> bool:
-    return bool(
-        np.allclose(first.rotation, second.rotation, rtol=0, atol=1e-14)
-        and np.allclose(first.translation, second.translation, rtol=0, atol=1e-14)
-    )
+    pairs = ((first.rotation, second.rotation), (first.translation, second.translation))
+    return all(np.allclose(*both, rtol=0, atol=1e-14) for both in pairs)
 
 
 def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> None:
@@ -198,30 +195,21 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
         if kind is None:
             continue
         one = child(holder, kind, name=f"{name}_geom_{len(holder) + 1}")
-        child(one, "socket_frame", "..")
+        put(one, socket_frame="..")
         if mesh.file:
-            child(one, "scale_factors", numbers(mesh.scale))
-            child(one, "mesh_file", mesh.file)
+            put(one, scale_factors=mesh.scale, mesh_file=mesh.file)
         elif kind == "Sphere":
-            child(one, "radius", number(mesh.scale[0]))
+            put(one, radius=mesh.scale[0])
         elif kind == "Cylinder":
-            child(one, "radius", number(mesh.scale[0]))
-            child(one, "half_height", number(mesh.scale[1]))
+            put(one, radius=mesh.scale[0], half_height=mesh.scale[1])
         else:
-            child(one, "radii" if kind == "Ellipsoid" else "half_lengths", numbers(mesh.scale))
+            put(one, **{"radii" if kind == "Ellipsoid" else "half_lengths": mesh.scale})
 
 
 def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
-    kinds = {"cylinder": "WrapCylinder", "sphere": "WrapSphere", "ellipsoid": "WrapEllipsoid", "torus": "WrapTorus"}
-    element = child(parent, kinds[wrap.kind], name=wrap.name)
-    child(element, "active", str(wrap.active).lower())
-    child(element, "xyz_body_rotation", numbers(euler(wrap.pose.rotation)))
-    child(element, "translation", numbers(wrap.pose.translation))
-    child(element, "quadrant", wrap.quadrant or "all")
+    kind, tags = next((kind, tags) for kind, (shape, tags) in WRAPS.items() if shape == wrap.kind)
+    element = child(parent, kind, name=wrap.name)
+    put(element, active=wrap.active, xyz_body_rotation=euler(wrap.pose.rotation), translation=wrap.pose.translation)
+    put(element, quadrant=wrap.quadrant or "all")
     size = [one if np.isfinite(one) else 100.0 for one in wrap.size]
-    if wrap.kind == "ellipsoid":
-        child(element, "dimensions", numbers(size))
-    else:
-        tags = {"cylinder": ("radius", "length"), "sphere": ("radius",), "torus": ("inner_radius", "outer_radius")}
-        for tag, value in zip(tags[wrap.kind], size, strict=True):
-            child(element, tag, number(value))
+    put(element, **({"dimensions": size} if wrap.kind == "ellipsoid" else dict(zip(tags, size, strict=True))))

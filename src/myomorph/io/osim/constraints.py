@@ -8,7 +8,7 @@ import numpy as np
 from lxml import etree
 from numpy.polynomial import polynomial as poly
 
-from myomorph.io.osim.document import Node, child, legal, number, numbers
+from myomorph.io.osim.document import Node, child, legal, put
 from myomorph.io.osim.frames import Frames, body_path, write_offset_frame
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
@@ -20,6 +20,7 @@ from myomorph.model.paths import Bushing, PassiveTorque
 from myomorph.model.spatial import Transform
 
 BUSHING = "BushingForce"
+BUSHING_PARTS = ("rotational_stiffness", "rotational_damping", "translational_stiffness", "translational_damping")
 KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")
 
 
@@ -60,7 +61,7 @@ def _loop(node: Node, frames: Frames) -> Loop:
         ends = []
         for i in "12":
             body, _ = frames.place(node.socket(f"body_{i}"), node)
-            ends.append((body, Transform.from_euler_xyz((0, 0, 0), node.vector(f"location_body_{i}", (0.0, 0.0, 0.0)))))
+            ends.append((body, Transform(np.eye(3), node.vector(f"location_body_{i}"))))
     else:
         ends = [tied_frame(node, frames, i) for i in "12"]
     (body_1, pose_1), (body_2, pose_2) = ends
@@ -71,9 +72,7 @@ def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
     """Body and pose of the first ("1") or second ("2") frame of what links two, in any version's layout."""
     text = node.socket(f"frame{i}", f"body_{i}")
     body, pose = frames.place(text, node)
-    place = node.vector(f"location_body_{i}", (0.0, 0.0, 0.0))
-    turn = node.vector(f"orientation_body_{i}", (0.0, 0.0, 0.0))
-    return body, pose @ Transform.from_euler_xyz(turn, place)
+    return body, pose @ node.pose(f"orientation_body_{i}", f"location_body_{i}")
 
 
 def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tuple[PassiveTorque, ...]:
@@ -114,11 +113,7 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
         if node.kind != BUSHING or not node.is_applied:
             continue
         (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
-        parts = {
-            f"{what}_{part}": node.vector(f"{what}_{part}", (0.0, 0.0, 0.0))
-            for what in ("rotational", "translational")
-            for part in ("stiffness", "damping")
-        }
+        parts = {part: node.vector(part) for part in BUSHING_PARTS}
         found.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
     return tuple(found)
 
@@ -181,33 +176,28 @@ def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list
         warnings.append(f"passive torque '{passive.name}' is left out: it is constant")
         return
     element = child(parent, "SpringGeneralizedForce", name=passive.name)
-    child(element, "coordinate", legal(passive.coordinate))
-    child(element, "stiffness", number(-slope))
-    child(element, "rest_length", number(-at_zero / slope if slope else 0.0))
-    child(element, "viscosity", number(float(damping(0.0))))
+    put(element, coordinate=legal(passive.coordinate), stiffness=-slope)
+    put(element, rest_length=-at_zero / slope if slope else 0.0, viscosity=float(damping(0.0)))
 
 
 def write_bushing(parent: etree._Element, bushing: Bushing) -> None:
     """Springs and dampers between two frames."""
-    element = child(parent, "BushingForce", name=bushing.name)
+    element = child(parent, BUSHING, name=bushing.name)
     _write_ends(element, bushing)
-    for what in ("rotational", "translational"):
-        for part in ("stiffness", "damping"):
-            child(element, f"{what}_{part}", numbers(getattr(bushing, f"{what}_{part}")))
+    put(element, **{part: getattr(bushing, part) for part in BUSHING_PARTS})
 
 
 def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str]) -> None:
     """A coordinate coupler."""
     element = child(parent, "CoordinateCouplerConstraint", name=coupler.name)
-    child(element, "isEnforced", "true")
+    put(element, isEnforced=True)
     holder = child(element, "coupled_coordinates_function")
     names = coupler.independents
     write_function(holder, coupler.function, f"coupler '{coupler.name}'", warnings)
     if not names:
         warnings.append(f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is")
-    child(element, "independent_coordinate_names", " ".join(legal(name) for name in names))
-    child(element, "dependent_coordinate_name", legal(coupler.dependent))
-    child(element, "scale_factor", "1")
+    put(element, independent_coordinate_names=" ".join(legal(name) for name in names))
+    put(element, dependent_coordinate_name=legal(coupler.dependent), scale_factor="1")
 
 
 def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
@@ -216,7 +206,7 @@ def write_loop(parent: etree._Element, loop: Loop, warnings: list[str]) -> None:
         element = child(parent, "PointConstraint", name=loop.name)
         for i, body, pose in (("1", loop.body_1, loop.pose_1), ("2", loop.body_2, loop.pose_2)):
             child(element, f"socket_body_{i}", body_path(body))
-            child(element, f"location_body_{i}", numbers(pose.translation))
+            put(element, **{f"location_body_{i}": pose.translation})
     elif loop.kind in ("WeldConstraint", "weld"):
         element = child(parent, "WeldConstraint", name=loop.name)
         _write_ends(element, loop)

@@ -18,6 +18,7 @@ from myomorph.io.parsing.text import written
 from myomorph.io.parsing.xml import read_xml
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
+from myomorph.model.spatial import Transform
 
 OLDEST, NEWEST = 10901, 40600
 RENAMED = {
@@ -154,7 +155,7 @@ class Node:
             raise self.bad(f"'{tag}' has {len(values)} numbers", "expected one")
         return float(values[0])
 
-    def vector(self, tag: str, default: tuple[float, ...], infinite: bool = False) -> Array:
+    def vector(self, tag: str, default: tuple[float, ...] = (0.0, 0.0, 0.0), infinite: bool = False) -> Array:
         """A property of as many numbers as its default."""
         values = self.numbers(tag, None, infinite)
         if values is None or not len(values):
@@ -162,6 +163,10 @@ class Node:
         if len(values) != len(default):
             raise self.bad(f"'{tag}' has {len(values)} numbers", f"expected {len(default)}")
         return values
+
+    def pose(self, turn: str, place: str) -> Transform:
+        """A pose by two properties: body-fixed X, Y, Z angles [rad] and a position [m], zero where they are absent."""
+        return Transform.from_euler_xyz(self.vector(turn), self.vector(place))
 
     def numbers(self, tag: str, default: Array | None = None, infinite: bool = False) -> Array | None:
         """A property that is a list of numbers."""
@@ -270,6 +275,14 @@ def child(parent: etree._Element, tag: str, text: str = "", name: str = "") -> e
     if text:
         element.text = text
     return element
+
+
+def put(parent: etree._Element, **properties: str | bool | ArrayLike) -> None:
+    """Properties of an object, in this order: texts, truths, numbers, or lists of numbers."""
+    for tag, value in properties.items():
+        if isinstance(value, bool):
+            value = str(value).lower()
+        child(parent, tag, value if isinstance(value, str) else numbers(value))
 
 
 def write_document(root: etree._Element, path: str | os.PathLike[str]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, joined, legal, numbers
+from myomorph.io.osim.document import Node, child, joined, legal, put
 from myomorph.model.arrays import Array
 from myomorph.model.errors import UnknownName
 from myomorph.model.model import GROUND, Frame
@@ -61,15 +61,12 @@ class Frames:
         """Body and location of the station that `user` names."""
         node = self._stations[self._find(text, user, self._stations, "station")]
         body, pose = self.place(node.socket("parent_frame", "body"), node)
-        return body, pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
+        return body, pose.apply(node.vector("location"))
 
     def stations(self) -> list[tuple[str, str, Array]]:
         """Name, body and location in the body of every station and marker."""
-        found = []
-        for path, node in self._stations.items():
-            if node.name:
-                found.append((node.name, *self.station(path, node)))
-        return found
+        named = {path: node for path, node in self._stations.items() if node.name}
+        return [(node.name, *self.station(path, node)) for path, node in named.items()]
 
     def _find(self, text: str, user: Node, where: Mapping[str, object], kind: str) -> str:
         path = joined(user.path, text)
@@ -100,10 +97,7 @@ class Frames:
 
     def _offset(self, node: Node) -> tuple[str, Transform]:
         body, pose = self.place(node.socket("parent"), node)
-        offset = Transform.from_euler_xyz(
-            node.vector("orientation", (0.0, 0.0, 0.0)), node.vector("translation", (0.0, 0.0, 0.0))
-        )
-        return body, pose @ offset
+        return body, pose @ node.pose("orientation", "translation")
 
     def _from_stations(self, node: Node) -> tuple[str, Transform]:
         """Axes along b - a, along (b - a) x (c - a), and across both."""
@@ -161,9 +155,7 @@ def is_still(pose: Transform) -> bool:
 def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
     """A PhysicalOffsetFrame on the frame at component path `base`."""
     frame = child(parent, "PhysicalOffsetFrame", name=name)
-    child(frame, "socket_parent", base)
-    child(frame, "translation", numbers(pose.translation))
-    child(frame, "orientation", numbers(euler(pose.rotation)))
+    put(frame, socket_parent=base, translation=pose.translation, orientation=euler(pose.rotation))
     return frame
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, number, numbers
+from myomorph.io.osim.document import Node, child, put
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import (
@@ -20,16 +20,9 @@ from myomorph.model.functions import (
 )
 
 KNOWN = (
-    "Constant",
-    "LinearFunction",
-    "PolynomialFunction",
-    "SimmSpline",
-    "PiecewiseLinearFunction",
-    "MultiplierFunction",
-    "Sine",
-    "GCVSpline",
-    "StepFunction",
-)
+    "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "PiecewiseLinearFunction", "MultiplierFunction",
+    "Sine", "GCVSpline", "StepFunction",
+)  # fmt: skip
 
 SAMPLES = 401
 
@@ -57,10 +50,8 @@ def read_function(node: Node, user: Node) -> Function:
             raise node.bad("has no function inside")
         return read_function(inner, user).scaled(node.number("scale", 1.0))
     if kind == "Sine":
-        frequency, phase = node.number("omega", 1.0), node.number("phase", 0.0)
-        return SineProduct(
-            node.number("amplitude", 1.0), np.array([frequency]), np.array([phase]), node.number("offset", 0.0)
-        )
+        omega, phase = (np.array([node.number(*one)]) for one in (("omega", 1.0), ("phase", 0.0)))
+        return SineProduct(node.number("amplitude", 1.0), omega, phase, node.number("offset", 0.0))
     if kind == "StepFunction":
         return _step(node)
     if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
@@ -139,10 +130,8 @@ def write_function(parent: etree._Element, function: Function, user: str, warnin
             _polynomial(parent, np.array([function.offset]))
             return
         sine = child(parent, "Sine")
-        child(sine, "amplitude", number(function.factor))
-        child(sine, "omega", number(function.frequencies[0]))
-        child(sine, "phase", number(function.phases[0]))
-        child(sine, "offset", number(function.offset))
+        put(sine, amplitude=function.factor, omega=function.frequencies[0], phase=function.phases[0])
+        put(sine, offset=function.offset)
     elif len(function.breaks) == 1:
         _polynomial(parent, _moved(function.coefficients[0], -float(function.breaks[0])))
     else:
@@ -158,11 +147,10 @@ def _moved(coefficients: Array, by: float) -> Array:
 
 def _polynomial(parent: etree._Element, coefficients: Array) -> None:
     if len(coefficients) == 1:
-        child(child(parent, "Constant"), "value", number(coefficients[0]))
-    elif len(coefficients) == 2:
-        child(child(parent, "LinearFunction"), "coefficients", numbers(coefficients[::-1]))
+        put(child(parent, "Constant"), value=coefficients[0])
     else:
-        child(child(parent, "PolynomialFunction"), "coefficients", numbers(coefficients[::-1]))
+        kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
+        put(child(parent, kind), coefficients=coefficients[::-1])
 
 
 def _pieces(parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]) -> None:
@@ -172,19 +160,14 @@ def _pieces(parent: etree._Element, function: PiecewisePolynomial, user: str, wa
     half = (degree + 1) // 2
     if degree == 5 and len(x) == 2 and same(function, smooth_step(x[0], x[1], y[0], y[1])):
         step = child(parent, "StepFunction")
-        for tag, value in zip(("transition_start_time", "transition_end_time"), x, strict=True):
-            child(step, tag, number(value))
-        for tag, value in zip(("start_value", "end_value"), y, strict=True):
-            child(step, tag, number(value))
+        put(step, transition_start_time=x[0], transition_end_time=x[1], start_value=y[0], end_value=y[1])
     elif degree == 3 and same(function, simm_spline(x, y)):
         _sampled_points(parent, "SimmSpline", x, y)
     elif degree == 1 and same(function, piecewise_linear(*_with_end(function, x, y))):
         _sampled_points(parent, "PiecewiseLinearFunction", *_with_end(function, x, y))
     elif degree % 2 and len(x) > degree and same(function, natural_spline(x, y, half)):
         spline = _sampled_points(parent, "GCVSpline", x, y)
-        child(spline, "half_order", str(half))
-        child(spline, "error_variance", "0")
-        child(spline, "weights", numbers(np.ones(len(x))))
+        put(spline, half_order=str(half), error_variance="0", weights=np.ones(len(x)))
     else:
         _sampled(parent, function, user, warnings)
 
@@ -206,8 +189,7 @@ def same(first: PiecewisePolynomial, second: PiecewisePolynomial) -> bool:
 
 def _sampled_points(parent: etree._Element, kind: str, x: Array, y: Array) -> etree._Element:
     element = child(parent, kind)
-    child(element, "x", numbers(x))
-    child(element, "y", numbers(y))
+    put(element, x=x, y=y)
     return element
 
 

@@ -80,18 +80,10 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
         renamed = zip(given, names, strict=True)
         given = tuple(replace(one, name=name, motion=_motion(axes, name)) for one, name in renamed)
     (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(node, frames, old_child)
+    name, own = node.name or kind.lower(), tuple(one.name for one in given)
     joint = Joint(
-        node.name or kind.lower(),
-        kind,
-        parent,
-        child,
-        parent_frame,
-        child_frame,
-        axes,
-        tuple(one.name for one in given),
-        parent_name,
-        child_name,
-    )
+        name, kind, parent, child, parent_frame, child_frame, axes, own, parent_name, child_name
+    )  # fmt: skip
     return ReadJoint(joint, given)
 
 
@@ -102,7 +94,7 @@ def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
 
 def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
     ends = []
-    old = {"parent": ("location_in_parent", "orientation_in_parent"), "child": ("location", "orientation")}
+    old = {"parent": ("orientation_in_parent", "location_in_parent"), "child": ("orientation", "location")}
     for end in ("parent", "child"):
         text = node.socket(f"{end}_frame", f"{end}_body")
         if not text and end == "child":
@@ -112,11 +104,9 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
         body, pose = frames.place(text, node)
         name = plain_name(text)
         name = "" if name == body else name
-        where, turned = old[end]
         if node.document.version < 30505:
-            place = node.vector(where if node.find(where) is not None else f"{where}_in_child", (0.0, 0.0, 0.0))
-            turn = node.vector(turned if node.find(turned) is not None else f"{turned}_in_child", (0.0, 0.0, 0.0))
-            pose = pose @ Transform.from_euler_xyz(turn, place)
+            given = (tag if node.find(tag) is not None else f"{tag}_in_child" for tag in old[end])
+            pose = pose @ node.pose(*given)
             name = f"{name or body}_offset"
         ends.append((body, pose, name))
     parent, child = ends
@@ -251,13 +241,10 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
     A scapulothoracic joint turns that ellipsoid by 90 degrees about z and adds winging about an
     axis in the plane that touches it.
     """
-    quarter = np.eye(3)
-    if node.kind == "ScapulothoracicJoint":
-        quarter = QUARTER_TURN
-        radii = node.vector("thoracic_ellipsoid_radii_x_y_z", (np.nan,) * 3)
-        radii = radii[[1, 0, 2]]
-    else:
-        radii = node.vector("radii_x_y_z", (np.nan,) * 3)
+    winged = node.kind == "ScapulothoracicJoint"
+    quarter = QUARTER_TURN if winged else np.eye(3)
+    radii = node.vector("thoracic_ellipsoid_radii_x_y_z" if winged else "radii_x_y_z", (np.nan,) * 3)
+    radii = radii[[1, 0, 2]] if winged else radii
     if not np.all(radii > 0):
         raise node.bad(f"has ellipsoid radii {radii}", "expected three positive numbers")
     a, b, c = names[:3]
@@ -269,7 +256,7 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
     )
     axes = [Axis("translation", quarter[:, i], function, over) for i, (function, over) in enumerate(slides)]
     axes += [Axis("rotation", quarter[:, i], linear(1.0), (name,)) for i, name in enumerate((a, b, c))]
-    if node.kind == "ScapulothoracicJoint":
+    if winged:
         angle = node.number("scapula_winging_axis_direction", 0.0)
         origin = np.array([*node.vector("scapula_winging_axis_origin", (0.0, 0.0)), 0.0])
         winging = np.array([-np.sin(angle), np.cos(angle), 0.0])

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from lxml import etree
 
-from myomorph.io.osim.document import NEWEST, Node, child, numbers, read_document, write_document
+from myomorph.io.osim.document import NEWEST, Node, child, put, read_document, write_document
 from myomorph.io.osim.frames import Frames, body_path
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
@@ -26,20 +26,34 @@ def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker,
         A marker is on a body or frame that the model does not have.
     """
     node = read_document(path, ("MarkerSet",), "an OpenSim MarkerSet")
-    inside = node.element.find("objects")
-    holder = node.element if inside is None else inside
-    found: dict[str, Marker] = {}
-    for element in holder.findall("Marker"):
-        marker = node.node(element)
-        if not marker.name:
-            raise marker.bad("has no name")
-        found[marker.name] = _marker(marker, model)
-    return tuple(found.values())
+    return tuple({one.name: _marker(one, model) for one in named_markers(node)}.values())
+
+
+def named_markers(marker_set: Node) -> list[Node]:
+    """The markers of a MarkerSet.
+
+    Raises
+    ------
+    BadFile
+        A marker has no name.
+    """
+    inside = marker_set.element.find("objects")
+    holder = marker_set.element if inside is None else inside
+    found = [marker_set.node(element) for element in holder.findall("Marker")]
+    for one in found:
+        if not one.name:
+            raise one.bad("has no name")
+    return found
+
+
+def holder_of(marker: Node) -> str:
+    """Name of the body or frame that a marker of a MarkerSet is on."""
+    return marker.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
 
 
 def _marker(node: Node, model: Model) -> Marker:
-    name = node.socket("parent_frame", "body").rstrip("/").rsplit("/", 1)[-1]
-    location = node.vector("location", (0.0, 0.0, 0.0))
+    name = holder_of(node)
+    location = node.vector("location")
     places = {frame.name: (frame.body, frame.pose) for frame in model.frames}
     places |= {body: (body, Transform.identity()) for body in (GROUND, *model.body_names)}
     if name not in places:
@@ -60,9 +74,7 @@ def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
 def put_marker(parent: etree._Element, marker: Marker) -> None:
     """A marker as OpenSim 4 writes it."""
     element = child(parent, "Marker", name=marker.name)
-    child(element, "socket_parent_frame", body_path(marker.body))
-    child(element, "location", numbers(marker.location))
-    child(element, "fixed", str(marker.fixed).lower())
+    put(element, socket_parent_frame=body_path(marker.body), location=marker.location, fixed=marker.fixed)
 
 
 def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) -> None:
@@ -70,10 +82,7 @@ def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) 
     root = etree.Element("OpenSimDocument", Version=str(NEWEST))
     objects = child(child(root, "ScaleSet", name="ScaleSet"), "objects")
     for body, factor in factors.items():
-        element = child(objects, "Scale")
-        child(element, "scales", numbers(factor))
-        child(element, "segment", body)
-        child(element, "apply", "true")
+        put(child(objects, "Scale"), scales=factor, segment=body, apply=True)
     write_document(root, path)
 
 
@@ -84,7 +93,5 @@ def read_markers(node: Node, frames: Frames) -> list[Marker]:
         if one.kind != "Marker":
             continue
         body, pose = frames.place(one.socket("parent_frame", "body"), one)
-        markers.append(
-            Marker(one.name, body, pose.apply(one.vector("location", (0.0, 0.0, 0.0))), one.flag("fixed", False))
-        )
+        markers.append(Marker(one.name, body, pose.apply(one.vector("location")), one.flag("fixed", False)))
     return markers

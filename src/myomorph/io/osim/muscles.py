@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, number
+from myomorph.io.osim.document import Node, child, put
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.paths import PathReader, write_path
 from myomorph.model.errors import BadModel
@@ -28,49 +28,28 @@ exact for every class and pose.
 
 FORM = re.compile(r"\(?\+?(\d+\.?\d*(?:[eE][-+]?\d+)?)\)?\*ldot")
 
-DEFAULTS = {
-    "Thelen2003Muscle": {"min_control": 0.01},
-    "Millard2012EquilibriumMuscle": {"min_control": 0.01},
-    "Millard2012AccelerationMuscle": {},
-    "DeGrooteFregly2016Muscle": {},
-    "MeyerFregly2016Muscle": {},
-    "RigidTendonMuscle": {},
-    "Thelen2003Muscle_Deprecated": {},
-    "Schutte1993Muscle_Deprecated": {},
-    "Delp1990Muscle_Deprecated": {},
-}
-NOT_PARAMETERS = frozenset(
-    {
-        "isDisabled",
-        "appliesForce",
-        "min_control",
-        "max_control",
-        "optimal_force",
-        "max_isometric_force",
-        "optimal_fiber_length",
-        "tendon_slack_length",
-        "pennation_angle_at_optimal",
-        "pennation_angle",
-        "max_contraction_velocity",
-        "Vmax",
-    }
-)
+DEFAULTS: dict[str, float] = dict.fromkeys(("Thelen2003Muscle", "Millard2012EquilibriumMuscle"), 0.01) | dict.fromkeys(
+    (
+        "Millard2012AccelerationMuscle", "DeGrooteFregly2016Muscle", "MeyerFregly2016Muscle", "RigidTendonMuscle",
+        "Thelen2003Muscle_Deprecated", "Schutte1993Muscle_Deprecated", "Delp1990Muscle_Deprecated",
+    ),
+    0.0,
+)  # fmt: skip
+"""By class that is built, the least control where the file gives none."""
+
+NOT_PARAMETERS = frozenset((
+    "isDisabled", "appliesForce", "min_control", "max_control", "optimal_force", "max_isometric_force",
+    "optimal_fiber_length", "tendon_slack_length", "pennation_angle_at_optimal", "pennation_angle",
+    "max_contraction_velocity", "Vmax",
+))  # fmt: skip
 CURVES = (
-    "ActiveForceLengthCurve",
-    "ForceVelocityCurve",
-    "FiberForceLengthCurve",
-    "TendonForceLengthCurve",
-    "FiberCompressiveForceLengthCurve",
-    "FiberCompressiveForceCosPennationCurve",
-    "MuscleFirstOrderActivationDynamicModel",
-    "MuscleFixedWidthPennationModel",
-)
+    "ActiveForceLengthCurve", "ForceVelocityCurve", "FiberForceLengthCurve", "TendonForceLengthCurve",
+    "FiberCompressiveForceLengthCurve", "FiberCompressiveForceCosPennationCurve",
+    "MuscleFirstOrderActivationDynamicModel", "MuscleFixedWidthPennationModel",
+)  # fmt: skip
 FREE_CURVES = (
-    "tendon_force_length_curve",
-    "active_force_length_curve",
-    "passive_force_length_curve",
-    "force_velocity_curve",
-)
+    "tendon_force_length_curve", "active_force_length_curve", "passive_force_length_curve", "force_velocity_curve",
+)  # fmt: skip
 FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})
 FOREIGN = "Millard2012EquilibriumMuscle"
 
@@ -162,10 +141,10 @@ def _free_curves(node: Node) -> dict[str, Function]:
 
 def _controls(node: Node) -> tuple[float, float]:
     """Bounds of the control; before 4.0 a lower bound of 0 was a slip, and the class's own counts."""
-    low = node.number("min_control", DEFAULTS[node.kind].get("min_control", 0.0), infinite=True)
+    low = node.number("min_control", DEFAULTS[node.kind], infinite=True)
     high = node.number("max_control", 1.0, infinite=True)
     if node.document.version < 30513 and low == 0.0:
-        low = DEFAULTS[node.kind].get("min_control", 0.0)
+        low = DEFAULTS[node.kind]
     return low, high
 
 
@@ -205,23 +184,20 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
         warnings.append(f"muscles of kind '{kind}' are written as {FOREIGN}: their force will differ")
         kind = FOREIGN
     element = child(parent, kind, name=muscle.name)
-    child(element, "appliesForce", str(muscle.enabled).lower())
-    child(element, "min_control", number(muscle.min_activation))
-    child(element, "max_control", number(muscle.max_activation))
+    put(element, appliesForce=muscle.enabled, min_control=muscle.min_activation, max_control=muscle.max_activation)
     write_path(element, muscle.name, muscle.path, joints, warnings)
-    for tag, value in (
-        ("max_isometric_force", muscle.max_isometric_force),
-        ("optimal_fiber_length", muscle.optimal_fiber_length),
-        ("tendon_slack_length", muscle.tendon_slack_length),
-        ("pennation_angle_at_optimal", muscle.pennation_at_optimal),
-        ("max_contraction_velocity", muscle.max_contraction_velocity),
-    ):
-        child(element, tag, number(value))
+    put(
+        element,
+        max_isometric_force=muscle.max_isometric_force,
+        optimal_fiber_length=muscle.optimal_fiber_length,
+        tendon_slack_length=muscle.tendon_slack_length,
+        pennation_angle_at_optimal=muscle.pennation_at_optimal,
+        max_contraction_velocity=muscle.max_contraction_velocity,
+    )
     if kind == "Thelen2003Muscle_Deprecated":
-        child(element, "Vmax", number(muscle.max_contraction_velocity))
+        put(element, Vmax=muscle.max_contraction_velocity)
     if kind != muscle.kind:
-        child(element, "ignore_tendon_compliance", "true")
-        child(element, "minimum_activation", number(muscle.min_activation))
+        put(element, ignore_tendon_compliance=True, minimum_activation=muscle.min_activation)
     else:
         _write_parameters(element, muscle)
         for tag, curve in muscle.curves.items():
@@ -231,10 +207,9 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
 def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, str]) -> None:
     """The damper along a muscle's path: a force of its own, which every class of muscle can have beside it."""
     element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
-    child(element, "appliesForce", str(muscle.enabled).lower())
+    put(element, appliesForce=muscle.enabled)
     write_path(element, muscle.name, muscle.path, joints, [])
-    child(element, "expression", damper_expression(muscle.viscosity))
-    child(element, "clamp_stretch", "false")
+    put(element, expression=damper_expression(muscle.viscosity), clamp_stretch=False)
 
 
 def _write_parameters(element: etree._Element, muscle: Muscle) -> None:
@@ -247,4 +222,4 @@ def _write_parameters(element: etree._Element, muscle: Muscle) -> None:
                 curves[owner] = child(element, owner, name=f"{muscle.name}_{owner}")
             holder = curves[owner]
         flag = tag in FLAGS or tag.startswith(("use_", "clamp_"))
-        child(holder, tag, str(bool(value)).lower() if flag else number(value))
+        put(holder, **{tag: bool(value) if flag else value})

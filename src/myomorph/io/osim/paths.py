@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import Node, child, legal, number, numbers
+from myomorph.io.osim.document import Node, child, legal, number, put
 from myomorph.io.osim.frames import Frames, body_path
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
@@ -51,7 +51,7 @@ class PathReader:
         body, pose = self._frames.place(node.socket("parent_frame", "body"), node)
         if node.kind == "MovingPathPoint":
             return self._moving(node, body, pose)
-        place = pose.apply(node.vector("location", (0.0, 0.0, 0.0)))
+        place = pose.apply(node.vector("location"))
         if node.kind == "PathPoint":
             return PathPoint(node.name, body, place)
         if node.kind != "ConditionalPathPoint":
@@ -119,9 +119,7 @@ def write_path(
         if isinstance(wrap, PathWrap):
             written = child(wraps, "PathWrap", name=f"{legal(wrap.wrap_object)}_{len(names)}")
             names.add(wrap.wrap_object + str(len(names)))
-            child(written, "wrap_object", legal(wrap.wrap_object))
-            child(written, "method", wrap.method)
-            child(written, "range", f"{wrap.first} {wrap.last}")
+            put(written, wrap_object=legal(wrap.wrap_object), method=wrap.method, range=f"{wrap.first} {wrap.last}")
     return path
 
 
@@ -141,21 +139,20 @@ def _write_point(
 ) -> None:
     if isinstance(point, MovingPathPoint):
         element = child(parent, "MovingPathPoint", name=name)
-        child(element, "socket_parent_frame", body_path(point.body))
+        put(element, socket_parent_frame=body_path(point.body))
         # OpenSim wants a coordinate for a constant function too.
         some = next((one for one in point.coordinates if one), "")
         for axis, function, coordinate in zip("xyz", point.functions, point.coordinates, strict=True):
             chosen = coordinate or some
             if chosen:
-                child(element, f"socket_{axis}_coordinate", f"/jointset/{joints[chosen]}/{legal(chosen)}")
+                put(element, **{f"socket_{axis}_coordinate": f"/jointset/{joints[chosen]}/{legal(chosen)}"})
             write_function(child(element, f"{axis}_location"), function, f"path point '{name}' {axis}", warnings)
         return
     element = child(parent, "ConditionalPathPoint" if point.coordinate else "PathPoint", name=name)
-    child(element, "socket_parent_frame", body_path(point.body))
-    child(element, "location", numbers(point.location))
+    put(element, socket_parent_frame=body_path(point.body), location=point.location)
     if point.coordinate:
-        child(element, "socket_coordinate", f"/jointset/{joints[point.coordinate]}/{legal(point.coordinate)}")
-        child(element, "range", numbers(point.range))
+        coordinate = f"/jointset/{joints[point.coordinate]}/{legal(point.coordinate)}"
+        put(element, socket_coordinate=coordinate, range=point.range)
 
 
 def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:

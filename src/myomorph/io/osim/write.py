@@ -14,7 +14,7 @@ from myomorph.io.osim.kept import is_kept, put_back, usable_parts
 from myomorph.io.osim.marker_set import put_marker
 from myomorph.io.osim.muscles import write_muscle, write_viscosity
 from myomorph.io.osim.write_joints import plan_joints, write_joint
-from myomorph.model.errors import BadModel
+from myomorph.model.errors import BadModel, quoted
 from myomorph.model.model import GROUND, Model
 
 SETS = ("ConstraintSet", "ForceSet", "ControllerSet", "ContactGeometrySet", "ProbeSet", "ComponentSet")
@@ -75,8 +75,7 @@ def _renamed(model: Model) -> list[str]:
         changed += [name for name in names if legal(name) != name]
     if not changed:
         return []
-    shown = ", ".join(f"'{name}'" for name in changed[:3]) + (", ..." if len(changed) > 3 else "")
-    return [f"blanks and signs in {len(changed)} names ({shown}) are written as '_', as OpenSim wants"]
+    return [f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_', as OpenSim wants"]
 
 
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from lxml import etree
 
-from myomorph.io.osim.document import child, legal, number, numbers
+from myomorph.io.osim.document import child, legal, number, numbers, put
 from myomorph.io.osim.frames import body_path, is_still, write_offset_frame
 from myomorph.io.osim.functions import write_function
 from myomorph.io.osim.joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, is_unit_line, reversed_joint
@@ -86,10 +86,8 @@ def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
         return None
     if any(axis.origin.any() for axis in turns) or any(axis.function.arity > 1 for axis in axes):
         return None
-    filled = [_filled(list(some), kind) for some, kind in ((turns, "rotation"), (slides, "translation"))]
-    if any(one is None for one in filled):
-        return None
-    return [axis for some in filled if some is not None for axis in some]
+    rotations, translations = _filled(list(turns), "rotation"), _filled(list(slides), "translation")
+    return None if rotations is None or translations is None else rotations + translations
 
 
 def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
@@ -196,21 +194,19 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
 
 def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: list[str]) -> None:
     element = child(parent, "Coordinate", name=coordinate.name)
-    child(element, "default_value", number(coordinate.default))
-    child(element, "default_speed_value", number(coordinate.default_speed))
-    child(element, "range", numbers(coordinate.range))
+    put(element, default_value=coordinate.default, default_speed_value=coordinate.default_speed)
+    put(element, range=coordinate.range)
     low, high = coordinate.range
     outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
     if outside:
         warnings.append(
             f"coordinate '{coordinate.name}' is written without its clamp: its default is outside its range"
         )
-    child(element, "clamped", str(coordinate.clamped and not outside).lower())
-    child(element, "locked", str(coordinate.locked).lower())
+    put(element, clamped=coordinate.clamped and not outside, locked=coordinate.locked)
     if coordinate.prescribed is not None:
         holder = child(element, "prescribed_function")
         write_function(holder, coordinate.prescribed, f"coordinate '{coordinate.name}'", warnings)
-        child(element, "prescribed", "true")
+        put(element, prescribed=True)
 
 
 def _write_spatial(
@@ -224,8 +220,7 @@ def _write_spatial(
         if not names and idle:
             names = (idle.pop(0),)
         element = child(spatial, "TransformAxis", name=name)
-        child(element, "coordinates", " ".join(legal(one) for one in names))
-        child(element, "axis", numbers(axis.vector))
+        put(element, coordinates=" ".join(legal(one) for one in names), axis=axis.vector)
         holder = child(element, "function")
         if is_unit_line(axis.function) and coordinates[names[0]].motion == "coupled":
             # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one is not.

@@ -19,12 +19,33 @@ BINARY_SHARE = 0.02
 FARTHEST = 1e5
 
 
-def file_text(path: Path, hint: str) -> str:
-    """Text of a file, in UTF-8 or, failing that, Latin-1; raises `BadFile` on what is not text."""
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """`BadFile` where the system refuses to read a file."""
     try:
-        raw = path.read_bytes()
+        yield
     except OSError as error:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+
+
+def check_size(path: Path, largest: int, what: str) -> None:
+    """Raise `BadFile` where a file is absent, or larger than what is allowed [bytes] for a kind of content."""
+    with readable(path):
+        size = path.stat().st_size
+    if size > largest:
+        raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {largest / 2**20:.0f} MiB allowed for {what}")
+
+
+def mapped_bytes(path: Path) -> np.ndarray:
+    """The bytes of a file, mapped into memory; raises `BadFile` where it cannot be read."""
+    with readable(path):
+        return np.memmap(path, dtype=np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
+
+
+def file_text(path: Path, hint: str) -> str:
+    """Text of a file, in UTF-8 or, failing that, Latin-1; raises `BadFile` on what is not text."""
+    with readable(path):
+        raw = path.read_bytes()
     if not raw[:4096].strip() and not raw.strip():
         raise BadFile(path, "is empty", hint)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):

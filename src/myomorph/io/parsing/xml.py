@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, quoted
 
 LARGEST = 256 * 1024 * 1024
 ENTITIES = re.compile(rb"<!\s*(ENTITY|DOCTYPE[^>]*\[)", re.IGNORECASE)
@@ -90,8 +90,7 @@ def _beside(path: Path) -> str:
     if not folder.is_dir():
         return f"the folder '{folder}' does not exist"
     names = sorted(one.name for one in folder.iterdir() if one.suffix.lower() == path.suffix.lower())
-    shown = ", ".join(f"'{name}'" for name in names[:6]) + (", ..." if len(names) > 6 else "")
-    return f"its folder has {shown}" if names else f"its folder has no '{path.suffix}' file"
+    return f"its folder has {quoted(names)}" if names else f"its folder has no '{path.suffix}' file"
 
 
 def _parse(content: bytes) -> etree._Element:

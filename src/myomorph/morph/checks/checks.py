@@ -6,7 +6,7 @@ grown to the target's size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -19,6 +19,7 @@ from myomorph.morph.checks.moment_arms import (
     MomentArms,
     compare_moment_arms,
     compared_coordinates,
+    paired_values,
 )
 from myomorph.morph.checks.penetration import NOWHERE, Penetration, Solid, path_depths, range_poses
 from myomorph.morph.checks.warnings import (
@@ -32,18 +33,8 @@ from myomorph.morph.checks.warnings import (
     order_warnings,
     surface_warnings,
 )
-from myomorph.morph.maps.fields import BoneMap, muscle_sizes
+from myomorph.morph.maps.fields import BoneMap, inverted, muscle_sizes
 from myomorph.morph.morphed import Morph
-
-__all__ = [
-    "PARTS",
-    "CheckOptions",
-    "MorphChecks",
-    "Warned",
-    "check_morph",
-    "distinct_bones",
-    "target_surface",
-]
 
 PARTS = 4
 """Of which progress is told."""
@@ -94,15 +85,11 @@ def check_morph(
     told(1.0)
     return MorphChecks(
         tuple(sorted(deep, key=lambda one: -one.increase)), arms, FrozenMap(order), folded,
-        tuple(_sorted(found)), options, tuple(notes),
+        tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))), options, tuple(notes),
     )  # fmt: skip
 
 
 KINDS = ("bone", "sign", "jump", "fold", "arm", "surface", "fiber", "joint", "order")
-
-
-def _sorted(found: Iterable[Warned]) -> list[Warned]:
-    return sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))
 
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
@@ -135,18 +122,15 @@ def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str,
             lacking += [bone.body] if bone.body in touched else []
             continue
         # Bones that became one in the target are looked at as one there.
-        ours[bone.body] = Solid(bone.source)
-        theirs[bone.body] = Solid(target)
-        for solid, whose in ((ours[bone.body], "source"), (theirs[bone.body], "target")):
-            name = bone.body if whose == "source" else bone.target_body
-            if solid.open:
+        ours[bone.body], theirs[bone.body] = Solid(bone.source), Solid(target)
+        for solid, whose, name in ((ours, "source", bone.body), (theirs, "target", bone.target_body)):
+            turned = solid[bone.body].turned
+            if solid[bone.body].open:
                 notes.append(f"{name}: the {whose}'s bone is open, what is inside of it is told by winding numbers")
-            if solid.turned > 0.5:
+            if turned > 0.5:
                 notes.append(f"{name}: the {whose}'s bone looks inward; its faces were turned to tell what is inside")
-            elif solid.turned > 0.05:
-                notes.append(
-                    f"{name}: {100 * solid.turned:.0f} % of the faces of the {whose}'s bone looked inward: turned"
-                )
+            elif turned > 0.05:
+                notes.append(f"{name}: {100 * turned:.0f} % of the faces of the {whose}'s bone looked inward: turned")
     if lacking:
         notes.append(f"paths are not held against {', '.join(lacking)}: no bones of both source and target are known")
     return ours, theirs
@@ -161,8 +145,7 @@ def _penetrations(
 ) -> list[Penetration]:
     if not ours or not morph.source.muscles:
         return []
-    both = [one.values(morph.source, morph.model, options.poses) for one in pairs]
-    values, target_values = [one for one, _ in both], [one for _, one in both]
+    values, target_values = paired_values(morph.source, morph.model, pairs, options.poses)
     before = path_depths(morph.source, ours, range_poses(morph.source, [one.source for one in pairs], values))
     poses = range_poses(morph.model, [one.target for one in pairs], target_values)
     bodies = {bone.body: bone.target_body for bone in morph.bones.values()}
@@ -170,21 +153,14 @@ def _penetrations(
     after = path_depths(morph.model, merged, poses)
     found = []
     for muscle, body in dict.fromkeys([*((m, bodies[b]) for m, b in before), *after]):
-        sources = [one for one in ours if bodies[one] == body]
         depth = after.get((muscle, body), NOWHERE)
         # Of several source bones that became one, the deepest counts.
-        source = max(before[muscle, one].depth if (muscle, one) in before else 0.0 for one in sources)
-        grown = max(
-            morph.bones[one].whole.scale * (before[muscle, one].depth if (muscle, one) in before else 0.0)
-            for one in sources
-        )
-        coordinate = poses.moved[depth.pose]
-        value = (
-            float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(coordinate)]) if coordinate else 0.0
-        )
-        found.append(
-            Penetration(muscle, body, source, depth.depth, depth.depth - grown, coordinate, value, merged[body].length)
-        )
+        was = {one: before.get((muscle, one), NOWHERE).depth for one in ours if bodies[one] == body}
+        grown = max(morph.bones[one].whole.scale * deep for one, deep in was.items())
+        name = poses.moved[depth.pose]
+        value = float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(name)]) if name else 0.0
+        increase, length = depth.depth - grown, merged[body].length
+        found.append(Penetration(muscle, body, max(was.values()), depth.depth, increase, name, value, length))
     return found
 
 
@@ -201,6 +177,6 @@ def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
     for body, bone in morph.bones.items():
         own = [one for one in morph.points if one.body == body]
         if own:
-            turned = np.linalg.det(bone.map.jacobian(np.array([one.source for one in own]))) <= 0.0
+            turned = inverted(bone.map, np.array([one.source for one in own]))
             found += [(one.owner, one.name, body) for one, bad in zip(own, turned, strict=True) if bad]
     return tuple(found)

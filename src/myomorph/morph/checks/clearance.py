@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,14 +11,18 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform
-from myomorph.morph.checks.moment_arms import CoordinatePair, CoordinateTable, compare_moment_arms, compared_coordinates
-from myomorph.morph.checks.penetration import Poses, Solid, path_depths, range_poses
+from myomorph.morph.checks.moment_arms import (
+    CoordinatePair,
+    CoordinateTable,
+    compare_moment_arms,
+    compared_coordinates,
+    paired_values,
+)
+from myomorph.morph.checks.penetration import Depth, Poses, Solid, body_poses, path_depths, range_poses
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.muscles.path import Paths, compile_paths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 SAME = 1e-7
 """Points nearer than this are one [m]."""
@@ -48,19 +52,9 @@ class PathEnd:
         return bool(self.wrap) or self.point >= 0
 
 
-@dataclass(frozen=True, eq=False)
-class PathPart:
-    """A straight part of a path, or an arc around a wrap object."""
-
-    first: PathEnd
-    last: PathEnd
-
-
-def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array) -> PathPart:
-    """The part of a path that a place in ground (3,) is on."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, np.ascontiguousarray(coordinates[None]))
-    where = {body: Transform(poses.rotations[0, i], poses.origins[0, i]) for body, i in tree.body_index.items()}
+def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array) -> list[PathEnd]:
+    """Both ends of the straight part, or of the arc around a wrap object, that a place in ground (3,) is on."""
+    where = body_poses(model, coordinates)
     nodes = paths.nodes(coordinates[None])[0, model.muscle_names.index(muscle.name)]
     nodes = nodes[np.isfinite(nodes[:, 0])]
     starts, along = nodes[:-1, :3], np.diff(nodes[:, :3], axis=0)
@@ -69,8 +63,7 @@ def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, plac
     k = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
     arc = bool(nodes[k + 1, 3] > 0.0)
     levers = (1.0, 1.0) if arc else (1.0 - float(share[k]), float(share[k]))
-    first, last = (_end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((k, k + 1), levers, strict=True))
-    return PathPart(first, last)
+    return [_end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((k, k + 1), levers, strict=True)]
 
 
 def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float) -> PathEnd:
@@ -120,20 +113,16 @@ class Ground:
 
     Attributes
     ----------
-    source, target : bones by the target's bodies; the source's are by its own
-    bodies : by body of the source that of the target
-    sizes : by body of the source how many times larger the target's bone is
-    source_poses, target_poses : in which paths are looked at
+    target : bones, by body
+    poses : in which paths are looked at
     deeper : how much deeper than the source's, in the target's size, a path may run, as a share of the bone's length
+    allowed : by muscle and body of the target how deep its path may run [m]; the share for those that are not there
     """
 
-    source: Mapping[str, Solid]
     target: Mapping[str, Solid]
-    bodies: Mapping[str, str]
-    sizes: Mapping[str, float]
-    source_poses: Poses
-    target_poses: Poses
+    poses: Poses
     deeper: float
+    allowed: Mapping[tuple[str, str], float]
 
     @staticmethod
     def of(
@@ -144,19 +133,36 @@ class Ground:
         options: CheckOptions,
     ) -> Ground | None:
         """The bones of which both surfaces are known; None where there is none."""
-        known = [bone for bone in bones if bone.source is not None and bone.target is not None]
-        values = [one.values(source, target, options.poses) for one in pairs]
+        known = {bone.body: bone for bone in bones if bone.source is not None and bone.target is not None}
         if not known:
             return None
+        values, target_values = paired_values(source, target, pairs, options.poses)
+        ours = {body: Solid(bone.source) for body, bone in known.items() if bone.source is not None}
+        allowed: dict[tuple[str, str], float] = {}
+        poses = range_poses(source, [one.source for one in pairs], values)
+        for (muscle, body), one in path_depths(source, ours, poses).items():
+            key, size = (muscle, known[body].target_body), known[body].whole.scale
+            allowed[key] = max(allowed.get(key, 0.0), size * one.depth)
         return Ground(
-            {bone.body: Solid(bone.source) for bone in known if bone.source is not None},
-            {bone.target_body: Solid(bone.target) for bone in known if bone.target is not None},
-            {bone.body: bone.target_body for bone in known},
-            {bone.body: bone.whole.scale for bone in known},
-            range_poses(source, [one.source for one in pairs], [ours for ours, _ in values]),
-            range_poses(target, [one.target for one in pairs], [theirs for _, theirs in values]),
+            {bone.target_body: Solid(bone.target) for bone in known.values() if bone.target is not None},
+            range_poses(target, [one.target for one in pairs], target_values),
             options.deeper,
+            allowed,
         )
+
+    def too_deep(self, model: Model, muscles: Sequence[str]) -> Iterator[tuple[str, Depth, float]]:
+        """Muscles that run deeper through a bone than they may, where, and by how much [m]."""
+        for (muscle, body), one in path_depths(model, self.target, self.poses, muscles).items():
+            over = one.depth - self.allowed.get((muscle, body), 0.0) - self.deeper * self.target[body].length
+            if over > 0.0:
+                yield muscle, one, over
+
+    def excess(self, model: Model, muscles: Sequence[str]) -> dict[str, float]:
+        """By muscle how much too deep it runs at most, where it does [m]."""
+        found: dict[str, float] = {}
+        for muscle, _, over in self.too_deep(model, muscles):
+            found[muscle] = max(found.get(muscle, 0.0), over)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,24 +171,30 @@ class Clearance:
 
     Attributes
     ----------
-    model : the target with its paths moved
-    shifts : by muscle and via point how far it was moved [m]
-    grown : by wrap object how many times larger it is
+    start, model : the target before and after
     before, after : by muscle how much deeper than allowed it runs, where it does [m]
     """
 
+    start: Model
     model: Model
-    shifts: Mapping[tuple[str, str], float]
-    grown: Mapping[str, float]
     before: Mapping[str, float]
     after: Mapping[str, float]
 
-    def without(self, muscles: Collection[str], target: Model, source: Model, ground: Ground) -> Clearance:
+    @property
+    def shifts(self) -> dict[tuple[str, str], float]:
+        """By muscle and via point how far it was moved [m]."""
+        return _shifts(self.start, self.model)
+
+    @property
+    def grown(self) -> dict[str, float]:
+        """By wrap object how many times larger it is."""
+        return _growth(self.start, self.model)
+
+    def without(self, muscles: Collection[str], ground: Ground) -> Clearance:
         """The same, but for these muscles and the wrap objects they run around."""
-        wraps = {wrap.wrap_object for name in muscles for wrap in target.muscle(name).path.wraps}
-        found = _put_back(self.model, target, {*muscles, *wraps})
-        left = _excess(found, ground, _allowed(source, ground), found.muscle_names)
-        return Clearance(found, _shifts(target, found), _growth(target, found), self.before, left)
+        wraps = _wraps_of(*map(self.start.muscle, muscles))
+        found = _put_back(self.model, self.start, {*muscles, *wraps})
+        return Clearance(self.start, found, self.before, ground.excess(found, found.muscle_names))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -219,43 +231,42 @@ def cleared(
     ground = Ground.of(donor, target, known.values(), pairs, CheckOptions())
     if ground is None:
         return target, tuple(points), ()
-    found = clear_paths(donor, target, ground)
-    odd = _new_oddities(donor, target, found.model, pairs, muscle_sizes(donor, known))
+    found = clear_paths(target, ground)
+    odd = _new_oddities(donor, found, pairs, muscle_sizes(donor, known))
     if odd:
-        found = found.without(odd, target, donor, ground)
+        found = found.without(odd, ground)
+    shifts = found.shifts
     places = {(one.name, at.name): at.location for one in found.model.muscles for at in _fixed(one.path)}
     moved = (
-        replace(one, target=places[one.owner, one.name]) if (one.owner, one.name) in found.shifts else one
-        for one in points
+        replace(one, target=places[one.owner, one.name]) if (one.owner, one.name) in shifts else one for one in points
     )
     return found.model, tuple(moved), found.notes
 
 
-def clear_paths(source: Model, target: Model, ground: Ground) -> Clearance:
+def clear_paths(target: Model, ground: Ground) -> Clearance:
     """Bring out of the bones what does not run through them in the source.
 
     Where a path is deepest, the via point beside that place goes outward, or the wrap object around which the path runs
     there grows, whichever moves the place more; origins and insertions stay. What makes a path deeper is undone and
     tried again with smaller steps: a wrap object that grows past a path's points throws the path aside.
     """
-    allowed = _allowed(source, ground)
     found = target
-    before = left = _excess(target, ground, allowed, target.muscle_names)
+    before = left = ground.excess(target, target.muscle_names)
     watched = watched_with(target, before)
     steps: dict[str, float] = {}
     for _ in range(ROUNDS):
-        moved = _round(found, target, ground, allowed, steps, watched) if left else None
+        moved = _round(found, target, ground, steps, watched) if left else None
         if moved is None:
             break
-        after = _excess(moved, ground, allowed, watched)
+        after = ground.excess(moved, watched)
         found, worse = without_worse(found, moved, left, after)
         steps |= {name: 0.4 * steps.get(name, 1.0) for name in worse}
-        left = _excess(found, ground, allowed, watched) if worse else after
+        left = ground.excess(found, watched) if worse else after
     vain = {name for name, _ in _shifts(target, found) if left.get(name, 0.0) > IN_VAIN * before.get(name, 0.0)}
     if vain:
         found = _put_back(found, target, vain)
-        left = _excess(found, ground, allowed, watched)
-    return Clearance(found, _shifts(target, found), _growth(target, found), before, left)
+        left = ground.excess(found, watched)
+    return Clearance(target, found, before, left)
 
 
 def without_worse(
@@ -263,11 +274,9 @@ def without_worse(
 ) -> tuple[Model, frozenset[str]]:
     """What was done less what made a path deeper, and the names of the wrap objects and muscles this concerns."""
     deeper = {name for name in now if now[name] > left.get(name, 0.0) + SAME}
-    worse = {wrap.wrap_object for name in deeper for wrap in after.muscle(name).path.wraps} & set(
-        _growth(before, after)
-    )
+    worse = _wraps_of(*map(after.muscle, deeper)) & _growth(before, after).keys()
     # A path that only a wrap object has thrown aside comes back with it.
-    worse |= {name for name in deeper if not {one.wrap_object for one in after.muscle(name).path.wraps} & worse}
+    worse |= {name for name in deeper if not _wraps_of(after.muscle(name)) & worse}
     if not worse:
         return after, frozenset()
     return _put_back(after, before, worse), frozenset(worse)
@@ -283,12 +292,12 @@ def _put_back(after: Model, before: Model, names: Collection[str]) -> Model:
 
 
 def _new_oddities(
-    source: Model, before: Model, after: Model, pairs: Sequence[CoordinatePair], sizes: Mapping[str, float]
+    source: Model, cleared: Clearance, pairs: Sequence[CoordinatePair], sizes: Mapping[str, float]
 ) -> frozenset[str]:
     """Muscles whose moment arms turned to another sign than the source's, or jump, because paths were moved."""
-    grown = set(_growth(before, after))
-    around = {one.name for one in after.muscles if grown & {wrap.wrap_object for wrap in one.path.wraps}}
-    moved = around | {muscle for muscle, _ in _shifts(before, after)}
+    grown = cleared.grown.keys()
+    around = {one.name for one in cleared.model.muscles if grown & _wraps_of(one)}
+    moved = around | {muscle for muscle, _ in cleared.shifts}
     few = replace(source, muscles=tuple(one for one in source.muscles if one.name in moved))
 
     def odd(model: Model) -> frozenset[tuple[str, str]]:
@@ -296,58 +305,32 @@ def _new_oddities(
         told = arm_warnings(few, compare_moment_arms(few, same, pairs), sizes, CheckOptions())
         return frozenset((one.kind, one.name) for one in told if one.kind in ("sign", "jump"))
 
-    return frozenset(name for _, name in odd(after) - odd(before)) if moved else frozenset()
-
-
-def _allowed(source: Model, ground: Ground) -> dict[tuple[str, str], float]:
-    """By muscle and body of the target how deep its path may run [m]; the bone's share for those that are not there."""
-    found: dict[tuple[str, str], float] = {}
-    for (muscle, body), one in path_depths(source, ground.source, ground.source_poses).items():
-        key = muscle, ground.bodies[body]
-        found[key] = max(found.get(key, 0.0), ground.sizes[body] * one.depth)
-    return found
+    return frozenset(name for _, name in odd(cleared.model) - odd(cleared.start)) if moved else frozenset()
 
 
 def watched_with(model: Model, names: Collection[str]) -> tuple[str, ...]:
     """Names of muscles, and of those that run around the same wrap objects."""
-    wraps = {wrap.wrap_object for name in names for wrap in model.muscle(name).path.wraps}
-    return tuple(
-        one.name for one in model.muscles if one.name in names or wraps & {wrap.wrap_object for wrap in one.path.wraps}
-    )
+    wraps = _wraps_of(*map(model.muscle, names))
+    return tuple(one.name for one in model.muscles if one.name in names or wraps & _wraps_of(one))
 
 
-def _excess(
-    model: Model, ground: Ground, allowed: Mapping[tuple[str, str], float], muscles: Sequence[str]
-) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for (muscle, body), one in path_depths(model, ground.target, ground.target_poses, muscles).items():
-        over = one.depth - allowed.get((muscle, body), 0.0) - ground.deeper * ground.target[body].length
-        if over > 0.0:
-            found[muscle] = max(found.get(muscle, 0.0), over)
-    return found
+def _wraps_of(*muscles: Muscle) -> set[str]:
+    return {wrap.wrap_object for one in muscles for wrap in one.path.wraps}
 
 
 def _round(
-    model: Model,
-    start: Model,
-    ground: Ground,
-    allowed: Mapping[tuple[str, str], float],
-    steps: Mapping[str, float],
-    muscles: Sequence[str],
+    model: Model, start: Model, ground: Ground, steps: Mapping[str, float], muscles: Sequence[str]
 ) -> Model | None:
     """The model with every path that is too deep moved once, by its share of the way; None where nothing can be."""
-    poses, paths = ground.target_poses, compile_paths(model)
+    poses, paths = ground.poses, compile_paths(model)
     pushes: dict[tuple[str, int], Array] = {}
     swollen: dict[str, float] = {}
-    for (name, body), place in path_depths(model, ground.target, poses, muscles).items():
-        over = place.depth - allowed.get((name, body), 0.0) - ground.deeper * ground.target[body].length
-        if over <= 0.0 or steps.get(name, 1.0) < SMALLEST:
+    for name, place, over in ground.too_deep(model, muscles):
+        if steps.get(name, 1.0) < SMALLEST:
             continue
-        muscle = model.muscle(name)
-        part = part_at(paths, model, muscle, poses.coordinates[place.pose], place.place)
         ends = [
             one
-            for one in (part.first, part.last)
+            for one in part_at(paths, model, model.muscle(name), poses.coordinates[place.pose], place.place)
             if one.movable and one.lever >= LEVER and steps.get(one.wrap, 1.0) >= SMALLEST
         ]
         if not ends:

@@ -155,6 +155,14 @@ class CoordinatePair:
         return np.linspace(low, high, count), np.linspace(start, end, count)
 
 
+def paired_values(
+    source: Model, target: Model, pairs: Sequence[CoordinatePair], count: int
+) -> tuple[list[Array], list[Array]]:
+    """`CoordinatePair.values` (count,) of each pair: those of the source's coordinates and of the target's."""
+    both = [one.values(source, target, count) for one in pairs]
+    return [ours for ours, _ in both], [theirs for _, theirs in both]
+
+
 @read_only
 @dataclass(frozen=True, eq=False)
 class MomentArms:
@@ -228,32 +236,33 @@ def compare_moment_arms(
     pairs : coordinates to compare, as `compared_coordinates` finds them
     samples : poses along a range
     """
-    common = tuple(name for name in source.muscle_names if name in set(target.muscle_names))
     found = []
     for pair in pairs:
-        muscles = [name for name in common if _moves(source, pair.source, name) or _moves(target, pair.target, name)]
+        moved = _moved(source, pair.source) | _moved(target, pair.target)
+        muscles = tuple(name for name in source.muscle_names if name in moved and name in set(target.muscle_names))
         if muscles:
-            found.append(_compared(source, target, pair, tuple(muscles), samples))
+            found.append(_compared(source, target, pair, muscles, samples))
     return tuple(found)
 
 
 def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple[str, ...], samples: int) -> MomentArms:
     values, target_values = pair.values(source, target, samples)
-    kind = source.coordinate(pair.source).motion
     arms = _arms_of(source, pair.source, muscles)
     target_arms = _arms_of(target, pair.target, muscles)
     r, t = arms(values), target_arms(target_values)
     jumps, at = _jumps(arms, values, r)
     target_jumps, target_at = _jumps(target_arms, target_values, t)
+    kind = source.coordinate(pair.source).motion
     return MomentArms(
         pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, at, target_at
     )  # fmt: skip
 
 
-def _moves(model: Model, coordinate: str, muscle: str) -> bool:
+def _moved(model: Model, coordinate: str) -> set[str]:
+    """Muscles that a coordinate moves."""
     paths = compile_paths(model)
-    own = paths.arm_muscle == model.muscle_names.index(muscle)
-    return bool((paths.arm_coordinate[own] == model.coordinate_names.index(coordinate)).any())
+    own = paths.arm_muscle[paths.arm_coordinate == model.coordinate_names.index(coordinate)]
+    return {model.muscle_names[k] for k in own}
 
 
 def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:

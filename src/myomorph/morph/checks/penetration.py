@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +11,10 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.surface import Surface
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform
+from myomorph.model.surface import Surface, face_crosses
+from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
@@ -51,49 +53,30 @@ class Solid:
             raise BadData("a bone's surface has no faces")
         self.length = float(np.ptp(surface.vertices[np.unique(surface.faces)], axis=0).max())
         vertices, faces = _merged(surface, 1e-6 * self.length)
-        self._vertices, self._faces, self.turned = vertices, *_outward(vertices, faces)
-        edges = np.sort(self._faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        counts = np.unique(edges, axis=0, return_counts=True)[1]
-        self.open = bool((counts == 1).mean() > OPEN_EDGES)
-        self._low, self._high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
+        turned, self.turned = _outward(vertices, faces)
+        self._boxes = Boxes(vertices, turned)
+        edges = np.sort(turned[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        self.open = bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).mean() > OPEN_EDGES)
 
     @property
     def surface(self) -> Surface:
         """The surface with its faces outward."""
-        return Surface(self._vertices, self._faces)
-
-    @cached_property
-    def _boxes(self) -> object:
-        import igl
-
-        boxes = igl.AABB()
-        boxes.init(self._vertices, self._faces)
-        return boxes
+        return Surface(self._boxes.vertices, self._boxes.faces)
 
     def depths(self, points: Array) -> Array:
         """(n,) depth of each of the points (n, 3) under the surface, 0 outside [m]."""
-        import igl
-
-        points = np.asarray(points, dtype=np.float64)
+        within = self._boxes.holds(points)
         found = np.zeros(len(points))
-        near = np.flatnonzero(((points > self._low) & (points < self._high)).all(axis=1))
-        if len(near):
-            number = igl.fast_winding_number(self._vertices, self._faces, np.ascontiguousarray(points[near]))
-            within = near[np.atleast_1d(number) > 0.5]
-            found[within] = self.distances(points[within])
+        found[within] = self.distances(points[within])
         return found
 
     def distances(self, points: Array) -> Array:
         """(n,) unsigned distances of points (n, 3) from the surface [m]."""
-        if not len(points):
-            return np.zeros(0)
-        squared = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))[0]  # type: ignore[attr-defined]
-        return np.sqrt(np.atleast_1d(squared))
+        return np.sqrt(self._boxes.nearest(points)[0])
 
     def way_out(self, point: Array) -> Array:
         """(3,) unit vector from a point (3,) inside to the nearest point of the surface."""
-        nearest = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(point[None]))[2]  # type: ignore[attr-defined]
-        way = np.reshape(nearest, 3) - point
+        way = self._boxes.nearest(point[None])[2][0] - point
         unit: Array = way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
         return unit
 
@@ -122,13 +105,8 @@ def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
     volume = np.einsum("fi,fi->f", local[:, 0], np.cross(local[:, 1], local[:, 2]))
     inward = np.bincount(piece, volume, count)[piece] < 0.0
     oriented[inward] = oriented[inward][:, ::-1]
-    before = np.sign(np.einsum("fi,fi->f", _crossed(vertices, faces), _crossed(vertices, oriented)))
+    before = np.sign(np.einsum("fi,fi->f", face_crosses(vertices, faces), face_crosses(vertices, oriented)))
     return np.ascontiguousarray(oriented), float(np.mean(before < 0.0))
-
-
-def _crossed(vertices: Array, faces: np.ndarray) -> Array:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 @read_only
@@ -158,6 +136,27 @@ def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> 
             rows.append(row)
             moved.append(name)
     return Poses(np.array(rows), tuple(moved))
+
+
+def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
+    """Poses in ground of all bodies and of the ground at given coordinates [rad or m], the others at their defaults.
+
+    Raises
+    ------
+    UnknownName : a coordinate that the model does not have
+    """
+    values = values or {}
+    for name in values:
+        model.coordinate(name)
+    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
+    return body_poses(model, compile_tree(model).coordinates_of(posture)[0])
+
+
+def body_poses(model: Model, coordinates: Array) -> dict[str, Transform]:
+    """Poses in ground of all bodies and of the ground at all coordinates (coordinates,) [rad or m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, np.array(coordinates[None], dtype=np.float64))
+    return {body: Transform(poses.rotations[0, i], poses.origins[0, i]) for body, i in tree.body_index.items()}
 
 
 @dataclass(frozen=True)

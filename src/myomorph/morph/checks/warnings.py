@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.morph.checks.moment_arms import MomentArms
@@ -101,8 +100,8 @@ class MorphChecks:
 
 
 def bone_warnings(
-    deep: Sequence[Penetration], longest: float, options: CheckOptions, sliding: Collection[str] = ()
-) -> list[Warned]:
+    deep: Iterable[Penetration], longest: float, options: CheckOptions, sliding: Collection[str] = ()
+) -> Iterator[Warned]:
     """Paths that run deeper through a bone than in the source.
 
     Parameters
@@ -110,155 +109,94 @@ def bone_warnings(
     longest : bone of the target [m]
     sliding : coordinates, told in millimeters
     """
-    found = []
     for one in deep:
         if one.increase > options.deeper * longest:
             value = _mm(one.value) if one.coordinate in sliding else _value(one.value)
             where = f" at {one.coordinate} = {value}" if one.coordinate else " in the default pose"
-            found.append(
-                Warned(
-                    "bone",
-                    one.muscle,
-                    f"{one.muscle}: runs {_mm(one.target)} deep through {one.body}{where}, source {_mm(one.source)}",
-                    one.increase / longest,
-                )
-            )
-    return found
+            text = f"runs {_mm(one.target)} deep through {one.body}{where}, source {_mm(one.source)}"
+            yield Warned("bone", one.muscle, f"{one.muscle}: {text}", one.increase / longest)
 
 
 def arm_warnings(
-    source: Model, arms: Sequence[MomentArms], sizes: Mapping[str, float], options: CheckOptions
-) -> list[Warned]:
+    source: Model, arms: Iterable[MomentArms], sizes: Mapping[str, float], options: CheckOptions
+) -> Iterator[Warned]:
     """Moment arms of another sign, with jumps, or of a size that the bones do not explain; `sizes` of the muscles."""
     lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
-    found = []
     for one in arms:
-        if one.kind != "rotational":
-            continue
-        for k, muscle in enumerate(one.muscles):
-            size, least = sizes[muscle], options.arm * lengths[muscle]
-            found += _one_arm(one, k, one.source[:, k], one.target[:, k] / size, size, least, options)
-    return found
+        for k, muscle in enumerate(one.muscles if one.kind == "rotational" else ()):
+            yield from _one_arm(one, k, sizes[muscle], options.arm * lengths[muscle], options)
 
 
-def _one_arm(
-    one: MomentArms, k: int, source: Array, target: Array, size: float, least: float, options: CheckOptions
-) -> list[Warned]:
+def _one_arm(one: MomentArms, k: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
     """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's size."""
-    muscle, coordinate = one.muscles[k], one.pair.target
-    found = []
+    source, target = one.source[:, k], one.target[:, k] / size
+    muscle, about = one.muscles[k], f"{one.muscles[k]}: moment arm about {one.pair.target}"
     jump, before = one.target_jumps[k] / size, one.source_jumps[k]
     if jump > before + least:
-        found.append(
-            Warned(
-                "jump",
-                muscle,
-                f"{muscle}: moment arm about {coordinate} jumps by {_mm(one.target_jumps[k])} at "
-                f"{_value(one.target_jump_at[k])}, source by {_mm(before)}",
-                jump / least,
-            )
-        )
+        where = f"{_mm(one.target_jumps[k])} at {_value(one.target_jump_at[k])}"
+        yield Warned("jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", jump / least)
     peak, peak_target = float(np.abs(source).max()), float(np.abs(target).max())
     floor, floor_target = max(least, options.weak * peak), max(least, options.weak * peak_target)
     against = (np.abs(source) > floor) & (np.abs(target) > floor_target) & (source * target < 0.0)
     if against.any():
         worst = int(np.argmax(np.where(against, np.abs(target), 0.0)))
-        found.append(
-            Warned(
-                "sign",
-                muscle,
-                f"{muscle}: moment arm about {coordinate} is {_mm(size * target[worst])} at "
-                f"{_value(one.target_values[worst])}, source {_mm(source[worst])}: the other sign in "
-                f"{100 * against.mean():.0f} % of the range",
-                float(against.mean()),
-            )
-        )
-        return found
+        where = f"{_mm(size * target[worst])} at {_value(one.target_values[worst])}, source {_mm(source[worst])}"
+        share = f"{100 * against.mean():.0f} % of the range"
+        yield Warned("sign", muscle, f"{about} is {where}: the other sign in {share}", float(against.mean()))
+        return
     rms, rms_target = float(np.sqrt(np.mean(source**2))), float(np.sqrt(np.mean(target**2)))
-    if max(rms, rms_target) > 2.0 * least:
-        ratio = rms_target / max(rms, 1e-12)
-        if not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least:
-            found.append(
-                Warned(
-                    "arm",
-                    muscle,
-                    f"{muscle}: moment arm about {coordinate} is {ratio:.2g} times what the size of the bones explains "
-                    f"({_mm(size * rms_target)} root mean square, source {_mm(rms)})",
-                    abs(float(np.log(max(ratio, 1e-6)))),
-                )
-            )
-    return found
-
-
-def order_warnings(arms: Sequence[MomentArms], order: Mapping[str, float], options: CheckOptions) -> list[Warned]:
-    """Coordinates whose muscles changed places."""
-    return [
-        Warned(
-            "order",
-            one.pair.target,
-            f"{one.pair.target}: the {len(one.muscles)} muscles' moment arms are in another order than in the source, "
-            f"rank correlation {order[one.pair.source]:.2f}",
-            1.0 - order[one.pair.source],
+    ratio = rms_target / max(rms, 1e-12)
+    unlike = not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least
+    if max(rms, rms_target) > 2.0 * least and unlike:
+        text = (
+            f"{about} is {ratio:.2g} times what the size of the bones explains ({_mm(size * rms_target)} root mean "
+            f"square, source {_mm(rms)})"
         )
-        for one in arms
-        if order[one.pair.source] < options.order
-    ]
+        yield Warned("arm", muscle, text, abs(float(np.log(max(ratio, 1e-6)))))
 
 
-def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> list[Warned]:
+def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], options: CheckOptions) -> Iterator[Warned]:
+    """Coordinates whose muscles changed places."""
+    for one in arms:
+        correlation, name = order[one.pair.source], one.pair.target
+        if correlation < options.order:
+            text = (
+                f"{name}: the {len(one.muscles)} muscles' moment arms are in another order than in the source, rank "
+                f"correlation {correlation:.2f}"
+            )
+            yield Warned("order", name, text, 1.0 - correlation)
+
+
+def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
     """Attachments further from their surface than in the source; `longest` bone of the target [m]."""
-    found = []
     for one in morph.points:
         if not np.isfinite(one.depth_source + one.depth_target):
             continue
-        size = morph.bones[one.body].whole.scale
+        size, depth = morph.bones[one.body].whole.scale, abs(one.depth_target)
         near = abs(one.depth_source) * size <= options.near_surface * longest
-        off = abs(one.depth_target) - size * abs(one.depth_source)
+        off = depth - size * abs(one.depth_source)
         if near and off > options.off_surface * longest:
-            side = "outside" if one.depth_target > 0.0 else "inside"
-            found.append(
-                Warned(
-                    "surface",
-                    one.owner,
-                    f"{one.owner}: {one.name} lies {_mm(abs(one.depth_target))} {side} the bone of {one.target_body}, "
-                    f"source {_mm(abs(one.depth_source))}",
-                    off / longest,
-                )
-            )
-    return found
+            where = f"{_mm(depth)} {'outside' if one.depth_target > 0.0 else 'inside'} the bone of {one.target_body}"
+            text = f"{one.owner}: {one.name} lies {where}, source {_mm(abs(one.depth_source))}"
+            yield Warned("surface", one.owner, text, off / longest)
 
 
-def fiber_warnings(morph: Morph, options: CheckOptions) -> list[Warned]:
+def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Warned]:
     """Fibers that leave the range in which the source's work."""
-    found = []
     for one in morph.muscles:
         (low, high), (low_target, high_target) = one.range_source, one.range_target
         off = max(low - low_target, high_target - high)
         if off > options.fiber:
-            found.append(
-                Warned(
-                    "fiber",
-                    one.name,
-                    f"{one.name}: fibers work from {low_target:.2f} to {high_target:.2f} of their optimal length, "
-                    f"source from {low:.2f} to {high:.2f}",
-                    off,
-                )
-            )
-    return found
+            work = f"{low_target:.2f} to {high_target:.2f} of their optimal length, source from {low:.2f} to {high:.2f}"
+            yield Warned("fiber", one.name, f"{one.name}: fibers work from {work}", off)
 
 
-def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> list[Warned]:
+def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
     """Joints whose center parent and child put in different places; `longest` bone of the target [m]."""
-    return [
-        Warned(
-            "joint",
-            one.name,
-            f"{one.name}: its parent and its child put the center {_mm(one.gap)} apart",
-            one.gap / longest,
-        )
-        for one in morph.joints
-        if one.gap > options.gap * longest
-    ]
+    for one in morph.joints:
+        if one.gap > options.gap * longest:
+            text = f"{one.name}: its parent and its child put the center {_mm(one.gap)} apart"
+            yield Warned("joint", one.name, text, one.gap / longest)
 
 
 def _mm(meters: float) -> str:

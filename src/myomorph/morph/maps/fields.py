@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
 from myomorph.morph.maps.linear import AffineMap, Similarity, fit_affine, fit_whole, procrustes, unknown_directions
@@ -189,7 +189,7 @@ class BoneMap:
         "surrounding" (a virtual link, mapped by the features of several bones), "given"
     source, target : surfaces in their bodies' frames, None where there is none
     features : what the map was made from
-    measures : how good it is, by name with its unit ("residual [m]", "coverage", "folded"), for tables
+    measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for tables
     notes : what looks wrong or was assumed, one line each
     """
 
@@ -203,6 +203,15 @@ class BoneMap:
     features: FeaturePoints | None = None
     measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
+
+
+def neighbors_of(model: Model) -> dict[str, list[str]]:
+    """Of every body and of the ground the bodies that a joint ties to it."""
+    ties: dict[str, list[str]] = {name: [] for name in (GROUND, *model.body_names)}
+    for joint in model.joints:
+        ties[joint.parent].append(joint.child)
+        ties[joint.child].append(joint.parent)
+    return ties
 
 
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:

@@ -53,7 +53,7 @@ class RadialMap:
         given = np.asarray(points, dtype=np.float64)
         flat = given.reshape(-1, 3)
         moved = self.whole.apply(flat)
-        for part in self._chunks(len(flat)):
+        for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
             moved[part] += _phi(cdist(flat[part], self.points), self.kernel) @ self.coefficients
         return moved.reshape(given.shape)
 
@@ -62,7 +62,7 @@ class RadialMap:
         given = np.asarray(points, dtype=np.float64)
         flat = given.reshape(-1, 3)
         result = self.whole.jacobian(flat)
-        for part in self._chunks(len(flat)):
+        for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
             away = flat[part][:, None] - self.points
             distance = np.linalg.norm(away, axis=2)
             slope = 3.0 * distance
@@ -70,10 +70,6 @@ class RadialMap:
                 slope = np.divide(1.0, distance, out=np.zeros_like(distance), where=distance > 0)
             result[part] += np.matmul(self.coefficients.T, slope[:, :, None] * away)
         return result.reshape(*given.shape[:-1], 3, 3)
-
-    def _chunks(self, count: int) -> list[slice]:
-        step = max(1, RADIAL_PAIRS // len(self.points))
-        return [slice(start, start + step) for start in range(0, count, step)]
 
 
 def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0) -> RadialMap:
@@ -298,6 +294,6 @@ def _slopes(source: Array, shifts: Array) -> Array:
     return slopes
 
 
-def _chunks(points: int, features: int) -> list[slice]:
-    step = max(1, SUBSPACE_PAIRS // features)
+def _chunks(points: int, features: int, pairs: int = SUBSPACE_PAIRS) -> list[slice]:
+    step = max(1, pairs // features)
     return [slice(start, start + step) for start in range(0, points, step)]

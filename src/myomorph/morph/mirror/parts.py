@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TypeVar
+from collections.abc import Callable, Iterable
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,9 +15,7 @@ from myomorph.model.paths import (
     MovingPathPoint,
     Muscle,
     PassiveTorque,
-    Path,
     PathPoint,
-    PathWrap,
     TendonWrap,
     WrapObject,
 )
@@ -25,48 +24,53 @@ from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform
 from myomorph.morph.mirror.sides import SNAP, OtherSide, Reflection, backwards, flip, raised
 
+Part = TypeVar("Part", bound=Any)
 Tie = TypeVar("Tie", Loop, Bushing)
+NAMED = dict.fromkeys(("body", "other_body", "body_1", "body_2", "parent", "child", "side_body"), "bodies")
+NAMED |= dict.fromkeys(("coordinate", "dependent", "coordinates", "independents"), "coordinates")
+NAMED |= {"wrap_object": "wraps"}
+"""Fields that name other parts, and of which kind these are."""
 FREE_AXIS = {"cylinder": 2, "torus": 1, "sphere": 2, "ellipsoid": 2}
 """The axis of a wrap object's own frame that is turned round: not one that its rules tell left from right by."""
 HINGE_AXIS = 2
 """OpenSim's hinges turn about z of their frames, and go on doing so."""
 
 
+def _renamed(part: Part, side: OtherSide, kind: str = "", /, **changes: Any) -> Part:
+    """A part with all names that it has or uses on the other side, and with further changes."""
+    found: dict[str, Any] = {"name": side.named(kind, part.name)} if kind else {}
+    for name in NAMED.keys() & {field.name for field in fields(part)}:
+        given = getattr(part, name)
+        names = tuple(side.named(NAMED[name], one) for one in ([given] if isinstance(given, str) else given))
+        found[name] = names[0] if isinstance(given, str) else names
+    return replace(part, **(found | changes))
+
+
 def mirrored_parts(model: Model, side: OtherSide) -> Model:
     """Everything on the other side under its other name, in the given order."""
-    rename = side.named
+    planes = side.planes
+
+    def each(parts: Iterable[Part], mirrored: Callable[[Part, OtherSide], Part]) -> tuple[Part, ...]:
+        return tuple(mirrored(one, side) for one in parts)
+
     return replace(
         model,
-        bodies=tuple(_body(one, side) for one in model.bodies),
-        joints=tuple(_joint(one, side) for one in model.joints),
-        coordinates=tuple(_coordinate(one, side) for one in model.coordinates),
-        gravity=side.planes[GROUND].vectors(model.gravity),
+        bodies=each(model.bodies, _body),
+        joints=each(model.joints, _joint),
+        coordinates=each(model.coordinates, _coordinate),
+        gravity=planes[GROUND].vectors(model.gravity),
         markers=tuple(
-            replace(
-                one,
-                name=rename("markers", one.name),
-                body=rename("bodies", one.body),
-                location=side.planes[one.body].points(one.location),
-            )
-            for one in model.markers
+            _renamed(one, side, "markers", location=planes[one.body].points(one.location)) for one in model.markers
         ),
-        muscles=tuple(_muscle(one, side) for one in model.muscles),
-        wrap_objects=tuple(_wrap(one, side) for one in model.wrap_objects),
-        actuators=tuple(_actuator(one, side) for one in model.actuators),
-        couplers=tuple(_coupler(one, side) for one in model.couplers),
-        loops=tuple(_tied(one, side) for one in model.loops),
-        frames=tuple(
-            replace(
-                one,
-                name=rename("frames", one.name),
-                body=rename("bodies", one.body),
-                pose=_pose(one.pose, side.planes[one.body]),
-            )
-            for one in model.frames
-        ),
-        ground_meshes=tuple(_mesh(one, side.planes[GROUND]) for one in model.ground_meshes),
-        passive_torques=tuple(_passive(one, side) for one in model.passive_torques),
-        bushings=tuple(_tied(one, side) for one in model.bushings),
+        muscles=each(model.muscles, _muscle),
+        wrap_objects=each(model.wrap_objects, _wrap),
+        actuators=each(model.actuators, _actuator),
+        couplers=each(model.couplers, _coupler),
+        loops=each(model.loops, _tied),
+        frames=tuple(_renamed(one, side, "frames", pose=_pose(one.pose, planes[one.body])) for one in model.frames),
+        ground_meshes=tuple(_mesh(one, planes[GROUND]) for one in model.ground_meshes),
+        passive_torques=each(model.passive_torques, _passive),
+        bushings=each(model.bushings, _tied),
     )
 
 
@@ -76,9 +80,10 @@ def _pose(pose: Transform, plane: Reflection) -> Transform:
 
 def _body(body: Body, side: OtherSide) -> Body:
     plane = side.planes[body.name]
-    return replace(
+    return _renamed(
         body,
-        name=side.named("bodies", body.name),
+        side,
+        "bodies",
         mass_center=plane.points(body.mass_center),
         inertia=plane.matrix @ body.inertia @ plane.matrix,
         meshes=tuple(_mesh(one, plane) for one in body.meshes),
@@ -99,15 +104,13 @@ def _joint(joint: Joint, side: OtherSide) -> Joint:
         inner = Reflection(parent.seen_from(joint.parent_frame).normal)
     else:
         inner = flip(HINGE_AXIS if joint.kind == "PinJoint" else child.axis)
-    return replace(
+    return _renamed(
         joint,
-        name=side.named("joints", joint.name),
-        parent=side.named("bodies", joint.parent),
-        child=side.named("bodies", joint.child),
+        side,
+        "joints",
         parent_frame=parent.pose(joint.parent_frame, inner),
         child_frame=child.pose(joint.child_frame, inner),
         axes=tuple(_axis(axis, inner, side) for axis in joint.axes),
-        coordinates=tuple(side.named("coordinates", one) for one in joint.coordinates),
         parent_frame_name=_frame_name(joint.parent_frame_name, side),
         child_frame_name=_frame_name(joint.child_frame_name, side),
     )
@@ -125,22 +128,22 @@ def _axis(axis: Axis, inner: Reflection, side: OtherSide) -> Axis:
     follows = not axis.coordinates or any(sign < 0.0 for sign in signs)
     slides = axis.kind == "translation" and not slides_freely(axis.function)
     keeps = turned and (follows or slides)
-    return replace(
+    return _renamed(
         axis,
+        side,
         vector=axis.vector if keeps else image + 0.0,
         function=backwards(axis.function, signs, -1.0 if keeps else 1.0),
-        coordinates=tuple(side.named("coordinates", one) for one in axis.coordinates),
         origin=inner.vectors(axis.origin) + 0.0,
     )
 
 
 def _coordinate(coordinate: Coordinate, side: OtherSide) -> Coordinate:
-    sign = side.signs[coordinate.name]
-    renamed = replace(coordinate, name=side.named("coordinates", coordinate.name))
-    if sign > 0.0:
-        return renamed
-    return replace(
-        renamed,
+    if side.signs[coordinate.name] > 0.0:
+        return _renamed(coordinate, side, "coordinates")
+    return _renamed(
+        coordinate,
+        side,
+        "coordinates",
         default=-coordinate.default + 0.0,
         default_speed=-coordinate.default_speed + 0.0,
         range=_turned(coordinate.range),
@@ -154,24 +157,14 @@ def _turned(bounds: tuple[float, float]) -> tuple[float, float]:
 
 def _coupler(coupler: Coupler, side: OtherSide) -> Coupler:
     own = side.signs.get(coupler.dependent, 1.0)
-    return replace(
-        coupler,
-        name=side.named("couplers", coupler.name),
-        dependent=side.named("coordinates", coupler.dependent),
-        function=backwards(coupler.function, side.of(coupler.independents), own),
-        independents=tuple(side.named("coordinates", one) for one in coupler.independents),
-    )
+    function = backwards(coupler.function, side.of(coupler.independents), own)
+    return _renamed(coupler, side, "couplers", function=function)
 
 
 def _passive(passive: PassiveTorque, side: OtherSide) -> PassiveTorque:
     sign = side.signs.get(passive.coordinate, 1.0)
-    return replace(
-        passive,
-        name=side.named("passive_torques", passive.name),
-        coordinate=side.named("coordinates", passive.coordinate),
-        torque=backwards(passive.torque, (sign,), sign),
-        damping=backwards(passive.damping, (sign,)),
-    )
+    torque, damping = backwards(passive.torque, (sign,), sign), backwards(passive.damping, (sign,))
+    return _renamed(passive, side, "passive_torques", torque=torque, damping=damping)
 
 
 def _wrap(wrap: WrapObject, side: OtherSide) -> WrapObject:
@@ -182,49 +175,28 @@ def _wrap(wrap: WrapObject, side: OtherSide) -> WrapObject:
         # Only along its own axis does a cylinder's rule not tell one way round from the other.
         inner = barred
         quadrant = ("+" if quadrant.startswith("-") else "-") + quadrant[-1]
-    return replace(
-        wrap,
-        name=side.named("wraps", wrap.name),
-        body=side.named("bodies", wrap.body),
-        pose=side.planes[wrap.body].pose(wrap.pose, flip(inner)),
-        quadrant=quadrant,
-    )
+    return _renamed(wrap, side, "wraps", pose=side.planes[wrap.body].pose(wrap.pose, flip(inner)), quadrant=quadrant)
 
 
 def _muscle(muscle: Muscle, side: OtherSide) -> Muscle:
     path = muscle.path
-    tendon = tuple(
-        replace(
-            one,
-            wrap_object=side.named("wraps", one.wrap_object),
-            side_body=side.named("bodies", one.side_body) if one.side_body else "",
-            side=None if one.side is None else side.planes[one.side_body].points(one.side),
-        )
+    wraps: Any = tuple(
+        _renamed(one, side, side=side.planes[one.side_body].points(one.side))
+        if isinstance(one, TendonWrap) and one.side is not None
+        else _renamed(one, side)
         for one in path.wraps
-        if isinstance(one, TendonWrap)
     )
-    other = tuple(
-        replace(one, wrap_object=side.named("wraps", one.wrap_object))
-        for one in path.wraps
-        if isinstance(one, PathWrap)
-    )
-    return replace(
-        muscle,
-        name=side.named("muscles", muscle.name),
-        path=Path(tuple(_point(one, side) for one in path.points), tendon or other, path.divisors),
-        groups=tuple(other_side(one) or one for one in muscle.groups),
-    )
+    points = tuple(_point(one, side) for one in path.points)
+    groups = tuple(other_side(one) or one for one in muscle.groups)
+    return _renamed(muscle, side, "muscles", path=replace(path, points=points, wraps=wraps), groups=groups)
 
 
-def _point(point: PathPoint | MovingPathPoint, side: OtherSide) -> PathPoint | MovingPathPoint:
+def _point(point: PathPoint | MovingPathPoint, side: OtherSide) -> Any:
     plane = side.planes[point.body]
-    name, body = other_side(point.name) or point.name, side.named("bodies", point.body)
+    renamed: Any = _renamed(point, side, name=other_side(point.name) or point.name)
     if isinstance(point, PathPoint):
-        coordinate = side.named("coordinates", point.coordinate) if point.coordinate else ""
         bounds = _turned(point.range) if side.signs.get(point.coordinate, 1.0) < 0.0 else point.range
-        return replace(
-            point, name=name, body=body, location=plane.points(point.location), coordinate=coordinate, range=bounds
-        )
+        return replace(renamed, location=plane.points(point.location), range=bounds)
     if np.abs(plane.normal).max() < 1.0:
         raise BadModel(
             f"moving point '{point.name}' on body '{point.body}': the plane of symmetry is oblique in this body"
@@ -235,10 +207,7 @@ def _point(point: PathPoint | MovingPathPoint, side: OtherSide) -> PathPoint | M
         for i, (function, name) in enumerate(zip(point.functions, point.coordinates, strict=True))
     ]
     functions[k] = raised(functions[k], 2.0 * plane.offset * float(plane.normal[k]))
-    x, y, z = (side.named("coordinates", one) if one else "" for one in point.coordinates)
-    return replace(
-        point, name=name, body=body, functions=(functions[0], functions[1], functions[2]), coordinates=(x, y, z)
-    )
+    return replace(renamed, functions=tuple(functions))
 
 
 def _actuator(actuator: Actuator, side: OtherSide) -> Actuator:
@@ -246,12 +215,10 @@ def _actuator(actuator: Actuator, side: OtherSide) -> Actuator:
     own, other = (side.planes.get(name, ground) for name in (actuator.body, actuator.other_body))
     along = ground if actuator.direction_is_global else own
     turned = side.signs.get(actuator.coordinate, 1.0) < 0.0
-    return replace(
+    return _renamed(
         actuator,
-        name=side.named("actuators", actuator.name),
-        coordinate=side.named("coordinates", actuator.coordinate) if actuator.coordinate else "",
-        body=side.named("bodies", actuator.body) if actuator.body else "",
-        other_body=side.named("bodies", actuator.other_body) if actuator.other_body else "",
+        side,
+        "actuators",
         point=(ground if actuator.point_is_global else own).points(actuator.point),
         other_point=(ground if actuator.point_is_global else other).points(actuator.other_point),
         direction=along.turns(actuator.direction) if actuator.kind == "torque" else along.vectors(actuator.direction),
@@ -263,11 +230,10 @@ def _actuator(actuator: Actuator, side: OtherSide) -> Actuator:
 def _tied(tie: Tie, side: OtherSide) -> Tie:
     # Both frames are reflected alike, and across an axis, so that stiffness along axes stays as it is.
     inner = flip(side.planes[tie.body_1].axis)
-    return replace(
+    return _renamed(
         tie,
-        name=side.named("ties", tie.name),
-        body_1=side.named("bodies", tie.body_1),
-        body_2=side.named("bodies", tie.body_2),
+        side,
+        "ties",
         pose_1=side.planes[tie.body_1].pose(tie.pose_1, inner),
         pose_2=side.planes[tie.body_2].pose(tie.pose_2, inner),
     )

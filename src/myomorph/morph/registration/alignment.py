@@ -20,7 +20,8 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.rigid import RoughFit, SurfaceOptions, register_surface, rough_fits
 from myomorph.morph.registration.smooth import Drift, MatchOptions, onto
-from myomorph.morph.shapes.articular import SphereFit, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.articular import articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.quadrics import SphereFit
 from myomorph.morph.shapes.surface_points import Shape
 
 TURNED = 60.0

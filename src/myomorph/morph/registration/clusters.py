@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses, used_part
 
 ROBUST = 1.345
 """Huber's tuning constant: residuals beyond so many standard deviations weigh less."""
@@ -75,8 +75,7 @@ def surface_parts(surface: Surface) -> list[Surface]:
     parts = []
     for number in np.argsort(-np.bincount(label)):
         chosen = surface.faces[label == number]
-        used, index = np.unique(chosen, return_inverse=True)
-        parts.append(Surface(surface.vertices[used], index.reshape(-1, 3)))
+        parts.append(used_part(surface.vertices, chosen))
     return parts
 
 
@@ -169,7 +168,7 @@ def _is_ball(ball: Ball, radius: float, tolerance: float) -> bool:
 def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
     """Balls grown together with other things, by votes of the normals."""
     corners = part.vertices[part.faces]
-    crossed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crossed = 0.5 * face_crosses(part.vertices, part.faces)
     middle = part.vertices.mean(axis=0)
     crossed = crossed * (np.sign(np.einsum("ij,ij->", corners[:, 0] - middle, crossed)) or 1.0)
     places = corners.mean(axis=1)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, quoted
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity, fit_points, procrustes
+from myomorph.morph.shapes.articular import mm
 from myomorph.morph.shapes.surface_points import Shape
 
 LIKE = 3.0
@@ -43,56 +42,38 @@ MOST = 80
 """Landmarks among which all swaps are tried."""
 
 
-@dataclass(frozen=True, eq=False)
-class CheckedLandmarks:
-    """Landmarks that can be used.
-
-    Attributes
-    ----------
-    whole : similarity from source to target that fits them; None where they are too few or on a line
-    notes : what looks odd, one line each
-    """
-
-    whole: Similarity | None
-    notes: tuple[str, ...] = ()
-
-
 def check_landmarks(
-    body: str,
-    landmarks: FeaturePoints,
-    source: Surface | None = None,
-    target: Surface | None = None,
-    *,
-    allow_mirror: bool = False,
-    expected_scale: float = 1.0,
-) -> CheckedLandmarks:
+    body: str, landmarks: FeaturePoints, source: Surface | None = None, target: Surface | None = None
+) -> tuple[Similarity | None, list[str]]:
     """What landmarks tell about themselves, and whether they lie on the bones that they are said to be of.
 
     Parameters
     ----------
     body : whose they are, for messages
     source, target : the bones, where known
-    allow_mirror : landmarks of the other side are told in a note instead of refused
-    expected_scale : of the target over the source, where the species differ in size
+
+    Returns
+    -------
+    similarity from source to target that fits them, None where they are too few or on a line, and what looks odd
 
     Raises
     ------
-    BadData : another unit, another bone's landmarks, interchanged ones
+    BadData : another unit, another bone's landmarks or those of the other side, interchanged ones
     """
     for side, points, surface in (("source", landmarks.source, source), ("target", landmarks.target, target)):
         if surface is not None:
             _check_unit_on(body, side, points, surface)
     if len(landmarks) > 1:
-        _check_spread(body, landmarks, expected_scale)
+        _check_spread(body, landmarks)
     notes: list[str] = []
-    whole = _fitted(body, landmarks, allow_mirror, notes) if len(landmarks) >= 3 else None
+    whole = _fitted(body, landmarks, notes) if len(landmarks) >= 3 else None
     for side, points, surface in (("source", landmarks.source, source), ("target", landmarks.target, target)):
         if surface is not None:
             notes += _off_surface(body, side, landmarks.names, points, surface)
-    return CheckedLandmarks(whole, tuple(notes))
+    return whole, notes
 
 
-def _fitted(body: str, landmarks: FeaturePoints, allow_mirror: bool, notes: list[str]) -> Similarity | None:
+def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity | None:
     """The similarity between the two sides; refuses what none explains."""
     try:
         found = fit_points(landmarks.names, landmarks.source, landmarks.target, True)
@@ -103,15 +84,11 @@ def _fitted(body: str, landmarks: FeaturePoints, allow_mirror: bool, notes: list
     mirrored = _left(landmarks.source * [1.0, 1.0, -1.0], landmarks.target)
     _check_order(body, landmarks, min(REORDERED * found.rms, mirrored), found.rms)
     if len(landmarks) > 3 and found.rms > 0.01 * spread and mirrored < MIRRORED * found.rms:
-        told = (
-            f"the landmarks of '{body}' fit within {_mm(mirrored)} instead of {_mm(found.rms)} when mirrored: are they "
-            "of the other side?"
+        raise BadData(
+            f"the landmarks of '{body}' fit within {mm(mirrored)} instead of {mm(found.rms)} when "
+            "mirrored: are they of the other side? Give those of this side, or say that the bone is to be mirrored"
         )
-        if not allow_mirror:
-            raise BadData(f"{told} Give those of this side, or say that the bone is to be mirrored")
-        notes.append(told)
-        return None
-    told = f"{_mm(found.rms)} remain of a spread of {_mm(spread)}"
+    told = f"{mm(found.rms)} remain of a spread of {mm(spread)}"
     if found.rms > UNLIKE * spread:
         raise BadData(
             f"the landmarks of '{body}' do not fit: {told}; are they of another bone, or is one side's table another's?"
@@ -148,19 +125,16 @@ def _check_unit_on(body: str, side: str, points: Array, surface: Surface) -> Non
     )
 
 
-def _check_spread(body: str, landmarks: FeaturePoints, expected_scale: float) -> None:
-    ratio = _spread(landmarks.target) / max(_spread(landmarks.source) * expected_scale, 1e-12)
+def _check_spread(body: str, landmarks: FeaturePoints) -> None:
+    ratio = _spread(landmarks.target) / max(_spread(landmarks.source), 1e-12)
     if 1.0 / LIKE < ratio < LIKE:
         return
-    unit = next((f", as if in {name}: give meters" for name, factor in UNITS if 1 / LIKE < ratio / factor < LIKE), "")
-    unit = unit or next(
-        (
-            f", as if the source's were in {name}: give meters"
-            for name, factor in UNITS
-            if 1 / LIKE < ratio * factor < LIKE
-        ),
-        ": are both of the same bone?",
-    )
+    like = {
+        f", as if {whose}in {name}: give meters": ratio / factor**sign
+        for whose, sign in (("", 1.0), ("the source's were ", -1.0))
+        for name, factor in UNITS
+    }
+    unit = next((text for text, rest in like.items() if 1 / LIKE < rest < LIKE), ": are both of the same bone?")
     raise BadData(
         f"the target landmarks of '{body}' spread over {_spread(landmarks.target):.4g} m, those of the source over "
         f"{_spread(landmarks.source):.4g} m{unit}"
@@ -181,7 +155,7 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
         told = ", ".join(f"'{landmarks.names[k]}' where '{landmarks.names[order[k]]}' is" for k in wrong[:4])
         raise BadData(
             f"the landmarks of '{body}' are in another order on the target: with {len(wrong)} of {len(order)} "
-            f"interchanged they fit within {_mm(best)} instead of {_mm(rms)} ({told}{', ...' if wrong[4:] else ''})"
+            f"interchanged they fit within {mm(best)} instead of {mm(rms)} ({told}{', ...' if wrong[4:] else ''})"
         )
 
 
@@ -222,19 +196,10 @@ def _off_surface(body: str, side: str, names: Sequence[str], points: Array, surf
     wrong = np.flatnonzero(apart > OFF * length).tolist()
     if not wrong:
         return []
-    named = _few([names[k] for k in wrong])
-    return [f"{side} landmarks of '{body}' lie up to {_mm(float(apart.max()))} from the bone's surface: {named}"]
+    named = quoted(names[k] for k in wrong)
+    return [f"{side} landmarks of '{body}' lie up to {mm(float(apart.max()))} from the bone's surface: {named}"]
 
 
 def _spread(points: Array) -> float:
     """Root mean square distance from the middle, twice [m]."""
     return 2.0 * float(np.sqrt(np.mean(np.sum((frozen_array(points) - points.mean(axis=0)) ** 2, axis=1))))
-
-
-def _few(names: Mapping[str, ArrayLike] | Sequence[str], most: int = 6) -> str:
-    given = list(names)
-    return ", ".join(f"'{name}'" for name in given[:most]) + (", ..." if len(given) > most else "")
-
-
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.3g} mm"

@@ -24,7 +24,8 @@ from myomorph.morph.maps.fields import (
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
 from myomorph.morph.registration.bone_checks import check_bone, repaired_bone
-from myomorph.morph.registration.nonrigid import MatchOptions, PlacedBone, SurfaceMatch, match_surfaces, place_bone
+from myomorph.morph.registration.nonrigid import PlacedBone, SurfaceMatch, match_surfaces, place_bone
+from myomorph.morph.registration.smooth import MatchOptions
 
 BESIDE = 0.5
 """A surface feature nearer to a landmark than this share of the features' spacing gives way to it."""
@@ -111,7 +112,7 @@ def map_bone(
             placed = place_bone(source, target, landmarks, start, match)
             _check_side(body, placed, notes)
         known = None if placed is None else placed.similarity
-        notes += check_bone(body, target, source, landmarks, start=known).notes
+        notes += check_bone(body, target, source, landmarks, known)
     told(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
@@ -127,7 +128,7 @@ def map_bone(
     features, mapping = _unfolded(features, landmarks, source, map_options)
     notes += feature_warnings(features)
     inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
-    measures |= {"features": float(len(features)), "map folded": inside_out}
+    measures |= {"features": float(len(features)), "map inverted": inside_out}
     if inside_out > 0:
         notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
     told(1)

@@ -19,8 +19,8 @@ from myomorph.morph.registration.alignment import align_bones, mirrored_share
 from myomorph.morph.registration.smooth import FACING, Drift, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-COVERED, AGREES, FOLDED, STRETCHED = 0.95, 0.9, 0.01, 4.0
-"""Below this coverage and agreement, above this share folded and this ratio of areas, a match is doubted."""
+COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0
+"""Below this coverage and agreement, above this share inverted and this ratio of areas, a match is doubted."""
 
 ASKED = 4000
 """Points of the target of which it is asked whether they are reached."""
@@ -40,7 +40,7 @@ class MatchQuality:
     symmetric : root mean square distance from the target's points to the matched source
     coverage : share of the target's area that the matched source comes near
     agreement : share of the source's area whose normals agree with the target's within 60 degrees
-    folded : share of the source's area turned over
+    inverted : share of the source's area turned over
     shrunk, grown : 1 % of the area changes by less than `shrunk` or more than `grown`, over the change of the whole
     """
 
@@ -49,7 +49,7 @@ class MatchQuality:
     symmetric: float
     coverage: float
     agreement: float
-    folded: float
+    inverted: float
     shrunk: float
     grown: float
 
@@ -61,7 +61,7 @@ class MatchQuality:
             "symmetric residual [m]": self.symmetric * length,
             "coverage": self.coverage,
             "agreement": self.agreement,
-            "folded": self.folded,
+            "inverted": self.inverted,
             "area shrunk": self.shrunk,
             "area grown": self.grown,
         }
@@ -81,8 +81,8 @@ class MatchQuality:
             )
         if self.agreement < AGREES:
             found.append(f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the bone")
-        if self.folded > FOLDED:
-            found.append(f"the match folds {100 * self.folded:.1f} % of the surface over: few features are taken there")
+        if self.inverted > INVERTED:
+            found.append(f"the match inverts {100 * self.inverted:.1f} % of the surface: few features are taken there")
         return tuple(found)
 
 
@@ -107,7 +107,7 @@ def match_quality(ours: Shape, deformed: Shape, goal: Shape, found: Samples, tol
         symmetric=float(np.sqrt(np.mean(beside**2))),
         coverage=float(np.mean(beside <= tolerance)),
         agreement=float(share @ alike),
-        folded=float(weights @ turned),
+        inverted=float(weights @ turned),
         shrunk=low,
         grown=high,
     )
@@ -136,8 +136,6 @@ def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tupl
     at = np.searchsorted(np.cumsum(weights[order]), shares)
     return tuple(float(values[order[min(int(k), len(order) - 1)]]) for k in at)
 
-
-__all__ = ["MatchOptions", "PlacedBone", "SurfaceMatch", "match_surfaces", "place_bone"]
 
 UNLIKE = 0.01
 """Share of the bone's length that a smooth displacement leaves between shapes that differ much."""

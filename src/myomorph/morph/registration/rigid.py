@@ -6,16 +6,17 @@ Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
@@ -123,20 +124,20 @@ def register_surface(
     """
     options = options or SurfaceOptions()
     goal, given = Shape(target), Shape(source)
-    partial = given.is_open if options.partial is None else options.partial
+
+    def fitted(shape: Shape, begun: Similarity | None = None) -> RoughFit:
+        begun = begun or _few_fits(shape, goal, options)[0].similarity
+        return _Fitting(shape, goal, options, options.points).iterated(begun, options.iterations)
+
     notes: list[str] = []
-    if start is None:
-        found = _from_starts(given, goal, partial, options)
-        if options.mirror:
-            mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
-            other = _from_starts(mirrored, goal, partial, options)
-            if other.rms < OTHER_SIDE * found.rms:
-                notes.append(
-                    f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is "
-                    "it a bone of the other side?"
-                )
-    else:
-        found = _Fitting(given, goal, partial, options, options.points).iterated(start, options.iterations)
+    found = fitted(given, start)
+    if start is None and options.mirror:
+        other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
+        if other.rms < OTHER_SIDE * found.rms:
+            notes.append(
+                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is it "
+                "a bone of the other side?"
+            )
     if not found.converged:
         notes.append(f"the fit had not settled after {options.iterations} iterations")
     apart = goal.signed(found.similarity.apply(source.vertices)) / found.similarity.scale
@@ -153,16 +154,24 @@ def register_surface(
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class _Found:
+class RoughFit:
+    """One of the ways in which a surface may lie on another.
+
+    Attributes
+    ----------
+    similarity : from the source's frame to the target's
+    rms : root mean square distance that it leaves [m]
+    converged : whether the last step was small
+    slopes : (pairs, unknowns) of the distances, by the last step
+    """
+
     similarity: Similarity
     rms: float
-    converged: bool
-    slopes: Array
+    converged: bool = False
+    slopes: Array = field(default_factory=lambda: np.zeros((1, 6)))
 
 
-@read_only
-@dataclass(frozen=True, eq=False)
-class _Pairs:
+class _Pairs(NamedTuple):
     """Points (n, 3) of the source, carried over, with normals there and how far they are from the target's points."""
 
     moved: Array
@@ -175,22 +184,21 @@ class _Pairs:
         return distance
 
     def where(self, kept: np.ndarray) -> _Pairs:
-        return _Pairs(self.moved[kept], self.normals[kept], self.away[kept])
+        return _Pairs(*(one[kept] for one in self))
 
 
 class _Fitting:
     """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each step."""
 
-    def __init__(
-        self, given: Shape, goal: Shape, partial: bool, options: SurfaceOptions, count: int, fine: bool = True
-    ):
-        self.given, self.goal, self.partial, self.options, self.fine = given, goal, partial, options, fine
+    def __init__(self, given: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True):
+        self.given, self.goal, self.options, self.fine = given, goal, options, fine
+        self.partial = given.is_open if options.partial is None else options.partial
         self.ours, self.theirs = given.samples(count), goal.samples(count)
         self.middle = self.ours.points.mean(axis=0)
         self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
         self.count = 7 if options.scale and fine else 6
 
-    def iterated(self, start: Similarity, iterations: int) -> _Found:
+    def iterated(self, start: Similarity, iterations: int) -> RoughFit:
         """From a start until it settles."""
         rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
         converged, rms, slopes = False, np.inf, np.zeros((1, self.count))
@@ -214,7 +222,7 @@ class _Fitting:
             if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
                 converged = True
                 break
-        return _Found(Similarity(rotation, translation, size), rms, converged, slopes)
+        return RoughFit(Similarity(rotation, translation, size), rms, converged, slopes)
 
     def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
         """Pairs that count: from the source's points to the target, and from the target's points to the source."""
@@ -230,7 +238,7 @@ class _Fitting:
         if self.partial:
             kept &= ~found.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
         there = there.where(kept)
-        return _Pairs(*(np.concatenate(both) for both in zip(_parts(forth), _parts(there), strict=True)))
+        return _Pairs(*(np.concatenate(both) for both in zip(forth, there, strict=True)))
 
     def _kept(self, pairs: _Pairs, normals: Array, others: Array) -> np.ndarray:
         """Pairs that face each other, the furthest left out."""
@@ -240,18 +248,6 @@ class _Fitting:
         return kept
 
 
-def _parts(pairs: _Pairs) -> tuple[Array, Array, Array]:
-    return pairs.moved, pairs.normals, pairs.away
-
-
-@dataclass(frozen=True, eq=False)
-class RoughFit:
-    """One of the ways in which a surface may lie on another, and the root mean square distance that it leaves [m]."""
-
-    similarity: Similarity
-    rms: float
-
-
 def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:
     """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one.
 
@@ -259,30 +255,20 @@ def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None 
     ------
     BadData : a surface without area
     """
-    options = options or SurfaceOptions()
-    given, goal = Shape(source), Shape(target)
-    partial = given.is_open if options.partial is None else options.partial
-    return [RoughFit(one.similarity, one.rms) for one in _few_fits(given, goal, partial, options)]
+    return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
 
 
-def _from_starts(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> _Found:
-    """The best of many coarse fits, refined."""
-    best = _few_fits(given, goal, partial, options)[0]
-    return _Fitting(given, goal, partial, options, options.points).iterated(best.similarity, options.iterations)
-
-
-def _few_fits(given: Shape, goal: Shape, partial: bool, options: SurfaceOptions) -> list[_Found]:
-    """The best few of many coarse fits that differ, the best first."""
-    coarse = _Fitting(given, goal, partial, options, COARSE, fine=False)
+def _few_fits(given: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
+    coarse = _Fitting(given, goal, options, COARSE, fine=False)
     found = [coarse.iterated(start, 15) for start in _starts(given, goal, options.starts)]
     found.sort(key=lambda one: one.rms)
-    distinct: list[_Found] = []
+    distinct: list[RoughFit] = []
     for one in found:
         if all(np.trace(one.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
             distinct.append(one)
         if len(distinct) == FEW:
             break
-    finer = _Fitting(given, goal, partial, options, COARSE)
+    finer = _Fitting(given, goal, options, COARSE)
     return sorted((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
 
 
@@ -311,7 +297,7 @@ def _axes(samples: Samples) -> tuple[Array, Array, float]:
     return middle, axes, float(np.ptp(along))
 
 
-def _covariance(found: _Found, area: float) -> Array:
+def _covariance(found: RoughFit, area: float) -> Array:
     """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
     rows, count = found.slopes.shape
     independent = max(area / PATCH, count + 1.0)
@@ -350,12 +336,8 @@ def start_by_neighbors(
 
 def _nearest(model: Model, body: str, found: Mapping[str, BoneMap]) -> str | None:
     """The mapped body with the fewest joints between."""
-    beside: dict[str, list[str]] = {name: [] for name in model.body_names}
-    for joint in model.joints:
-        if joint.parent in beside:
-            beside[joint.parent].append(joint.child)
-            beside[joint.child].append(joint.parent)
-    reached, layer = {body}, [body]
+    beside = neighbors_of(model)
+    reached, layer = {body, GROUND}, [body]
     while layer:
         layer = [other for one in layer for other in beside[one] if other not in reached]
         reached.update(layer)

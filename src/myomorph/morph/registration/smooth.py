@@ -42,7 +42,7 @@ DRIFT_STIFFNESS, DRIFT_REACH = 10.0, 4.0
 """Of coherent point drift (its alpha and beta): between persons softer settings slide along the bone more."""
 
 DRIFT_RANK = 300
-"""Of the kernel's approximation: with the reach of the options a hundred give the same to 0.01 mm on a femur."""
+"""Of the kernel's approximation: with the kernel width of the options a hundred give the same to 0.01 mm on a femur."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,8 @@ class MatchOptions:
     feature_count : points that a dense match gives, spread evenly
     match_points : of each surface in the non-rigid registration
     stiffness : of the deformation, 1 by default
-    reach : over which points move together, in standard deviations of the bone's points along an axis
+    match_kernel_width : distance over which points move together, in standard deviations of the bone's points along
+        an axis
     landmark_error : standard deviation of a picked landmark, as a share of the bone's length
     match_tolerance : of nearness, as a share of the bone's length: points further away are not matched, parts further
         away not reached
@@ -66,15 +67,15 @@ class MatchOptions:
     feature_count: int = 600
     match_points: int = 2000
     stiffness: float = 1.0
-    reach: float = 2.0
+    match_kernel_width: float = 2.0
     landmark_error: float = 0.01
     match_tolerance: float = 0.02
 
     def __post_init__(self) -> None:
         if not 20 <= self.feature_count <= 5000 or not 100 <= self.match_points <= 5000:
             raise BadData("expected 20 to 5000 feature points, and 100 to 5000 points in the registration")
-        if not self.stiffness > 0 or not 0.5 <= self.reach <= 100:
-            raise BadData("expected a stiffness above 0 and a reach from 0.5 to 100")
+        if not self.stiffness > 0 or not 0.5 <= self.match_kernel_width <= 100:
+            raise BadData("expected a stiffness above 0 and a match_kernel_width from 0.5 to 100")
         for name in ("landmark_error", "match_tolerance"):
             if not 0.0 < getattr(self, name) <= 0.2:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected a share of the bone's length up to 0.2")
@@ -208,7 +209,7 @@ def fit_smoothly(
     """The smooth displacement that brings a surface, laid on another, onto it; lengths in shares of the bone's."""
     given, theirs = ours.samples(options.match_points), goal.samples(options.match_points)
     laid = before(given.points)
-    width = options.reach * float(np.sqrt(np.mean((theirs.points - theirs.points.mean(axis=0)) ** 2)))
+    width = options.match_kernel_width * float(np.sqrt(np.mean((theirs.points - theirs.points.mean(axis=0)) ** 2)))
     centers = before(spread_points(ours, CENTERS))
     values, vectors = np.linalg.eigh(_kernel(centers, centers, width))
     kept = values > RANK * values[-1]

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses, used_part
 from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
 
 FACING = 0.82
@@ -49,8 +49,7 @@ class Corners:
         """All that faces with an area have."""
         _, first, same = np.unique(np.round(surface.vertices, 9), axis=0, return_index=True, return_inverse=True)
         points, faces = surface.vertices[first], same.reshape(-1)[surface.faces]
-        a, b, c = (points[faces[:, k]] for k in range(3))
-        crossed = np.cross(b - a, c - a)
+        crossed = face_crosses(points, faces)
         normals, areas = np.zeros_like(points), np.zeros(len(points))
         for k in range(3):
             np.add.at(normals, faces[:, k], crossed)
@@ -102,17 +101,6 @@ class Corners:
         result: np.ndarray = chosen & np.isin(label, np.argsort(-sizes)[:pieces])
         return result
 
-
-__all__ = [
-    "CylinderFit",
-    "SphereFit",
-    "articular_cylinder",
-    "articular_sphere",
-    "fit_cylinder",
-    "fit_sphere",
-    "spherical_patches",
-    "warning_of",
-]
 
 REACH = 0.35
 """Shell in which the region is looked for at first, as a share of the radius: as wrong as the start may be."""
@@ -216,13 +204,13 @@ def articular_cylinder(
         beside = fit.point - start
         apart = float(np.linalg.norm(beside - beside @ fit.axis * fit.axis))
         if apart > radius:
-            told = told or f"its axis lies {_mm(apart)} away, past its radius"
+            told = told or f"its axis lies {mm(apart)} away, past its radius"
         elif abs(fit.axis @ line) < LEANING:
             told = (
                 told or f"its axis leans {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees from the one given"
             )
         elif not 1.0 / GROWTH < fit.radius / radius < GROWTH:
-            told = told or f"its radius is {_mm(fit.radius)}, but {_mm(radius)} was expected"
+            told = told or f"its radius is {mm(fit.radius)}, but {mm(radius)} was expected"
         else:
             lean = float(np.linalg.norm(np.cross(fit.axis, line)))
             off = np.array([np.log(fit.radius / radius), apart / radius, lean]) / EXPECTED
@@ -236,7 +224,7 @@ def articular_cylinder(
 def warning_of(fit: SphereFit | CylinderFit) -> str:
     """Why a fit should not be relied on, in words; "" where it may be."""
     if fit.rms > ROUGH * fit.radius:
-        return f"the surface is not round: {_mm(fit.rms)} off at a radius of {_mm(fit.radius)}"
+        return f"the surface is not round: {mm(fit.rms)} off at a radius of {mm(fit.radius)}"
     if fit.count < FEWEST:
         return f"only {fit.count} vertices of the surface are on it"
     if isinstance(fit, SphereFit) and fit.bent < BENT:
@@ -244,7 +232,7 @@ def warning_of(fit: SphereFit | CylinderFit) -> str:
     if fit.coverage < (COVERED if isinstance(fit, SphereFit) else TURNED):
         return f"only {100 * fit.coverage:.0f} % of the round is there"
     if fit.deviation > UNSURE * fit.radius:
-        return f"its place is known within {_mm(fit.deviation)} only, at a radius of {_mm(fit.radius)}"
+        return f"its place is known within {mm(fit.deviation)} only, at a radius of {mm(fit.radius)}"
     return ""
 
 
@@ -346,7 +334,7 @@ def _sphere(corners: Corners, start: Array, radius: float, hollow: bool) -> Sphe
     found = _grown(region, fitted, radius)
     apart = float(np.linalg.norm(found.center - start))
     if apart > radius:
-        raise BadData(f"the round surface near {_text(start)} has its center {_mm(apart)} from there, past its radius")
+        raise BadData(f"the round surface near {_text(start)} has its center {mm(apart)} from there, past its radius")
     return found
 
 
@@ -359,12 +347,12 @@ def _grown(
     for _ in range(ROUNDS):
         before, chosen = chosen, region(fit, shell)
         if chosen.sum() < FEWEST:
-            raise BadData(f"only {int(chosen.sum())} vertices of the surface are round with a radius of {_mm(radius)}")
+            raise BadData(f"only {int(chosen.sum())} vertices of the surface are round with a radius of {mm(radius)}")
         if fit is not None and shell == NARROW and np.array_equal(before, chosen):
             break
         fit = fitted(chosen)
         if not 1.0 / GROWTH < fit.radius / radius < GROWTH:
-            raise BadData(f"the round surface there has a radius of {_mm(fit.radius)}, but {_mm(radius)} was expected")
+            raise BadData(f"the round surface there has a radius of {mm(fit.radius)}, but {mm(radius)} was expected")
         shell = max(NARROW, CLOSER * shell)
     assert fit is not None
     return fit
@@ -374,12 +362,12 @@ def _near(surface: Surface, middle: Array, reach: float) -> Corners:
     close = np.linalg.norm(surface.vertices - middle, axis=1) < reach
     faces = surface.faces[close[surface.faces].all(axis=1)]
     if len(faces) < FEWEST:
-        raise BadData(f"no part of the surface lies within {_mm(reach)} of {_text(middle)}")
-    used, compact = np.unique(faces, return_inverse=True)
-    return Corners.of(Surface(surface.vertices[used], compact.reshape(-1, 3)))
+        raise BadData(f"no part of the surface lies within {mm(reach)} of {_text(middle)}")
+    return Corners.of(used_part(surface.vertices, faces))
 
 
-def _mm(length: float) -> str:
+def mm(length: float) -> str:
+    """A length [m] in millimeters."""
     return f"{1e3 * length:.3g} mm"
 
 

@@ -18,7 +18,8 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses, signed_volume
+from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -276,24 +277,13 @@ def _fields(
 
 def _outside(corners: Array, points: Array) -> Array:
     """Distances of points (n, 3) from the convex hull of corners, 0 inside [m]."""
-    import igl
-
     hull = ConvexHull(corners)
     vertices, faces = np.array(hull.points), np.array(hull.simplices, dtype=np.int64)
-    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
-    inward = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0.0
+    inward = np.einsum("fi,fi->f", face_crosses(vertices, faces), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    away = np.ones(len(points), dtype=bool)
-    boxed = np.flatnonzero(((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1))
-    if len(boxed):
-        number = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points[boxed]))
-        away[boxed] = np.atleast_1d(number) <= 0.5
-    found = np.zeros(len(points))
-    if away.any():
-        boxes = igl.AABB()
-        boxes.init(vertices, faces)
-        squared = boxes.squared_distance(vertices, faces, np.ascontiguousarray(points[away]))[0]
-        found[away] = np.sqrt(np.atleast_1d(squared))
+    boxes, found = Boxes(vertices, faces), np.zeros(len(points))
+    away = ~boxes.holds(points)
+    found[away] = np.sqrt(boxes.nearest(points[away])[0])
     return found
 
 
@@ -325,6 +315,5 @@ def _surface(values: Array, grid: Grid, level: float) -> Surface:
     places = np.stack(np.meshgrid(z, y, x, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     samples = np.ascontiguousarray(cube.transpose(2, 1, 0).reshape(-1))
     vertices, faces = igl.marching_cubes(samples, places, *(int(n) for n in grid.counts), level)[:2]
-    a, b, c = ((vertices - vertices.mean(axis=0))[faces[:, k]] for k in range(3))
-    outward = float(np.einsum("ij,ij->", a, np.cross(b, c))) > 0.0
+    outward = signed_volume(vertices - vertices.mean(axis=0), faces) > 0.0
     return Surface(vertices, faces if outward else faces[:, ::-1])

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses, signed_volume
 
 SPREAD = 4000
 """Samples among which a rough nearest point is looked for."""
@@ -34,6 +34,40 @@ class Samples:
     def every(self, step: int) -> Samples:
         """Every so many of them."""
         return Samples(self.points[::step], self.normals[::step], self.rim[::step])
+
+
+class Boxes:
+    """Triangles that tell what of them is nearest to points, and what lies inside of them.
+
+    Parameters
+    ----------
+    vertices, faces : (n, 3) [m] and (m, 3)
+    """
+
+    def __init__(self, vertices: Array, faces: np.ndarray):
+        # Imported here because it takes a moment that only bones should pay.
+        import igl
+
+        self.vertices, self.faces, self._boxes = vertices, np.ascontiguousarray(faces, dtype=np.int64), igl.AABB()
+        self._boxes.init(self.vertices, self.faces)
+        self._low, self._high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
+
+    def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
+        """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on them."""
+        if not len(points):
+            return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
+        found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
+
+    def holds(self, points: Array) -> np.ndarray:
+        """(n,) whether points lie inside: their generalized winding number is above one half (Barill et al. 2018)."""
+        import igl
+
+        inside = ((points >= self._low) & (points <= self._high)).all(axis=1)
+        if inside.any():
+            number = igl.fast_winding_number(self.vertices, self.faces, np.ascontiguousarray(points[inside]))
+            inside[inside] = np.atleast_1d(number) > 0.5
+        return np.asarray(inside)
 
 
 class Shape:
@@ -93,12 +127,8 @@ class Shape:
         return samples, cKDTree(samples.points)
 
     @cached_property
-    def _boxes(self) -> object:
-        import igl
-
-        boxes = igl.AABB()
-        boxes.init(self.vertices, self.faces)
-        return boxes
+    def _boxes(self) -> Boxes:
+        return Boxes(self.vertices, self.faces)
 
     def nearest(self, points: Array, fine: bool) -> Samples:
         """Nearest points of the surface, their normals, and whether they lie on its rim; `fine` to the triangles."""
@@ -111,8 +141,8 @@ class Shape:
 
     def closest(self, points: Array) -> tuple[Array, np.ndarray]:
         """Nearest points (n, 3) of the triangles, and the triangles (n,) that they are on."""
-        found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))  # type: ignore[attr-defined]
-        return found[2], found[1]
+        _, faces, places = self._boxes.nearest(points)
+        return places, faces
 
     def signed(self, points: Array) -> Array:
         """Distances (n,), positive outside [m].
@@ -120,12 +150,9 @@ class Shape:
         Where the nearest point is on an edge or a corner the faces around it tell the side together (Baerentzen and
         Aanaes 2005): beside a sharp edge one of them alone may tell the wrong one.
         """
-        distances: Array = np.zeros(len(points))
-        if len(points):
-            squared, face, places = self._seamless.nearest(points)
-            away = points - places
-            side = np.einsum("ij,ij->i", away, self._seamless.normals(face, places))
-            distances = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
+        squared, face, places = self._seamless.nearest(points)
+        side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
+        distances: Array = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
         return distances
 
     @cached_property
@@ -136,8 +163,7 @@ class Shape:
         """
         _, first, same = np.unique(np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True)
         vertices, faces = self.vertices[first], same.reshape(-1)[self.faces].astype(np.int64)
-        corners = vertices[faces]
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        crossed = face_crosses(vertices, faces)
         inward = np.einsum("ij,ij->i", crossed, self.normals) < 0.0
         faces[inward] = faces[inward][:, ::-1]
         way = np.sign(np.diff(faces, axis=1, append=faces[:, :1])).prod(axis=1)  # of going up or down the numbers
@@ -148,30 +174,23 @@ class Shape:
         return _Seamless(vertices, np.ascontiguousarray(faces[bound if bound.any() else slice(None)]))
 
 
-class _Seamless:
+class _Seamless(Boxes):
     """A surface whose faces share vertices, with normals of faces, edges and corners."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
         import igl
 
-        self._vertices, self._faces, self._boxes = vertices, faces, igl.AABB()
-        self._boxes.init(vertices, faces)
-        corners = vertices[faces]
-        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        super().__init__(vertices, faces)
+        crossed = face_crosses(vertices, faces)
         self._of_faces = crossed / np.linalg.norm(crossed, axis=1)[:, None]
         by_angle = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE
         self._of_corners = igl.per_vertex_normals(vertices, faces, by_angle)
         edges = igl.per_edge_normals(vertices, faces, igl.PER_EDGE_NORMALS_WEIGHTING_TYPE_UNIFORM)
         self._of_edges = edges[0][edges[2].reshape(3, -1).T]
 
-    def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
-        """Squared distances (n,) of points, the nearest faces (n,) and places (n, 3) on them."""
-        found = self._boxes.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))
-        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
-
     def normals(self, face: np.ndarray, places: Array) -> Array:
         """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces around."""
-        corners = self._vertices[self._faces[face]]
+        corners = self.vertices[self.faces[face]]
         sides = np.roll(corners, -1, axis=1) - corners
         # Share of each corner: twice the area of the triangle between the place and the side opposite to it.
         shares = np.einsum(
@@ -185,16 +204,14 @@ class _Seamless:
             here = off[:, k] & (off.sum(axis=1) == 1)
             found[here] = self._of_edges[face[here], k]
             here = ~off[:, k] & (off.sum(axis=1) == 2)
-            found[here] = self._of_corners[self._faces[face[here], k]]
+            found[here] = self._of_corners[self.faces[face[here], k]]
         return found
 
 
 def _face_normals(surface: Surface) -> tuple[Array, Array]:
     """Outward unit normals (faces, 3) and areas (faces,)."""
-    corners = surface.vertices[surface.faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crossed = face_crosses(surface.vertices, surface.faces)
     sizes = np.linalg.norm(crossed, axis=1)
-    middle = surface.vertices.mean(axis=0)
-    volume = np.einsum("ij,ij->", corners[:, 0] - middle, np.cross(corners[:, 1] - middle, corners[:, 2] - middle))
-    outward = -1.0 if volume < 0 else 1.0
+    inward = signed_volume(surface.vertices - surface.vertices.mean(axis=0), surface.faces) < 0.0
+    outward = -1.0 if inward else 1.0
     return outward * crossed / np.where(sizes > 0, sizes, 1.0)[:, None], 0.5 * sizes

@@ -20,14 +20,12 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
-from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -125,7 +123,7 @@ class BoneHomology:
     targets : bodies of the target; several are fused in the source, and lie in the frame of the first as in the
         target's posture
     source_frame, target_frame : where they differ from the species'
-    carried : bodies of the source that have no bone of their own in the target and ride on this one
+    transferred : bodies of the source that have no bone of their own in the target and ride on this one
     spread : muscle points go to the nearest of the targets; otherwise all to the first
     half : only what lies to the right of the body's origin counts
     match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
@@ -137,7 +135,7 @@ class BoneHomology:
     landmarks: tuple[LandmarkRule, ...]
     source_frame: AnatomicalFrame | None = None
     target_frame: AnatomicalFrame | None = None
-    carried: tuple[str, ...] = ()
+    transferred: tuple[str, ...] = ()
     spread: bool = False
     half: bool = False
     match: Literal["dense", "landmarks", "similarity"] = "dense"
@@ -182,6 +180,7 @@ class SpeciesTable:
     posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
+    warnings : of its file, one line each
     """
 
     name: str
@@ -194,9 +193,10 @@ class SpeciesTable:
     target_posture: Mapping[str, float] = field(default_factory=_none)
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        named = [body for bone in self.bones for body in (*bone.sources, *bone.carried)]
+        named = [body for bone in self.bones for body in (*bone.sources, *bone.transferred)]
         twice = next((body for body in named if named.count(body) > 1), "")
         if twice:
             raise BadData(
@@ -244,15 +244,7 @@ class Posed:
     """
 
     def __init__(self, model: Model, posture: Mapping[str, float]):
-        for name in posture:
-            model.coordinate(name)
-        tree = compile_tree(model)
-        at = Motion(np.zeros(1), tuple(posture), np.array([list(posture.values())], dtype=np.float64).reshape(1, -1))
-        poses = forward_kinematics(tree, tree.coordinates_of(at).astype(np.float64))
-        self.model = model
-        self._pose = {
-            name: Transform(poses.rotations[0, i], poses.origins[0, i]) for name, i in tree.body_index.items()
-        }
+        self.model, self._pose = model, standing_poses(model, posture)
 
     def within(self, body: str, other: str) -> Transform:
         """Pose of one body in another's frame."""
@@ -289,7 +281,7 @@ class Posed:
 def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
     """The map of the first body, and those of the bodies that are one bone with it or ride on it."""
     found = {bone.body: bone}
-    for name in (*pair.sources[1:], *pair.carried):
+    for name in (*pair.sources[1:], *pair.transferred):
         if name in here.model.body_names:
             found[name] = _moved(bone, name, here.within(name, bone.body))
     return found

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, face_crosses
 from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
 
 MIDDLE = 0.1
@@ -75,8 +75,7 @@ class Parts:
 
 
 def _area(surface: Surface) -> Array:
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    area: Array = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area: Array = 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
     return area
 
 

@@ -17,7 +17,7 @@ from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_m
 from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
-from myomorph.morph.registration.nonrigid import MatchOptions
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.counterparts import (
     BoneHomology,
     PlacedMap,

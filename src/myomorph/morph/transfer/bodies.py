@@ -16,13 +16,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
 from myomorph.model.paths import Bushing
-from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map, neighbors_of
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.transfer.carrier import Carrier, Carriers, few, nearest_rotation, scaled_map
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 Tie = TypeVar("Tie", Loop, Bushing)
 
@@ -116,10 +113,7 @@ def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, Bone
     ----------
     bones : at least one, by body of the model
     """
-    ties = {name: set[str]() for name in (GROUND, *model.body_names)}
-    for joint in model.joints:
-        ties[joint.parent].add(joint.child)
-        ties[joint.child].add(joint.parent)
+    ties = neighbors_of(model)
     found = dict(bones)
     sizes = {name: bone.whole.scale for name, bone in bones.items()}
     while len(found) < len(ties):
@@ -191,10 +185,7 @@ def bones_around(
 
 def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
     """Bones that are reached from a body through the tree without passing another."""
-    ties: dict[str, list[str]] = {name: [] for name in (GROUND, *model.body_names)}
-    for joint in model.joints:
-        ties[joint.parent].append(joint.child)
-        ties[joint.child].append(joint.parent)
+    ties = neighbors_of(model)
     reached: list[str] = []
     open_, seen = [body], {body, GROUND}
     while open_:
@@ -213,7 +204,6 @@ def surrounded_map(
     carriers: Carriers,
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
-    options: MapOptions | None = None,
 ) -> BoneMap:
     """The map of a virtual link from the features of several bones, each where it lies in one posture.
 
@@ -234,21 +224,12 @@ def surrounded_map(
     return BoneMap(
         link,
         there,
-        fit_map(features, options),
+        fit_map(features),
         procrustes(features.source, features.target, True),
         "surrounding",
         features=features,
         notes=(f"mapped by {len(features)} features of {', '.join(around)}",),
     )
-
-
-def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Poses in ground of all bodies and of the ground at given coordinates, the others at their defaults."""
-    tree = compile_tree(model)
-    values = values or {}
-    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
-    poses = forward_kinematics(tree, tree.coordinates_of(posture))
-    return {body: Transform(poses.rotations[0, i], poses.origins[0, i]) for body, i in tree.body_index.items()}
 
 
 def _features(carriers: Carriers, bone: str) -> FeaturePoints:

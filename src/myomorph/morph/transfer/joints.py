@@ -38,18 +38,6 @@ Round = Literal["sphere", "cylinder"]
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class Center:
-    """A joint's center in the target's bones; see `RebuiltJoint`."""
-
-    method: str
-    in_parent: Array
-    in_child: Array
-    moved: float = 0.0
-    gap: float = float("nan")
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
 class _Fitted:
     """A center in one of the target's bones, by a round surface or by the map, and whether it lies inside the bone."""
 
@@ -74,7 +62,7 @@ class CenterFinder:
     fitted: bool
     together: bool
 
-    def center(self, joint: Joint, in_parent: Array, in_child: Array) -> Center:
+    def center(self, joint: Joint, in_parent: Array, in_child: Array) -> RebuiltJoint:
         """Where a center (3,) known in the source's parent and child lies in the target's.
 
         A ball joint (that turns by two coordinates or more) is centered in a sphere, a hinge on a cylinder, of either
@@ -96,12 +84,12 @@ class CenterFinder:
         method = theirs.method if theirs.method != "mapped" else ours.method
         moved = max(ours.moved, theirs.moved)
         if not self.together or not {parent.bone.basis, child.bone.basis} <= {"bone", "landmarks", "given"}:
-            return Center(method, ours.center, theirs.center, moved)
+            return RebuiltJoint(joint.name, method, ours.center, theirs.center, moved)
         gap = float(np.linalg.norm(ours.center - theirs.center))
         if gap > furthest_gap(parent, child):
-            return Center(method, ours.center, theirs.center, moved, gap)
+            return RebuiltJoint(joint.name, method, ours.center, theirs.center, moved, gap)
         shared = _shared(found)
-        return Center(method, shared, shared, moved, gap)
+        return RebuiltJoint(joint.name, method, shared, shared, moved, gap)
 
 
 def furthest_gap(parent: Carrier, child: Carrier) -> float:
@@ -134,7 +122,7 @@ def _fitted(carrier: Carrier, place: Array, axis: Array, shape: Round) -> _Fitte
     try:
         fitted = _center(carrier, place, axis, shape, abs(depth), depth > 0.0)
     except BadData:  # there is nothing round
-        return mapped
+        fitted = None
     if fitted is None:
         return mapped
     return _Fitted(fitted, shape, float(np.linalg.norm(fitted - mapped.center)), mapped.inside)
@@ -178,13 +166,11 @@ class TransferredJoints:
 
     Attributes
     ----------
+    skeleton : the model with its joints carried and nothing else
     travel : how much further a sliding coordinate goes, for the coordinates that slide
     """
 
-    joints: tuple[Joint, ...]
-    coordinates: tuple[Coordinate, ...]
-    couplers: tuple[Coupler, ...]
-    passive_torques: tuple[PassiveTorque, ...]
+    skeleton: Model
     travel: Mapping[str, float]
     rebuilt: tuple[RebuiltJoint, ...]
     notes: tuple[str, ...] = ()
@@ -215,15 +201,16 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
         _carried(joint, along, travel, defaults, carriers, centers)
         for joint, along in zip(anchored, stretches, strict=True)
     ]
-    return TransferredJoints(
-        tuple(joint for joint, _ in found),
-        tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
-        tuple(_coupler(one, travel) for one in model.couplers),
-        tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
-        FrozenMap(travel),
-        tuple(rebuilt for _, rebuilt in found),
-        tuple(note for joint, rebuilt in found for note in _warnings(joint, rebuilt, carriers)),
+    skeleton = replace(
+        model,
+        joints=tuple(joint for joint, _ in found),
+        coordinates=tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
+        couplers=tuple(_coupler(one, travel) for one in model.couplers),
+        passive_torques=tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
     )
+    rebuilt = tuple(one for _, one in found)
+    notes = tuple(note for joint, one in found for note in _warnings(joint, one, carriers))
+    return TransferredJoints(skeleton, FrozenMap(travel), rebuilt, notes)
 
 
 def _defaults(model: Model) -> dict[str, float]:
@@ -319,7 +306,7 @@ def _carried(
     turn = _turned(parent, in_parent, joint.parent_frame, hinge)
     origin = center.in_parent - turn @ _pose(axes, after).translation
     moved = replace(joint, parent_frame=Transform(turn, origin), child_frame=child_frame, axes=axes)
-    return moved, _rebuilt(joint.name, center)
+    return moved, center
 
 
 def _hinge(joint: Joint) -> Array | None:
@@ -344,15 +331,14 @@ def _turned(carrier: Carrier, place: Array, frame: Transform, hinge: Array | Non
     return turned
 
 
-def _rebuilt(name: str, center: Center) -> RebuiltJoint:
-    return RebuiltJoint(name, center.method, center.in_parent, center.in_child, center.moved, center.gap)
-
-
 def _travelled(axis: Axis, stretch: float, travel: Mapping[str, float]) -> Function:
     """Amounts grow by the stretch; coordinates in meters are read in their own new size."""
-    factor = stretch if axis.kind == "translation" else 1.0
-    source = travel.get(axis.coordinates[0], 1.0) if axis.coordinates else 1.0
-    return axis.function if factor == source == 1.0 else stretched(axis.function, factor, source)
+    return _grown(axis.function, stretch if axis.kind == "translation" else 1.0, axis.coordinates, travel)
+
+
+def _grown(function: Function, factor: float, coordinates: tuple[str, ...], travel: Mapping[str, float]) -> Function:
+    source = travel.get(coordinates[0], 1.0) if coordinates else 1.0
+    return function if factor == source == 1.0 else stretched(function, factor, source)
 
 
 def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
@@ -364,10 +350,7 @@ def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
 
 def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
     factor = travel.get(coupler.dependent, 1.0)
-    source = travel.get(coupler.independents[0], 1.0) if coupler.independents else 1.0
-    return (
-        coupler if factor == source == 1.0 else replace(coupler, function=stretched(coupler.function, factor, source))
-    )
+    return replace(coupler, function=_grown(coupler.function, factor, coupler.independents, travel))
 
 
 def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:

@@ -12,6 +12,7 @@ from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWr
 from myomorph.model.scale import taut_ligaments
 from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
+from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
@@ -19,7 +20,6 @@ from myomorph.morph.transfer.bodies import (
     neighbor_notes,
     not_transferred,
     of_mass,
-    standing_poses,
     surrounded_map,
     transferred_actuator,
     transferred_body,
@@ -29,7 +29,7 @@ from myomorph.morph.transfer.bodies import (
     with_neighbors,
 )
 from myomorph.morph.transfer.carrier import Carrier, few
-from myomorph.morph.transfer.joints import CenterFinder, TransferredJoints, transferred_joints
+from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
 from myomorph.morph.transfer.paths import transferred_lines
@@ -90,13 +90,13 @@ def morph_model(
     _check(model, bones)
     carriers = {body: Carrier(bone, body) for body, bone in with_neighbors(model, bones).items()}
     joints = transferred_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
-    carriers |= _virtual_links(model, _skeleton(model, joints), bones, carriers, surrounding)
+    carriers |= _virtual_links(model, joints.skeleton, bones, carriers, surrounding)
     strings = transferred_lines(
         model, model.muscles, model.ligaments, carriers, model.coordinates, joints.travel, options.surface_within
     )
     bodies = of_mass(tuple(transferred_body(body, carriers[body.name]) for body in model.bodies), mass)
     moved = replace(
-        _skeleton(model, joints),
+        joints.skeleton,
         name=name or model.name,
         bodies=bodies,
         gravity=carriers[GROUND].rotation @ model.gravity,
@@ -137,17 +137,6 @@ def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
     for body in bones:
         if body not in (GROUND, *model.body_names):
             raise UnknownName("body", body, model.body_names)
-
-
-def _skeleton(model: Model, joints: TransferredJoints) -> Model:
-    """The model with its joints carried and nothing else."""
-    return replace(
-        model,
-        joints=joints.joints,
-        coordinates=joints.coordinates,
-        couplers=joints.couplers,
-        passive_torques=joints.passive_torques,
-    )
 
 
 def _virtual_links(

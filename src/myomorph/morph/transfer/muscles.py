@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
@@ -35,28 +35,13 @@ OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")
 """Parameters of muscle classes that are lengths."""
 
 
-@read_only
-@dataclass(frozen=True, eq=False)
-class PathLengths:
-    """Lengths of all muscle paths in paired postures, the default posture first.
-
-    Attributes
-    ----------
-    source, target : (postures, muscles) [m]
-    """
-
-    source: Array
-    target: Array
-
-
 def path_lengths(
     source: Model, target: Model, postures: Postures, progress: Callable[[int], None] | None
-) -> PathLengths:
-    """Lengths of the paths of two models that have the same muscles."""
-    lengths = []
-    for model, values in ((source, postures.source), (target, postures.target)):
-        lengths.append(compile_paths(model).evaluate(values, progress=progress)[0])
-    return PathLengths(*lengths)
+) -> tuple[Array, Array]:
+    """Lengths (postures, muscles) of the paths of two models that have the same muscles, the default posture first."""
+    both = ((source, postures.source), (target, postures.target))
+    ours, theirs = (compile_paths(model).evaluate(values, progress=progress)[0] for model, values in both)
+    return ours, theirs
 
 
 @dataclass(frozen=True)
@@ -70,7 +55,7 @@ class Growth:
 def transferred_muscles(
     muscles: tuple[Muscle, ...],
     source: Mapping[str, Muscle],
-    lengths: PathLengths,
+    lengths: tuple[Array, Array],
     carriers: Carriers,
     options: MorphOptions,
     mass_ratio: float,
@@ -81,21 +66,18 @@ def transferred_muscles(
     ----------
     muscles : with paths of the target and parameters of the source
     source : the source's, by name
-    lengths : in the order of `muscles`
+    lengths : (postures, muscles) of source and target, in the order of `muscles` [m]
     mass_ratio : mass of the target over that of the source
     """
     found, changes, doubtful = [], [], []
     for i, muscle in enumerate(muscles):
-        before, after = lengths.source[:, i], lengths.target[:, i]
+        before, after = (one[:, i] for one in lengths)
         ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
-        growth = Growth(1.0, 0.0)
-        if options.fibers == "path":
-            growth = Growth(ratio, 0.0)
-        elif options.fibers == "range":
+        growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)
+        if options.fibers == "range":
             kept = _range_growth(muscle, before[1:], after[1:], ratio)
-            if kept is None:
-                doubtful.append(muscle.name)
-            growth = kept or Growth(ratio, 0.0)
+            doubtful += [] if kept else [muscle.name]
+            growth = kept or growth
         bodies = {point.body for point in source[muscle.name].path.points}
         one = _with_lengths(muscle, growth)
         one = _with_pennation(one, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
@@ -103,13 +85,8 @@ def transferred_muscles(
         one = _with_force(one, force, growth.slope)
         found.append(one)
         changes.append(_change(muscle, one, before[1:], after[1:], ratio, force))
-    return tuple(found), tuple(changes), _notes(doubtful)
-
-
-def _notes(doubtful: list[str]) -> list[str]:
-    if not doubtful:
-        return []
-    return [f"paths do not tell fiber from tendon, which both grow with the path: {few(doubtful)}"]
+    notes = [f"paths do not tell fiber from tendon, which both grow with the path: {few(doubtful)}"] if doubtful else []
+    return tuple(found), tuple(changes), notes
 
 
 def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:

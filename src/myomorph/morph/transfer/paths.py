@@ -205,13 +205,13 @@ def transferred_lines(
     }
     setting = Setting({one.name: one for one in coordinates}, travel, wraps)
     owned = [(one.name, one.path) for one in muscles] + [(one.name, one.path) for one in ligaments]
-    carried = transferred_paths(owned, carriers, setting, within)
-    wraps, smaller = points_left_outside(muscles, carried.points, wraps)
-    paths = iter(carried.paths)
+    carried, points, notes = transferred_paths(owned, carriers, setting, within)
+    wraps, smaller = points_left_outside(muscles, points, wraps)
+    paths = iter(carried)
     return LinesOfAction(
         tuple(replace(one, path=next(paths)) for one in muscles),
         tuple(replace(one, path=next(paths)) for one in ligaments),
         tuple(after for _, after in wraps.values()),
-        carried.points,
-        (*carried.notes, *smaller),
+        points,
+        (*notes, *smaller),
     )

@@ -131,21 +131,6 @@ MIDDLE_SAMPLES = 21
 
 
 @dataclass(frozen=True, eq=False)
-class TransferredPaths:
-    """Paths in other bones.
-
-    Attributes
-    ----------
-    paths : in the order given
-    points : all of them, in order
-    """
-
-    paths: tuple[Path, ...]
-    points: tuple[TransferredPoint, ...]
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
 class Setting:
     """What paths refer to beside bodies.
 
@@ -163,7 +148,7 @@ class Setting:
 
 def transferred_paths(
     owned: Iterable[tuple[str, Path]], carriers: Carriers, setting: Setting, within: float
-) -> TransferredPaths:
+) -> tuple[list[Path], tuple[TransferredPoint, ...], list[str]]:
     """Paths of muscles or ligaments, every point by the map of the body that it is fixed to.
 
     A moving point is carried by the affine map nearest around the middle of its way, which is exact where the bone's
@@ -173,6 +158,10 @@ def transferred_paths(
     ----------
     owned : names and paths
     within : distance from the surface up to which a point belongs to it, as a share of the bone's length
+
+    Returns
+    -------
+    paths in the order given, all of their points in order, and notes
     """
     owned = list(owned)
     places = [place_of(point, setting.coordinates) for _, path in owned for point in path.points]
@@ -190,7 +179,7 @@ def transferred_paths(
         )
         tendon = tuple(_side(one, carriers, setting) for one in path.wraps if isinstance(one, TendonWrap))
         paths.append(replace(path, points=points, wraps=tendon or path.wraps))
-    return TransferredPaths(tuple(paths), tuple(carried), tuple(dict.fromkeys(notes)))
+    return paths, tuple(carried), list(dict.fromkeys(notes))
 
 
 def _transferred_points(

@@ -54,37 +54,6 @@ class Line:
         return np.asarray(self.time)[inside], np.asarray(self.values)[inside]
 
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """One chart over time.
-
-    Attributes
-    ----------
-    title, unit : printed above it
-    span : (first, last) time shown [s]
-    events : drawn as vertical lines
-    low, high : values that must be inside, or None
-    width, height : in the drawing's own units
-    name_events : print the events' labels above the chart
-    second : factor and unit of a second scale on the right, e.g. moments per kilogram
-    margin : free space on the right, so that charts above each other line up
-    """
-
-    title: str
-    unit: str
-    lines: Sequence[Line]
-    span: tuple[float, float]
-    events: Sequence[Event] = ()
-    levels: Sequence[Level] = ()
-    low: float | None = None
-    high: float | None = None
-    width: int = 330
-    height: int = 190
-    name_events: bool = False
-    second: tuple[float, str] | None = None
-    margin: int = 8
-
-
 def line_limits(
     lines: Sequence[Line], span: tuple[float, float], low: float | None, high: float | None
 ) -> tuple[float, float]:
@@ -105,30 +74,52 @@ def drawn_line(area: Frame, one: Line, span: tuple[float, float]) -> str:
     return under + line(area, time, values, one.style, one.label)
 
 
-def time_plot(panel: Panel) -> str:
-    """Lines over time as an `<svg>` element."""
-    first, last = panel.span
-    area = frame(
-        46.0,
-        40.0 if panel.name_events and panel.events else 26.0,
-        panel.width - (36.0 if panel.second else panel.margin),
-        panel.height - 22.0,
-        (first, max(last, first + 1e-9)),
-        line_limits(panel.lines, panel.span, panel.low, panel.high),
-        "s",
-    )
+def time_plot(
+    title: str,
+    unit: str,
+    lines: Sequence[Line],
+    span: tuple[float, float],
+    events: Sequence[Event] = (),
+    levels: Sequence[Level] = (),
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    width: int = 330,
+    height: int = 190,
+    name_events: bool = False,
+    second: tuple[float, str] | None = None,
+    margin: int = 8,
+) -> str:
+    """Lines over time as an `<svg>` element.
+
+    Parameters
+    ----------
+    title, unit : printed above it
+    span : (first, last) time shown [s]
+    events : drawn as vertical lines
+    levels : values to compare with
+    low, high : values that must be inside, or None
+    width, height : in the drawing's own units
+    name_events : print the events' labels above the chart
+    second : factor and unit of a second scale on the right, e.g. moments per kilogram
+    margin : free space on the right, so that charts above each other line up
+    """
+    first, last = span
+    top, right = 40.0 if name_events and events else 26.0, width - (36.0 if second else margin)
+    within = line_limits(lines, span, low, high)
+    area = frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), within, "s")
     tall, wide = area.y.start - area.y.stop, area.x.stop - area.x.start
     return drawing(
         "time",
-        panel.title,
-        (panel.width, panel.height),
+        title,
+        (width, height),
         grid_up(area, max(2, min(4, int(tall / 32)))),
         grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
-        _second_scale(area, *panel.second) if panel.second else "",
-        _events(area, panel),
-        *(drawn_line(area, one, panel.span) for one in panel.lines),
-        levels_across(area, panel.levels),
-        unit=panel.unit,
+        _second_scale(area, *second) if second else "",
+        _events(area, events, name_events),
+        *(drawn_line(area, one, span) for one in lines),
+        levels_across(area, levels),
+        unit=unit,
         attributes=area.data,
     )
 
@@ -150,17 +141,17 @@ def event_line(area: Frame, event: Event) -> str:
     return mark("path", f"event {style}", f"{name}, {number(event.time, 0.001)} s", d=data)
 
 
-def _events(area: Frame, panel: Panel) -> str:
+def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
     """Events as lines, named above the chart in two rows as far as there is room."""
     parts, taken = [], [-np.inf, -np.inf]
-    for event in panel.events:
+    for event in events:
         if not area.x.low <= event.time <= area.x.high:
             continue
         parts.append(event_line(area, event))
         short, x = f"{event.side[:1]} {event.label.replace('Foot ', '')}".strip(), float(area.x.at(event.time))
         half = 2.6 * len(short) + 3
         row = next((k for k in (0, 1) if x - half > taken[k]), None)
-        if panel.name_events and row is not None:
+        if named and row is not None:
             parts.append(text(x, area.y.stop - 4 - 10 * row, short, f"event {event.side.lower() or 'middle'}"))
             taken[row] = x + half
     return "".join(parts)

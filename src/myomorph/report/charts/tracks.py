@@ -59,32 +59,6 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """One row.
-
-    Attributes
-    ----------
-    title, unit : printed on the left
-    bands, bars : what lies between two lines, known all the time or at some instants
-    height : in the drawing's own units
-    levels : values to compare with, drawn as dashed lines
-    low, high : values that must be inside, or None
-    small : one line of text, and grid lines at the ends only
-    """
-
-    title: str
-    unit: str
-    lines: Sequence[Line]
-    height: int = 84
-    bands: Sequence[Band] = ()
-    bars: Sequence[Band] = ()
-    levels: Sequence[Level] = ()
-    low: float | None = None
-    high: float | None = None
-    small: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class Backdrop:
     """What all rows of a stack share: the time shown, phases as stripes and events as thin lines."""
 
@@ -109,39 +83,55 @@ class Backdrop:
         return "".join(parts)
 
 
-def draw_track(track: Track, behind: Backdrop) -> str:
-    """One row as an `<svg>` element."""
-    low, high = _limits(track, behind.span)
-    margin = 2.0 if track.small else 6.0
-    area = behind.frame(margin, track.height - margin, low, high)
-    parts = [behind.behind(area), titled(track.title, track.unit, 2.0, (area.y.start + area.y.stop) / 2 + 4)]
-    if track.small:
+def draw_track(
+    behind: Backdrop,
+    title: str,
+    unit: str,
+    lines: Sequence[Line],
+    height: int = 84,
+    *,
+    bands: Sequence[Band] = (),
+    bars: Sequence[Band] = (),
+    levels: Sequence[Level] = (),
+    low: float | None = None,
+    high: float | None = None,
+    small: bool = False,
+) -> str:
+    """One row as an `<svg>` element.
+
+    Parameters
+    ----------
+    title, unit : printed on the left
+    height : in the drawing's own units
+    bands, bars : what lies between two lines, known all the time or at some instants
+    levels : values to compare with, drawn as dashed lines
+    low, high : values that must be inside, or None
+    small : one line of text, and grid lines at the ends only
+    """
+    ends = [Line(one.time, end, "", "") for one in (*bands, *bars) for end in (one.low, one.high)]
+    first, last = line_limits([*lines, *ends], behind.span, low, high)
+    for level in levels:
+        air = 0.05 * (last - first)
+        first, last = min(first, level.value - air), max(last, level.value + air)
+    margin = 2.0 if small else 6.0
+    area = behind.frame(margin, height - margin, first, last)
+    parts = [behind.behind(area), titled(title, unit, 2.0, (area.y.start + area.y.stop) / 2 + 4)]
+    if small:
         parts += [across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
         parts.append(grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    for one in track.bands:
-        parts.append(band(area, *_within(one, behind.span), one.style))
-    for i, one in enumerate(track.bars):
-        aside = BESIDE * (i - (len(track.bars) - 1) / 2)
+    parts += [band(area, *_within(one, behind.span), one.style) for one in bands]
+    for i, one in enumerate(bars):
+        aside = BESIDE * (i - (len(bars) - 1) / 2)
         parts.append(intervals(area, *_within(one, behind.span), one.style, aside))
-    parts += [drawn_line(area, one, behind.span) for one in track.lines]
-    parts.append(levels_across(area, track.levels))
-    size = WIDTH, track.height
-    return drawing("time track", track.title, size, *parts, unit=None, attributes=area.data)
+    parts += [drawn_line(area, line, behind.span) for line in lines]
+    parts.append(levels_across(area, levels))
+    return drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
 
 
 def _within(one: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]:
     inside = (one.time >= span[0] - 1e-9) & (one.time <= span[1] + 1e-9)
     return one.time[inside], np.asarray(one.low)[inside], np.asarray(one.high)[inside]
-
-
-def _limits(track: Track, span: tuple[float, float]) -> tuple[float, float]:
-    ends = [Line(one.time, end, "", "") for one in (*track.bands, *track.bars) for end in (one.low, one.high)]
-    low, high = line_limits([*track.lines, *ends], span, track.low, track.high)
-    for level in track.levels:
-        air = 0.05 * (high - low)
-        low, high = min(low, level.value - air), max(high, level.value + air)
-    return low, high
 
 
 def time_axis(behind: Backdrop) -> str:

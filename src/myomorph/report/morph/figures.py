@@ -13,7 +13,7 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import distinct_bones, target_surface
-from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.checks.moment_arms import CoordinatePair, MomentArms
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph
 from myomorph.morph.shapes.surface_points import Shape
@@ -152,7 +152,6 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
     words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
     if len(shown) < len(one.muscles):
         words += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
-    name = one.pair.target if one.pair.source == one.pair.target else f"{one.pair.target} (source {one.pair.source})"
     factor = 1e3 if turning else 1.0
     parts = []
     for place, k in enumerate(shown):
@@ -160,7 +159,12 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
         lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
         parts.append(_panel(x, y, muscle, one.target_values, lines, muscle in flagged))
-    return drawing("arms", f"Moment arms about {name}", (width, height), *parts, unit=words)
+    return drawing("arms", f"Moment arms about {name_of(one.pair)}", (width, height), *parts, unit=words)
+
+
+def name_of(pair: CoordinatePair) -> str:
+    """A coordinate of the target in print, with the source's where that has another name."""
+    return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
 
 
 def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
-from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
 from myomorph.report.morph.sections import morphing_sections

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.morph.checks.checks import MorphChecks
-from myomorph.morph.checks.moment_arms import MomentArms
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
-from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures
+from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures, name_of
 from myomorph.report.morph.tables import (
     Cell,
     Rows,
@@ -64,20 +63,14 @@ def warning_section(checks: MorphChecks) -> Section:
     rows = tuple((KINDS[one.kind], one.text) for one in checks.warnings)
     first = tuple((KINDS[kind], one.text) for kind in KINDS for one in checks.of(kind)[:FIRST_WARNINGS])
     limits = checks.options
-    lead = (
-        f"{len(rows)} warnings compared with the source scaled to the target. "
-        if rows
-        else "No warning compared with the source scaled to the target. "
-    )
+    lead = f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to the target. "
     lead += (
         f"Checked: paths that run deeper through a bone than the source's by {100 * limits.deeper:g} % of the "
         "longest bone, anywhere in the range of a coordinate; moment arms of opposite sign, with a jump that the "
-        "source "
-        f"does not have, or {limits.ratio:g} times the size of the bones; points where the map is "
+        f"source does not have, or {limits.ratio:g} times the size of the bones; points where the map is "
         f"inverted; attachments {100 * limits.off_surface:g} % of the longest bone further from their surface; "
         f"fiber lengths that leave the source's range by {limits.fiber:g} of their optimal length; joint centers "
-        "that parent "
-        f"and child place {100 * limits.gap:g} % of the longest bone apart. Faults that the source has too "
+        f"that parent and child place {100 * limits.gap:g} % of the longest bone apart. Faults that the source has too "
         "give no warning."
     )
     grids = [Grid(("Kind", "Warning"), first)] if rows else []
@@ -139,7 +132,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         folded = "" if i < FIRST_ARMS else f"About {one.pair.target}: {len(one.muscles)} muscles"
         figures.append(Figure(arm_figure(one, sizes, flagged), "full", folded=folded))
     order = tuple(
-        (_named(one), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
+        (name_of(one.pair), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
     )
     header, rows = arm_summary_rows(morph, checks)
     printed = [
@@ -154,9 +147,8 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     assert len(head) == len(header)
     title = f"All {len(rows)} pairs of muscle and coordinate"
     if len(printed) > MAX_ROWS:
-        printed = [row for row in printed if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)][
-            :MAX_ROWS
-        ]
+        printed = [row for row in printed if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)]
+        printed = printed[:MAX_ROWS]
         title = f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the table of the file"
     grids = (
         Grid(("Coordinate", "Muscles", "Rank correlation"), order, "Order of mean moment arms"),
@@ -169,11 +161,6 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     )
     legend = (("first", "target"), ("truth", "source, scaled to the target"))
     return Section("arms", "Moment arms", lead, legend, tuple(figures), grids)
-
-
-def _named(one: MomentArms) -> str:
-    pair = one.pair
-    return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
 
 
 def muscle_section(morph: Morph) -> Section | None:
@@ -250,14 +237,11 @@ def joint_section(morph: Morph) -> Section | None:
 
 def mass_section(morph: Morph) -> Section:
     """Masses of the bodies."""
-    grid = _millimeters(
-        mass_rows(morph), "Masses, centers of mass and principal moments of inertia", set(), folded=False
-    )
+    title = "Masses, centers of mass and principal moments of inertia"
     lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
-    printed = [note for note in morph.notes if note.startswith("masses")]
-    return Section(
-        "masses", "Masses", " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in printed)]), (), (), (grid,)
-    )
+    notes = [f"{one[:1].upper()}{one[1:]}." for one in morph.notes if one.startswith("masses")]
+    grid = _millimeters(mass_rows(morph), title, set(), folded=False)
+    return Section("masses", "Masses", " ".join([lead, *notes]), (), (), (grid,))
 
 
 def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) -> Grid:
@@ -282,8 +266,7 @@ def method_section(morph: Morph) -> Section:
         (
             "Points",
             "Path points, wrap objects, markers and joint frames are transferred by the map of their body; wraps and "
-            "axes "
-            "rotate and scale with it.",
+            "axes rotate and scale with it.",
         ),
         (
             "Surfaces",

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from myomorph.morph.checks.checks import MorphChecks
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 
@@ -28,7 +28,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
         "penetration.csv": penetration_rows(checks),
         "warnings.csv": (("kind", "name", "warning"), [(one.kind, one.name, one.text) for one in checks.warnings]),
-        "left_out.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
+        "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
     }
     return {name: rows for name, rows in found.items() if rows[1]}
 

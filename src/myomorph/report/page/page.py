@@ -108,33 +108,15 @@ def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
     return sorted(verdicts, key=lambda one: rank[one.state])
 
 
-@dataclass(frozen=True)
-class PrintedVerdict:
-    """A verdict as text."""
-
-    quantity: str
-    value: str
-    limit: str
-    state: str
-    worst: str
-    time: str
-    source: str
-    detail: str
-
-
-def _printed(one: Verdict) -> PrintedVerdict:
+def _printed(one: Verdict) -> dict[str, str]:
+    """A verdict as text, by the names that the template has."""
     limit = "none agreed" if one.limit is None else "0" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
     if "%" in one.unit and one.limit:
         limit = f"{number(one.limit)} %"
     whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
     value = number(one.value, 1.0) if whole else number(one.value)
-    return PrintedVerdict(
-        one.quantity,
-        f"{value} {one.unit}".strip(),
-        limit,
-        one.state,
-        one.worst,
-        "" if one.time is None else f"{number(one.time, 0.001)} s",
-        one.source,
-        one.detail,
-    )
+    time = "" if one.time is None else f"{number(one.time, 0.001)} s"
+    return {
+        **{name: getattr(one, name) for name in ("quantity", "state", "worst", "source", "detail")},
+        **{"value": f"{value} {one.unit}".strip(), "limit": limit, "time": time},
+    }

@@ -78,7 +78,6 @@ class Verdict:
     quantity : what was looked at
     value, unit : what was found
     limit : what it should stay under, None where there is no agreed limit
-    state : "ok", "over" the limit, or "note" where it is only told
     worst : name of what was worst
     time : when it was worst [s], None where it has no time
     source : key of the reference the limit comes from
@@ -89,11 +88,17 @@ class Verdict:
     value: float
     unit: str
     limit: float | None
-    state: State
     worst: str = ""
     time: float | None = None
     source: str = ""
     detail: str = ""
+
+    @property
+    def state(self) -> State:
+        """Whether it is "ok" or "over" its limit; without a limit anything but 0 is a "note"."""
+        if self.limit is None:
+            return "note" if self.value else "ok"
+        return "ok" if self.value <= self.limit else "over"
 
 
 NoteKind = Literal["real", "assumed", "simulated", "warning"]

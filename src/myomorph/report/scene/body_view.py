@@ -36,12 +36,18 @@ class BodyView:
     ----------
     surfaces : meshes by `Mesh.file`; bodies without become sticks
     turn : of the camera from the front towards the right side [degrees]
+
+    Attributes
+    ----------
+    scene : the body in its default pose
+    meshed : whether bodies have surfaces of their own
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, turn: float = 35.0):
         self.model = model
         self._tree = compile_tree(model)
         nowhere = Motion(np.zeros(1), (), np.zeros((1, 0)))
+        self.meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
         self.scene: Scene = make_scene(replace(model, muscles=()), nowhere, [0], surfaces)
         self._limbs = _limbs(model, self._tree.body_index)
         lengths = np.array([np.linalg.norm(end - start) for _, start, end in self._limbs])
@@ -52,13 +58,8 @@ class BodyView:
         # The viewer stands ahead: the subject's right is on the picture's left.
         self._axes = np.stack([np.cross(self.scene.up, ahead), self.scene.up, ahead])
 
-    @property
-    def rounds(self) -> tuple[Solid, ...]:
-        """The limbs as surfaces, for bodies that have no mesh."""
-        return self.limbs(1.0)
-
-    def limbs(self, share: float) -> tuple[Solid, ...]:
-        """The limbs as surfaces, a share as thick."""
+    def limbs(self, share: float = 1.0) -> tuple[Solid, ...]:
+        """The limbs as surfaces, for bodies that have no mesh, a share as thick."""
         return tuple(
             Solid(body, capsule(start, end, share * float(radius)))
             for (body, start, end), radius in zip(self._limbs, self._radii[:, 0], strict=True)

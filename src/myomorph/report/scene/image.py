@@ -52,17 +52,17 @@ LEVEL = _ramp(_LEVEL)
 
 def level_color(values: Array) -> Array:
     """Colors (..., 3) in 0..1 of levels of identification in 0..1, grey where NaN."""
-    index = np.clip(np.nan_to_num(values) * 255.0, 0, 255).astype(np.int64)
-    colors = LEVEL[index] / 255.0
-    colors[np.isnan(values)] = 0.72
-    return colors
+    return _colors(LEVEL, values, 0.72)
 
 
 def activation_color(values: Array) -> Array:
     """Colors (..., 3) in 0..1 of activations, grey where NaN."""
-    index = np.clip(np.nan_to_num(values) * 255.0, 0, 255).astype(np.int64)
-    colors = ACTIVATION[index] / 255.0
-    colors[np.isnan(values)] = 0.6
+    return _colors(ACTIVATION, values, 0.6)
+
+
+def _colors(table: Bytes, values: Array, unknown: float) -> Array:
+    colors: Array = table[np.clip(np.nan_to_num(values) * 255.0, 0, 255).astype(np.int64)] / 255.0
+    colors[np.isnan(values)] = unknown
     return colors
 
 
@@ -100,6 +100,5 @@ def data_uri(image: bytes) -> str:
 
 def base64_text(values: np.ndarray) -> str:
     """An array's bytes, little-endian, as base64 text."""
-    return base64.b64encode(np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes()).decode(
-        "ascii"
-    )
+    ordered = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<"))
+    return base64.b64encode(ordered.tobytes()).decode("ascii")

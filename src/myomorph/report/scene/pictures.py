@@ -11,10 +11,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.report.scene.image import ACTIVATION, Bytes, activation_color, base64_text, png
+from myomorph.report.scene.image import ACTIVATION, activation_color, base64_text, png
 from myomorph.report.scene.raster import Canvas, View
 from myomorph.report.scene.scene import Scene
-from myomorph.report.scene.shapes import normals, reduced
+from myomorph.report.scene.shapes import box_corners, normals, reduced
 
 BONE = (0.93, 0.89, 0.80)
 FORCE = (0.10, 0.58, 0.46)
@@ -70,15 +70,11 @@ def pictures(
             view = View(_axes(scene, name), centers[frame], scale * SHRINK, width * SHRINK, high * SHRINK)
             canvas = Canvas(view)
             _draw(canvas, scene, frame, shading, colors)
-            found.append(Picture(frame, name, png(_lean(canvas.picture(SHRINK))), width, high))
+            # Steps of four levels nobody sees, nor colors of the background: a quarter fewer bytes.
+            lean = canvas.picture(SHRINK) & np.array([252, 252, 252, 255], dtype=np.uint8)
+            lean[lean[..., 3] == 0] = 0
+            found.append(Picture(frame, name, png(lean), width, high))
     return found
-
-
-def _lean(pixels: Bytes) -> Bytes:
-    """The same picture in steps of four levels that nobody sees, background without color: a quarter fewer bytes."""
-    lean = pixels & np.array([252, 252, 252, 255], dtype=np.uint8)
-    lean[lean[..., 3] == 0] = 0
-    return lean
 
 
 def proportion(scene: Scene, view: str) -> float:
@@ -91,9 +87,8 @@ def _axes(scene: Scene, view: str) -> Array:
     """Rows: to the right of the picture, up in it, towards the viewer."""
     turn = np.deg2rad(VIEWS[view])
     ahead, aside = np.cos(turn), np.sin(turn)
-    return np.stack(
-        [ahead * scene.forward - aside * scene.right, scene.up, ahead * scene.right + aside * scene.forward]
-    )
+    across, towards = ahead * scene.forward - aside * scene.right, ahead * scene.right + aside * scene.forward
+    return np.stack([across, scene.up, towards])
 
 
 def plain_color(scene: Scene) -> tuple[float, float, float]:
@@ -106,13 +101,8 @@ def _corners(scene: Scene) -> Array:
     """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in ground."""
     clouds = [scene.origins[:, 1:]] + [muscle.points for muscle in scene.muscles]
     for solid in scene.solids:
-        low, high = solid.surface.vertices.min(axis=0), solid.surface.vertices.max(axis=0)
-        box = np.array(
-            [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-        )
-        clouds.append(
-            np.einsum("fij,pj->fpi", scene.rotations[:, solid.body], box) + scene.origins[:, None, solid.body]
-        )
+        turned = np.einsum("fij,pj->fpi", scene.rotations[:, solid.body], box_corners(solid.surface))
+        clouds.append(turned + scene.origins[:, None, solid.body])
     return np.concatenate(clouds, axis=1)
 
 
@@ -123,9 +113,7 @@ def _framing(scene: Scene, corners: Array, axes: Array) -> tuple[Array, float, f
     wide = float((np.nanmax(across, axis=1) - np.nanmin(across, axis=1)).max()) * 1.06
     low, high = min(float(np.nanmin(upward)), scene.floor), float(np.nanmax(upward))
     depth = np.nanmean(corners @ axes[2], axis=1)
-    centers = (
-        middle[:, None] * axes[0] + np.full((len(middle), 1), (low + high) / 2) * axes[1] + depth[:, None] * axes[2]
-    )
+    centers = middle[:, None] * axes[0] + (low + high) / 2 * axes[1] + depth[:, None] * axes[2]
     return centers, wide, (high - low) * 1.05
 
 
@@ -184,25 +172,17 @@ def player(scene: Scene) -> str:
     Points are 16-bit integers over a box around the movement: `point = low + value * step`.
     """
     surfaces, bodies = _coarse(scene)
-    points = (
-        np.concatenate([muscle.points for muscle in scene.muscles], axis=1)
-        if scene.muscles
-        else np.zeros((len(scene.time), 0, 3))
-    )
+    none = np.zeros((len(scene.time), 0, 3))
+    points = np.concatenate([none, *(muscle.points for muscle in scene.muscles)], axis=1)
     cloud = np.concatenate([scene.origins[:, 1:].reshape(-1, 3), points.reshape(-1, 3)])
     cloud = cloud[np.isfinite(cloud).all(axis=1)]
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     step = max(float((high - low).max()), 1e-9) / 60000.0
     middle = low + 30000.0 * step
     used = np.unique(bodies).astype(np.int64) if len(bodies) else np.zeros(0, np.int64)
-    poses = np.concatenate(
-        [scene.rotations[:, used].reshape(len(scene.time), -1, 9), scene.origins[:, used]], axis=2
-    ).astype(np.float32)
-    activation = (
-        np.stack([muscle.activation for muscle in scene.muscles], axis=1)
-        if scene.muscles
-        else np.zeros((len(scene.time), 0))
-    )
+    turns = scene.rotations[:, used].reshape(len(scene.time), -1, 9)
+    poses = np.concatenate([turns, scene.origins[:, used]], axis=2).astype(np.float32)
+    activation = np.concatenate([none[..., 0], *(muscle.activation[:, None] for muscle in scene.muscles)], axis=1)
     words = np.where(np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)).astype(np.uint8)
     forces = np.concatenate([scene.force_starts, scene.force_vectors / scene.weight], axis=2)
     value: dict[str, Any] = {
@@ -218,7 +198,7 @@ def player(scene: Scene) -> str:
         "poseCount": len(used),
         "poses": base64_text(poses),
         "solids": surfaces,
-        "plain": _css(plain_color(scene)),
+        "plain": "rgb(" + ",".join(str(round(255 * one)) for one in plain_color(scene)) + ")",
         "names": [muscle.name for muscle in scene.muscles],
         "counts": [int(muscle.points.shape[1]) for muscle in scene.muscles],
         "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles],
@@ -233,10 +213,6 @@ def player(scene: Scene) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _css(color: tuple[float, float, float]) -> str:
-    return "rgb(" + ",".join(str(round(255 * one)) for one in color) + ")"
-
-
 def _packed(points: Array, middle: Array, step: float) -> np.ndarray:
     scaled = np.round((points - middle) / step)
     return np.where(np.isnan(scaled), HIDDEN, np.nan_to_num(scaled)).astype(np.int16)
@@ -249,11 +225,11 @@ def _short(values: Array) -> list[float]:
 def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
     """Surfaces with as many triangles as a browser draws smoothly, and their bodies."""
     shrunk = reduced([solid.surface for solid in scene.solids], scene.size, MAX_TRIANGLES)
-    words = []
-    bodies = []
+    words, bodies = [], []
     for solid, surface in zip(scene.solids, shrunk, strict=True):
         if not len(surface.faces):
             continue
+        wide = len(surface.vertices) >= 65536
         low = surface.vertices.min(axis=0)
         step = max(float(np.ptp(surface.vertices, axis=0).max()), 1e-9) / 60000.0
         packed = np.round((surface.vertices - low) / step - 30000.0).astype(np.int16)
@@ -262,8 +238,8 @@ def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
                 "low": _short(low + 30000.0 * step),
                 "step": step,
                 "vertices": base64_text(packed),
-                "faces": base64_text(surface.faces.astype(np.uint16 if len(surface.vertices) < 65536 else np.uint32)),
-                "wide": len(surface.vertices) >= 65536,
+                "faces": base64_text(surface.faces.astype(np.uint32 if wide else np.uint16)),
+                "wide": wide,
             }
         )
         bodies.append(solid.body)

@@ -15,7 +15,7 @@ from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
-from myomorph.report.scene.shapes import primitive, sticks
+from myomorph.report.scene.shapes import box_corners, primitive, sticks
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -158,21 +158,15 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
     """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
-    lows, highs, clouds = [], [], []
-    for solid in solids:
-        vertices = solid.surface.vertices
-        corners = np.array([vertices.min(axis=0), vertices.max(axis=0), vertices.mean(axis=0)])
-        box = np.array([[corners[i, 0], corners[j, 1], corners[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-        points = np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box) + poses.origins[:, None, solid.body]
-        lows.append((points @ up).min())
-        highs.append((points @ up).max())
-        clouds.append(points)
-    if not clouds:
-        clouds = [poses.origins[:, 1:]]
-        lows = [float((poses.origins[:, 1:] @ up).min())]
-        highs = [float((poses.origins[:, 1:] @ up).max())]
-    stacked = np.concatenate(clouds, axis=1)
-    return float(min(lows)), float(max(highs)), max(float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max()), 1e-6)
+    clouds = [
+        np.einsum("fij,pj->fpi", poses.rotations[:, one.body], box_corners(one.surface))
+        + poses.origins[:, None, one.body]
+        for one in solids
+    ]
+    stacked = np.concatenate(clouds or [poses.origins[:, 1:]], axis=1)
+    heights = stacked @ up
+    size = float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max())
+    return float(heights.min()), float(heights.max()), max(size, 1e-6)
 
 
 def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
@@ -185,10 +179,7 @@ def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None
     ahead = (middles[1] - middles[0]).mean(axis=0)
     ahead = ahead - (ahead @ up) * up
     length = float(np.linalg.norm(ahead))
-    if length < 1e-3:
-        return None
-    ahead = ahead / length
-    return ahead, np.cross(ahead, up)
+    return None if length < 1e-3 else (ahead / length, np.cross(ahead / length, up))
 
 
 def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -50,42 +51,35 @@ def _scaled(surface: Surface, factors: Array) -> Surface:
 @lru_cache(maxsize=4)
 def _ball(rings: int = 10, sides: int = 14) -> Surface:
     """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be pulled apart."""
-    polar = np.linspace(0.0, np.pi, rings)
-    around = np.arange(sides) * 2.0 * np.pi / sides
-    points = np.stack(
-        [
-            np.outer(np.sin(polar), np.cos(around)),
-            np.outer(np.sin(polar), np.sin(around)),
-            np.repeat(np.cos(polar)[:, None], sides, axis=1),
-        ],
-        axis=2,
-    )
+    polar = np.linspace(0.0, np.pi, rings)[:, None, None]
+    points = np.sin(polar) * _ring(sides) + np.cos(polar) * np.array([0.0, 0.0, 1.0])
     return Surface(points.reshape(-1, 3), _quads(rings, sides))
 
 
 @lru_cache(maxsize=1)
 def _rod(sides: int = 10) -> Surface:
     """Closed unit cylinder along z, from -1 to 1."""
-    around = np.arange(sides) * 2.0 * np.pi / sides
-    ring = np.stack([np.cos(around), np.sin(around), np.zeros(sides)], axis=1)
-    up = np.array([0.0, 0.0, 1.0])
+    ring, up = _ring(sides), np.array([0.0, 0.0, 1.0])
     points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
     return Surface(points, _quads(4, sides))
 
 
+def _ring(sides: int) -> Array:
+    """(sides, 3) points on the unit circle around z."""
+    around = np.arange(sides) * 2.0 * np.pi / sides
+    return np.stack([np.cos(around), np.sin(around), np.zeros(sides)], axis=1)
+
+
 def tube(sides: int = 6) -> Surface:
     """Side of a unit cylinder along z, from -1 to 1: open, for the ends of a muscle lie in bones."""
-    around = np.arange(sides) * 2.0 * np.pi / sides
-    ring = np.stack([np.cos(around), np.sin(around), np.zeros(sides)], axis=1)
-    up = np.array([0.0, 0.0, 1.0])
+    ring, up = _ring(sides), np.array([0.0, 0.0, 1.0])
     return Surface(np.concatenate([ring + up, ring - up]), _quads(2, sides))
 
 
 @lru_cache(maxsize=1)
 def cone(sides: int = 12) -> Surface:
     """Closed unit cone along z, its base at -1 and its tip at 1."""
-    around = np.arange(sides) * 2.0 * np.pi / sides
-    ring = np.stack([np.cos(around), np.sin(around), np.full(sides, -1.0)], axis=1)
+    ring = _ring(sides) - [0.0, 0.0, 1.0]
     tips = np.tile([0.0, 0.0, 1.0], (sides, 1))
     fan = np.stack([np.zeros(sides - 2, np.int64), np.arange(2, sides), np.arange(1, sides - 1)], axis=1)
     return Surface(np.concatenate([tips, ring, ring]), np.concatenate([_quads(2, sides), fan + 2 * sides]))
@@ -110,16 +104,21 @@ def _quads(rings: int, sides: int) -> np.ndarray:
 
 def stick(start: Array, end: Array, radius: float) -> Surface:
     """A spindle from one point to another, thickest near the start, as bones are drawn without a mesh."""
-    along = np.asarray(end, dtype=np.float64) - start
-    length = float(np.linalg.norm(along))
-    z = along / length
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    axes = np.stack([x, np.cross(z, x), z])
+    axes, length = _axes_along(start, end)
     ball = _ball().vertices
     profile = 1.0 - 0.45 * np.clip((ball[:, 2:] + 1.0) / 2.0, 0.0, 1.0)
     local = np.concatenate([ball[:, :2] * radius * profile, ball[:, 2:] * length / 2], axis=1)
-    return Surface(local @ axes + start + along / 2, _ball().faces)
+    return Surface(local @ axes + start + 0.5 * (np.asarray(end, dtype=np.float64) - start), _ball().faces)
+
+
+def _axes_along(start: Array, end: Array) -> tuple[Array, float]:
+    """Axes (3, 3), one a row, of which the third goes from one point to another, and the distance of these."""
+    along = np.asarray(end, dtype=np.float64) - start
+    length = max(float(np.linalg.norm(along)), 1e-9)
+    z = along / length
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z]), length
 
 
 def sphere(radius: float, rings: int = 6, sides: int = 8) -> Surface:
@@ -129,14 +128,10 @@ def sphere(radius: float, rings: int = 6, sides: int = 8) -> Surface:
 
 def capsule(start: Array, end: Array, radius: float) -> Surface:
     """A round limb from one point to another, `radius` thick at and beyond both."""
-    along = np.asarray(end, dtype=np.float64) - start
-    length = max(float(np.linalg.norm(along)), 1e-9)
-    z = along / length
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
+    axes, length = _axes_along(start, end)
     ball = _ball().vertices
     local = radius * ball + np.where(ball[:, 2:] > 0.0, length, 0.0) * np.array([0.0, 0.0, 1.0])
-    return Surface(local @ np.stack([x, np.cross(z, x), z]) + start, _ball().faces)
+    return Surface(local @ axes + start, _ball().faces)
 
 
 def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
@@ -216,6 +211,12 @@ def _one_number(rows: np.ndarray) -> np.ndarray:
     return number
 
 
+def box_corners(surface: Surface) -> Array:
+    """(8, 3) corners of the box around a surface."""
+    ends = np.array([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
+    return np.array(list(itertools.product(*ends.T)))
+
+
 def outward(surface: Surface) -> Surface:
     """The surface with faces that look outwards as a whole, as those do that enclose a volume above zero."""
     if not len(surface.faces):
@@ -229,13 +230,9 @@ def normals(surface: Surface) -> Array:
     """(n, 3) unit normal at every vertex, zero where no face touches it."""
     corners = surface.vertices[surface.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.stack(
-        [
-            sum(np.bincount(surface.faces[:, k], across[:, i], len(surface.vertices)) for k in range(3))
-            for i in range(3)
-        ],
-        axis=1,
-    )
+    total = np.zeros((len(surface.vertices), 3))
+    for i in range(3):
+        total[:, i] = sum(np.bincount(surface.faces[:, k], across[:, i], len(total)) for k in range(3))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     unit: Array = total / np.where(lengths > 0, lengths, 1.0)
     return unit

@@ -57,19 +57,14 @@ def _facts(found: Comparison) -> list[tuple[str, str]]:
 
 
 def _tiles(found: Comparison) -> list[Tile]:
-    different = [one for one in found.scalars if one.holm < found.options.alpha]
-    curves = [one for one in found.curves if one.regions]
     if not found.tested:
         return []
+    alpha = f"p < {found.options.alpha:g}"
+    different = sum(one.holm < found.options.alpha for one in found.scalars)
+    curves = sum(1 for one in found.curves if one.regions)
     return [
-        Tile(
-            f"{len(different)} of {len(found.scalars)}", f"parameters differ (Holm p < {found.options.alpha:g})", "ok"
-        ),
-        Tile(
-            f"{len(curves)} of {len(found.curves)}",
-            f"curves differ somewhere (corrected p < {found.options.alpha:g})",
-            "ok",
-        ),
+        Tile(f"{different} of {len(found.scalars)}", f"parameters differ (Holm {alpha})", "ok"),
+        Tile(f"{curves} of {len(found.curves)}", f"curves differ somewhere (corrected {alpha})", "ok"),
     ]
 
 
@@ -92,8 +87,7 @@ def _scalar_sections(found: Comparison) -> list[Section]:
     if found.tested:
         lead += (
             " p by permuting animals. Holm’s correction controls the chance of any false positive among the "
-            "parameters, q "
-            "the false discovery rate."
+            "parameters, q the false discovery rate."
         )
     figure = effect_figure(found)
     return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
@@ -143,8 +137,8 @@ def scalar_grid(found: Comparison, title: str = "") -> Grid:
     rows = [
         (
             one.name,
-            _mean(one.first),
-            _mean(one.second),
+            mean_words(one.first),
+            mean_words(one.second),
             _with_interval(one.difference, one.low, one.high),
             _with_interval(one.g, one.g_low, one.g_high),
             *(_probability(p) for p in (one.p, one.holm, one.q)),
@@ -155,28 +149,45 @@ def scalar_grid(found: Comparison, title: str = "") -> Grid:
 
 
 def _family_section(found: Comparison, family: str) -> Section:
-    curves = found.family(family)
-    name, _, unit = family.partition(" [")
-    unit = unit.removesuffix("]")
-    order = sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
-    shown = order if found.tested else list(curves)
+    curves, (name, unit) = found.family(family), name_and_unit(family)
+    shown = different_first(curves) if found.tested else list(curves)
     figures = [Figure(difference_chart(one, unit, found.names)) for one in shown[:MAX_OPEN]]
     figures += [Figure(difference_chart(one, unit, found.names), folded=one.name) for one in shown[MAX_OPEN:]]
     figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MAX_OPEN]]
     lead = (
         "Mean of the animals’ means over the stride from foot strike to foot strike, with "
-        f"{100 * found.options.confidence:.0f} % "
-        "intervals sample by sample; thin lines are animals."
+        f"{100 * found.options.confidence:.0f} % intervals sample by sample; thin lines are animals."
     )
     if found.tested:
         lead += (
             f" Bars below mark where groups differ (p < {found.options.alpha:g}, corrected for the whole stride and "
-            "all "
-            f"{len(curves)} curves here by the maximum statistic); curves that differ come first."
+            f"all {len(curves)} curves here by the maximum statistic); curves that differ come first."
         )
-    key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
     legend = tuple(zip(STYLES, found.names, strict=True))
-    return Section(f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), (curve_grid(shown),))
+    return curve_section(name, lead, legend, figures, (curve_grid(shown),))
+
+
+def name_and_unit(family: str) -> tuple[str, str]:
+    """What the curves of a family are and their unit: of "angle [°]" angle and °."""
+    name, _, unit = family.partition(" [")
+    return name, unit.removesuffix("]")
+
+
+def different_first(curves: Sequence[CurveDifference]) -> list[CurveDifference]:
+    """Curves that differ before the others, those of the smallest p first."""
+    return sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
+
+
+def curve_section(
+    name: str,
+    lead: str,
+    legend: tuple[tuple[str, str], ...],
+    figures: Sequence[Figure],
+    grids: tuple[Grid, ...] = (),
+) -> Section:
+    """The section of one family of curves."""
+    key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())
+    return Section(f"curves-{key}", f"{name[:1].upper()}{name[1:]}", lead, legend, tuple(figures), grids)
 
 
 def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: statistics") -> Grid:
@@ -185,22 +196,17 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: stat
     for one in curves:
         known = np.isfinite(one.g)
         at = int(np.argmax(np.where(known, np.abs(one.g), -1.0)))
-        place = f"{100.0 * at / max(len(one.g) - 1, 1):.0f} %"
-        largest = (
-            f"{_with_interval(float(one.g[at]), float(one.g_low[at]), float(one.g_high[at]))} at {place}"
-            if known.any()
-            else "–"
-        )
+        size = _with_interval(float(one.g[at]), float(one.g_low[at]), float(one.g_high[at]))
+        largest = f"{size} at {100.0 * at / max(len(one.g) - 1, 1):.0f} %" if known.any() else "–"
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
         rows.append((one.name, largest, _probability(one.least_p), where))
     return Grid(("Curve", "Maximum effect size", "Minimum p", "Differs"), tuple(rows), title, True)
 
 
-def _mean(words: tuple[float, float, int]) -> str:
+def mean_words(words: tuple[float, float, int]) -> str:
+    """Mean ± standard deviation, where it is known, and the number of values."""
     mean, spread, count = words
-    return (
-        f"{number(mean)} ± {number(spread)} (n = {count})" if np.isfinite(spread) else f"{number(mean)} (n = {count})"
-    )
+    return number(mean) + (f" ± {number(spread)}" if np.isfinite(spread) else "") + f" (n = {count})"
 
 
 def _with_interval(value: float, low: float, high: float) -> str:

@@ -17,7 +17,17 @@ from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
 from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import cited
-from myomorph.report.study.group_page import TESTS, curve_grid, difference_chart, effect_figure, scalar_grid
+from myomorph.report.study.group_page import (
+    TESTS,
+    curve_grid,
+    curve_section,
+    difference_chart,
+    different_first,
+    effect_figure,
+    mean_words,
+    name_and_unit,
+    scalar_grid,
+)
 from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
 
 MAX_OPEN, MAX_FOLDED = 12, 36
@@ -44,7 +54,7 @@ UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 def study_page(given: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
     notes = tuple(Note("warning", one) for one in given.notes)
-    page = PageHead(title=given.name, date=given.date, version=given.version, notes=notes)
+    page = PageHead(given.name, given.date, given.version, notes)
     parts = [
         *_gone(given),
         *_changes(given),
@@ -56,9 +66,8 @@ def study_page(given: StudyInput) -> str:
         *_trials(given),
         *_files(given),
     ]
-    return rendered(
-        page, parts, cited(*REFERENCES) if given.conditions else (), facts=_facts(given), tiles=_tiles(given)
-    )
+    sources = cited(*REFERENCES) if given.conditions else ()
+    return rendered(page, parts, sources, facts=_facts(given), tiles=_tiles(given))
 
 
 def _facts(given: StudyInput) -> list[tuple[str, str]]:
@@ -97,10 +106,8 @@ def _tiles(given: StudyInput) -> list[Tile]:
         tiles.append(Tile(str(named), "trials with outliers", "note"))
     for one in given.comparisons:
         if one.tested:
-            curves = sum(1 for each in one.curves if each.regions)
-            tiles.append(
-                Tile(f"{curves} of {len(one.curves)}", f"curves differ, {one.names[0]} and {one.names[1]}", "ok")
-            )
+            curves, words = sum(1 for each in one.curves if each.regions), " and ".join(one.names)
+            tiles.append(Tile(f"{curves} of {len(one.curves)}", f"curves differ, {words}", "ok"))
     return tiles
 
 
@@ -172,21 +179,14 @@ def _described(given: StudyInput) -> list[Section]:
         )
         if part
     ]
-    lead = (
-        f"Mean ± standard deviation of {unit}, each the mean of its trials."
-        if unit == "subjects"
-        else ("Mean ± standard deviation of trials: there is one subject.")
-    )
+    each = "subjects, each the mean of its trials" if unit == "subjects" else "trials: there is one subject"
+    lead = f"Mean ± standard deviation of {each}."
     return [Section("values", "Values", lead, grids=tuple(grids))]
 
 
 def _described_row(one: Described) -> tuple[str, ...]:
     unit = "" if one.unit == "1" else f" [{one.unit}]"
-    cells = []
-    for mean, deviation, count in one.conditions:
-        spread = f" ± {number(deviation)}" if np.isfinite(deviation) else ""
-        cells.append(f"{number(mean)}{spread} (n = {count})" if count else "–")
-    return (f"{one.quantity}{unit}", *cells)
+    return (f"{one.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in one.conditions))
 
 
 def _families(conditions: Sequence[Condition]) -> tuple[str, ...]:
@@ -194,17 +194,14 @@ def _families(conditions: Sequence[Condition]) -> tuple[str, ...]:
 
 
 def _family(given: StudyInput, family: str) -> Section:
-    what = family.partition(" [")[0]
     names = _ordered(given.conditions, family)
-    figures = []
-    for k, name in enumerate(names[: MAX_OPEN + MAX_FOLDED]):
-        figures.append(Figure(condition_chart(given.conditions, family, name), folded=name if k >= MAX_OPEN else ""))
+    figures = [
+        Figure(condition_chart(given.conditions, family, name), folded=name if k >= MAX_OPEN else "")
+        for k, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
+    ]
     own = [one for one in given.conditions if family in one.curves]
-    cycles = list(
-        dict.fromkeys(
-            "strides, from foot strike to foot strike" if one.cycle == "stride" else "whole trials" for one in own
-        )
-    )
+    words = {True: "strides, from foot strike to foot strike", False: "whole trials"}
+    cycles = list(dict.fromkeys(words[one.cycle == "stride"] for one in own))
     units = " and ".join(dict.fromkeys(one.unit for one in own))
     lead = (
         f"Over {' or '.join(cycles)}. Lines are means of {units}, bands their 95 % intervals sample by sample, faint "
@@ -213,18 +210,9 @@ def _family(given: StudyInput, family: str) -> Section:
     if len(names) > MAX_OPEN + MAX_FOLDED:
         lead += f" {len(names) - MAX_OPEN - MAX_FOLDED} more are in condition_curves.csv."
     # A percent of a stride is not a percent of a trial: curves that share a chart say which they are over.
-    mixed = len(cycles) > 1
-    legend = tuple(
-        (
-            style,
-            f"{_title(one)} (over the {'stride' if one.cycle == 'stride' else 'whole trial'})"
-            if mixed
-            else _title(one),
-        )
-        for style, one in styled(given.conditions)
-    )
-    key = "".join(letter if letter.isalnum() else "-" for letter in what.lower())
-    return Section(f"curves-{key}", f"{what[:1].upper()}{what[1:]}", lead, legend, tuple(figures))
+    over = {True: " (over the stride)", False: " (over the whole trial)"} if len(cycles) > 1 else {}
+    legend = [(style, _title(one) + over.get(one.cycle == "stride", "")) for style, one in styled(given.conditions)]
+    return curve_section(name_and_unit(family)[0], lead, tuple(legend), figures)
 
 
 def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
@@ -238,7 +226,7 @@ def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> 
             spread = mean - deviation, mean + deviation
             drawn.append(CycleCurve(mean, style, one.name, (curves.low[:, k], curves.high[:, k]), spread))
     shown = [part for one in drawn for part in (one.mean, *(one.spread or ()))]
-    return cycle_chart(name, family.partition(" [")[2].removesuffix("]"), drawn, shown)
+    return cycle_chart(name, name_and_unit(family)[1], drawn, shown)
 
 
 def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
@@ -302,13 +290,10 @@ def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
         figures.append(effect_figure(found))
     grids = [scalar_grid(found)] if found.scalars else []
     for family in found.families:
-        curves = sorted(
-            found.family(family), key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0)
-        )
-        unit = family.partition(" [")[2].removesuffix("]")
+        curves, (name, unit) = different_first(found.family(family)), name_and_unit(family)
         different = [one for one in curves if one.regions]
         figures += [Figure(difference_chart(one, unit, found.names, styles)) for one in different[:MAX_DIFFERENT]]
-        grids.append(curve_grid(curves, f"{family.partition(' [')[0]}: {len(different)} of {len(curves)} differ"))
+        grids.append(curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, found.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
 
@@ -345,9 +330,8 @@ def _trials(given: StudyInput) -> list[Section]:
         return []
     rows = tuple(_trial_row(one) for one in done)
     lead = "Names of trials link to their reports. Markers: RMS of the worst frame; residuals and reserves: peaks."
-    return [
-        Section("trials", "All trials", lead, grids=(Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG),))
-    ]
+    grid = Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG)
+    return [Section("trials", "All trials", lead, grids=(grid,))]
 
 
 def _trial_row(one: TrialLine) -> tuple[str | Link, ...]:

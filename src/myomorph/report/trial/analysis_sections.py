@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from myomorph.analysis.contact_states import graph_rows
+from myomorph.analysis.presets import Panel
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import scaled_unit
 from myomorph.report.charts.curves import Line
 from myomorph.report.charts.marks import Level
 from myomorph.report.charts.pictures import even_times, fitting, nearest_frames, picture_strip
-from myomorph.report.charts.tracks import Backdrop, Track, contact_graph, draw_track, phase_names, row_title, time_axis
+from myomorph.report.charts.tracks import Backdrop, contact_graph, draw_track, phase_names, row_title, time_axis
 from myomorph.report.page.parts import Figure, Section
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.center_section import center_section
@@ -79,10 +82,6 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
     return " ".join(one for one in told if one)
 
 
-def _inside(time: float, span: tuple[float, float]) -> bool:
-    return span[0] - 1e-6 <= time <= span[1] + 1e-6
-
-
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
     """The body at even times, or at those asked for."""
     given, motion = prepared.given, prepared.given.kinematics.motion
@@ -91,24 +90,17 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return ""
-    wanted = given.analysis.times or even_times(behind.span, analysis.preset.pictures)
-    if not given.analysis.times:
-        frames = nearest_frames(motion.time, good, wanted)
+    (first, last), wanted = behind.span, given.analysis.times
+    if not wanted:
+        frames = nearest_frames(motion.time, good, even_times(behind.span, analysis.preset.pictures))
         count = fitting(make_scene(given.model, motion, frames, given.surfaces), analysis.preset.pictures)
         wanted = even_times(behind.span, count)
-    if given.analysis.times and not any(_inside(one, behind.span) for one in wanted):
-        raise BadData(
-            f"no picture at {', '.join(f'{one:g}' for one in wanted)} s: "
-            f"the motion lasts from {behind.span[0]:g} to {behind.span[1]:g} s"
-        )
-    wanted = tuple(one for one in wanted if _inside(one, behind.span))
-    if not wanted:
-        return ""
-    activations = None
-    if given.tension is not None:
-        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
-    frames = nearest_frames(motion.time, good, wanted)
-    scene = make_scene(given.model, motion, frames, given.surfaces, activations, acting_forces(given))
+    inside = [one for one in wanted if first - 1e-6 <= one <= last + 1e-6]
+    if not inside:
+        times = ", ".join(f"{one:g}" for one in wanted)
+        raise BadData(f"no picture at {times} s: the motion lasts from {first:g} to {last:g} s")
+    frames = nearest_frames(motion.time, good, inside)
+    scene = make_scene(given.model, motion, frames, given.surfaces, given.activations, acting_forces(given))
     return picture_strip(scene, behind)
 
 
@@ -121,7 +113,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
-    return draw_track(Track("Height of COG", unit, lines, 86, levels=levels), behind)
+    return draw_track(behind, "Height of COG", unit, lines, 86, levels=levels)
 
 
 def _measured(prepared: Prepared, person: Person) -> bool:
@@ -147,7 +139,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
             if name in series.names:
                 style = f"{STYLE[side]} dotted" if side == "left" else STYLE[side]
                 lines.append(Line(series.time, series[name], style, side or "activation"))
-        rows.append(draw_track(Track(pair.label, "", lines, MUSCLE_ROW, low=0.0, high=peak, small=True), behind))
+        rows.append(draw_track(behind, pair.label, "", lines, MUSCLE_ROW, low=0.0, high=peak, small=True))
     return rows
 
 
@@ -167,18 +159,14 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
     if analysis is None:
         return []
     behind = _backdrop(prepared, analysis)
-    found: list[Section | None] = []
-    for panel in analysis.preset.panels:
-        if panel == "score":
-            found.append(score_section(prepared, analysis, behind))
-        elif panel == "center":
-            found.append(center_section(prepared, analysis, behind))
-        elif panel == "phases":
-            found.append(phase_section(analysis))
-        elif panel == "contact forces":
-            found.append(contact_force_section(prepared, behind, analysis.who))
-        else:
-            found.append(relation_section(analysis))
+    made: dict[Panel, Callable[[], Section | None]] = {
+        "score": lambda: score_section(prepared, analysis, behind),
+        "center": lambda: center_section(prepared, analysis, behind),
+        "phases": lambda: phase_section(analysis),
+        "contact forces": lambda: contact_force_section(prepared, behind, analysis.who),
+        "relations": lambda: relation_section(analysis),
+    }
+    found = [made[panel]() for panel in analysis.preset.panels]
     return [one for one in found if one is not None]
 
 

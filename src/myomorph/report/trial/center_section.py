@@ -9,8 +9,9 @@ from myomorph.model.arrays import Array
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line
 from myomorph.report.charts.points import floor_plot
-from myomorph.report.charts.tracks import Backdrop, Track, draw_track, phase_names, time_axis
+from myomorph.report.charts.tracks import Backdrop, draw_track, phase_names, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.trial.figures import Ground
 from myomorph.report.trial.motion_analysis import MotionAnalysis, Person, leveled, person_legend, person_styles
 from myomorph.report.trial.prepared import Prepared
 
@@ -29,7 +30,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
             Line(one.center.time, one.center.values[:, k], style, one.who.name or axis)
             for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
         ]
-        drawn.append(draw_track(Track(axis.capitalize(), "m", lines, 84), behind))
+        drawn.append(draw_track(behind, axis.capitalize(), "m", lines))
     figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
     for path in (_path(prepared, analysis), _upright_path(analysis)):
         if path:
@@ -46,9 +47,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
 
 def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     """The way over the ground from above, its origin where it starts (figure 5.7 of [D])."""
-    k = int(np.argmax(np.abs(prepared.up)))
-    flip = -1.0 if k == 1 else 1.0
-    first, second = [i for i in range(3) if i != k]
+    ground = Ground.under(prepared.up)
     # Columns of `center`: vertical, then the two axes of the ground in order.
     center, phases = analysis.persons[0].center, analysis.cutting.phases
     begun = center.time >= (phases[0].start if phases else center.time[0]) - 1e-9
@@ -57,16 +56,13 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     if not len(start):
         return ""
     paths = _by_stage(
-        analysis, [(person.center.values[:, 1:] - start[0]) * np.array([1.0, flip]) for person in analysis.persons]
+        analysis, [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
     )
-    letters = "xyz"
-    across = (letters[first], ("−" if flip < 0 else "") + letters[second])
-    factor, unit = (
-        (1.0, "m") if float(_extent(np.concatenate([one for _, _, one in paths])).max()) > 0.5 else (1e3, "mm")
-    )
+    far = _extent(np.concatenate([one for _, _, one in paths])).max() > 0.5
+    factor, unit = (1.0, "m") if far else (1e3, "mm")
     shown = [(label, style, factor * one) for label, style, one in paths]
     title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
-    return floor_plot(title, across, shown, width=505, height=300, unit=unit, one_scale=level)
+    return floor_plot(title, ground.axes, shown, width=505, height=300, unit=unit, one_scale=level)
 
 
 def _thin(paths: list[Array]) -> bool:
@@ -84,11 +80,8 @@ def _extent(points: Array) -> Array:
 
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
-    found = []
     k = 1 + int(np.argmin(np.sum([_extent(one.center.values) for one in analysis.persons], axis=0)[1:]))
-    for person in analysis.persons:
-        level = leveled(person.center).values
-        found.append(1000.0 * np.stack([level[:, k], level[:, 0]], axis=1))
+    found = [1000.0 * leveled(one.center).values[:, [k, 0]] for one in analysis.persons]
     across = (analysis.axes[k], analysis.axes[0])
     title = f"Height over {analysis.axes[k]}"
     return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
@@ -98,12 +91,9 @@ def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, 
     """Paths (frames, 2) of all persons; of a single one, a color a stage where there are few."""
     stages = analysis.cutting.stages
     if len(points) > 1 or not 2 <= len(stages) <= len(ORDINAL):
-        return [
-            (person.who.name or "center of gravity", style, one)
-            for person, one, style in zip(
-                analysis.persons, points, ("first",) if len(points) == 1 else person_styles(analysis), strict=True
-            )
-        ]
+        styles = ["first"] if len(points) == 1 else person_styles(analysis)
+        names = [person.who.name or "center of gravity" for person in analysis.persons]
+        return list(zip(names, styles, points, strict=True))
     time = analysis.persons[0].center.time
     return [
         (stage.name, ORDINAL[j], np.where(_reaching(stage.inside(time))[:, None], points[0], np.nan))
@@ -162,22 +152,14 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     rows = []
     for person in analysis.persons:
         for k, axis in enumerate(analysis.axes):
-            values = person.center.values[:, k]
+            values, one = person.center.values[:, k], person.periods[k]
             values = values[np.isfinite(values)]
-            one = person.periods[k]
             if not len(values):
                 continue
-            rows.append(
-                (
-                    ", ".join(word for word in (person.who.name, axis) if word),
-                    f"{number(float(values.mean()))} m",
-                    f"{number(1000 * float(np.ptp(values)))} mm",
-                    f"{number(1e6 * float(values.var()))} mm²",
-                    f"{number(one.period)} s" if one.periodic else "no period",
-                    number(one.cycles) if one.periodic else "–",
-                    number(one.likeness) if np.isfinite(one.period) else "–",
-                    _sure(one) if np.isfinite(one.period) else "–",
-                )
-            )
+            name = ", ".join(word for word in (person.who.name, axis) if word)
+            size = f"{number(1000 * float(np.ptp(values)))} mm", f"{number(1e6 * float(values.var()))} mm²"
+            period = (f"{number(one.period)} s", number(one.cycles)) if one.periodic else ("no period", "–")
+            sure = (number(one.likeness), _sure(one)) if np.isfinite(one.period) else ("–", "–")
+            rows.append((name, f"{number(float(values.mean()))} m", *size, *period, *sure))
     head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Autocorrelation after one period", "Confidence")
     return Grid(head, tuple(rows), "Center of gravity: statistics")

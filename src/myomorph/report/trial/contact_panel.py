@@ -13,10 +13,10 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line
 from myomorph.report.charts.marks import Level, drawing, mark, text
 from myomorph.report.charts.points import floor_plot
-from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, Track, draw_track, named_lines, time_axis
+from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, draw_track, named_lines, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
-from myomorph.report.trial.figures import axis_names
+from myomorph.report.trial.figures import Ground, axis_names
 from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.prepared import Prepared
 
@@ -47,7 +47,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
         _lead(prepared, groups),
         tuple(legend),
         tuple(figures),
-        tuple(one for one in (_grid(prepared, groups, who), _uncarried_grid(given)) if one.rows),
+        tuple(one for one in (_grid(prepared, groups, who), _infeasible_grid(given)) if one.rows),
     )
 
 
@@ -61,7 +61,7 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
         for i, one in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
-    return [draw_track(Track(title, "N", lines, 66, low=0.0), behind)]
+    return [draw_track(behind, title, "N", lines, 66, low=0.0)]
 
 
 def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
@@ -69,32 +69,23 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     given = prepared.given
     forces = given.contacts.forces
     assert forces is not None
-    k = int(np.argmax(np.abs(prepared.up)))
-    flip = -1.0 if k == 1 else 1.0
-    first, second = [i for i in range(3) if i != k]
+    ground = Ground.under(prepared.up)
     paths: list[tuple[str, str, Array]] = []
-    pressed = group_forces(forces)
-    for label, style, wrenches in (("measured", "measured", given.dynamics.wrenches), ("", "", pressed)):
+    own = {one.name: (one.label, one.style) for one in groups if one.against == GROUND}
+    for measured, wrenches in ((True, given.dynamics.wrenches), (False, group_forces(forces))):
         if wrenches is None:
             continue
         for i, name in enumerate(wrenches.names):
+            if not measured and name not in own:
+                continue
             load = np.linalg.norm(np.nan_to_num(wrenches.forces[:, i]), axis=1)
             shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
-            if label:
+            if measured:
                 shown &= np.abs(wrenches.points[:, i] @ prepared.up - prepared.floor) < NEAR_FLOOR
-            points = wrenches.points[:, i][:, [first, second]] * np.array([1.0, flip])
-            group = next((one for one in groups if one.name == name), None)
-            if not label and (group is None or group.against != GROUND):
-                continue
-            told = label or (group.label if group else name)
-            paths.append(
-                (told, style or (group.style if group else "middle"), np.where(shown[:, None], points, np.nan))
-            )
-    outlines = [
-        (plate.name, plate.corners[:, [first, second]] * np.array([1.0, flip])) for plate in given.recorded.plates
-    ]
-    across = ("xyz"[first], ("−" if flip < 0 else "") + "xyz"[second])
-    return floor_plot("Centers of pressure, from above", across, paths, outlines, width=1040, height=250)
+            label, style = ("measured", "measured") if measured else own[name]
+            paths.append((label, style, np.where(shown[:, None], ground.seen(wrenches.points[:, i]), np.nan)))
+    outlines = [(plate.name, ground.seen(plate.corners)) for plate in given.recorded.plates]
+    return floor_plot("Centers of pressure, from above", ground.axes, paths, outlines, width=1040, height=250)
 
 
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
@@ -111,8 +102,8 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
             f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
             "every force within."
         )
-    if given.contacts.uncarried:
-        told.append(f"Red marks: {len(given.contacts.uncarried)} infeasible contact frames.")
+    if given.contacts.infeasible:
+        told.append(f"Red marks: {len(given.contacts.infeasible)} infeasible contact frames.")
     return " ".join(told)
 
 
@@ -136,7 +127,8 @@ def _components(
         known = prepared.given.contacts.intervals
         open_ = [_interval(prepared, one, vector) for one in groups if known is not None and one.name in known.names]
         wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
-        rows.append(draw_track(Track(name.capitalize(), "N", lines, heights[i], wide, upright, levels), behind))
+        drawn = draw_track(behind, name.capitalize(), "N", lines, heights[i], bands=wide, bars=upright, levels=levels)
+        rows.append(drawn)
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
 
@@ -170,12 +162,12 @@ def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
-    if not prepared.given.contacts.uncarried:
+    if not prepared.given.contacts.infeasible:
         return ""
     along = behind.frame(0.0, 12.0).x
     marks = [
-        mark("path", "uncarried", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
-        for one in prepared.given.contacts.uncarried
+        mark("path", "infeasible", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
+        for one in prepared.given.contacts.infeasible
         if behind.span[0] <= one.time <= behind.span[1]
     ]
     return drawing(
@@ -188,17 +180,11 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
     vectors, names = axis_names(prepared.up)
     rows = []
     for group in groups:
-        vertical = group.forces @ vectors[0]
-        size = np.linalg.norm(group.forces, axis=1)
-        cells = [
-            group.label,
-            f"{number(float(np.nanmean(vertical)))} N",
-            f"{number(float(np.nanmax(size)))} N"
-            + "".join(f" ({float(np.nanmax(size)) / one.value:.2f} BW)" for one in _weight(prepared, group.block, who)),
-        ]
-        for vector in vectors:
-            cells.append(_difference(group, vector))
-        rows.append(tuple(cells))
+        vertical = f"{number(float(np.nanmean(group.forces @ vectors[0])))} N"
+        largest = float(np.nanmax(np.linalg.norm(group.forces, axis=1)))
+        share = "".join(f" ({largest / one.value:.2f} BW)" for one in _weight(prepared, group.block, who))
+        off = (_difference(group, vector) for vector in vectors)
+        rows.append((group.label, vertical, f"{number(largest)} N{share}", *off))
     compared = tuple(f"RMS off measured, {name}" for name in names)
     if all(cell == "–" for row in rows for cell in row[3:]):
         compared, rows = (), [row[:3] for row in rows]
@@ -218,6 +204,6 @@ def _difference(group: Group, vector: Array) -> str:
     return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
 
 
-def _uncarried_grid(given: ReportInput) -> Grid:
-    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.uncarried)
+def _infeasible_grid(given: ReportInput) -> Grid:
+    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.infeasible)
     return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

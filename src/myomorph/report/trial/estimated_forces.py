@@ -18,7 +18,7 @@ from myomorph.model.series import Wrenches
 from myomorph.report.page.parts import Verdict
 from myomorph.report.page.quantity import Quantity
 from myomorph.report.trial.given import ReportInput, Situation
-from myomorph.report.trial.tables import HICKS, RESIDUAL_FORCE, RESIDUAL_MOMENT
+from myomorph.report.trial.tables import judged_residual
 
 SITUATIONS: Mapping[Situation, str] = FrozenMap(
     {
@@ -163,52 +163,22 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
     """
     if given.contacts.forces is None or not len(given.contacts.forces):
         return []
-    rows = []
+    rows: list[Verdict] = []
     acting = acting_forces(given)
     total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
-    if given.contacts.residuals is not None and peak > 0.0:
-        for what, letter, scale, limit, unit, size in (
-            ("force", "F", peak, RESIDUAL_FORCE, "% of peak external force", "N"),
-            ("moment", "M", peak * height, RESIDUAL_MOMENT, "% of COM height × peak external force", "N·m"),
-        ):
-            names = given.contacts.residuals.names
-            own = [k for k, name in enumerate(names) if name.removeprefix("residual_").startswith(letter)]
-            values = np.linalg.norm(given.contacts.residuals.values[:, own], axis=1)
-            if not (np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any() and own):
-                continue
-            at = int(np.nanargmax(values))
-            rms = float(np.sqrt(np.nanmean(values**2)))
-            for name, value, time in (
-                ("peak", values[at], float(given.contacts.residuals.time[at])),
-                ("RMS", rms, None),
-            ):
-                share = float(value) / scale
-                rows.append(
-                    Verdict(
-                        Quantity.residual(what, name, contacts=True),
-                        100 * share,
-                        unit,
-                        100 * limit,
-                        "ok" if share <= limit else "over",
-                        "root joint",
-                        time,
-                        HICKS,
-                        f"{float(value):.3g} {size} left over once contacts carry; F = {peak:.4g} N",
-                    )
-                )
-    count = len(given.contacts.uncarried)
-    rows.append(
-        Verdict(
-            Quantity.UNCARRIED,
-            float(count),
-            f"of {len(given.contacts.forces)}",
-            0.0,
-            "over" if count else "ok",
-            "",
-            given.contacts.uncarried[0].time if count else None,
-            "",
-            given.contacts.uncarried[0].relaxation if count else "",
-        )
-    )
+    residuals = given.contacts.residuals
+    if residuals is not None and peak > 0.0:
+        for what, scale in (("force", peak), ("moment", peak * height)):
+            names = [name.removeprefix("residual_") for name in residuals.names]
+            own = [k for k, name in enumerate(names) if name.startswith(what[0].upper())]
+            values = np.linalg.norm(residuals.values[:, own], axis=1)
+            if own and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
+                told = f" left over once contacts carry; F = {peak:.4g} N"
+                found = judged_residual(what, values, residuals.time, scale, contacts=True)
+                rows += [replace(row, detail=row.detail + told) for row, _ in found]
+    lost = given.contacts.infeasible
+    first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
+    unit = f"of {len(given.contacts.forces)}"
+    rows.append(Verdict(Quantity.INFEASIBLE_CONTACT, float(len(lost)), unit, 0.0, time=first, detail=relaxation))
     return rows

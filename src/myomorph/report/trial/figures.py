@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from myomorph.analysis.phases import side_of
 from myomorph.analysis.selection import Pair, muscle_rows
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.charts.axis import scaled_unit
 from myomorph.report.charts.cells import heat_map
-from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.rows import bar_plot
@@ -29,7 +31,8 @@ Span = tuple[float, float]
 
 def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scale: float) -> list[str]:
     """Marker errors over time, and per marker, against their limits [cm]."""
-    panel = Panel(
+    limit, rms_limit = 100 * MARKER_LARGEST * scale, 100 * MARKER_RMS * scale
+    over_time = time_plot(
         "Marker errors over time",
         "cm",
         [
@@ -38,10 +41,7 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         ],
         span,
         events,
-        [
-            Level(100 * MARKER_LARGEST * scale, f"largest: {100 * MARKER_LARGEST * scale:.3g} cm"),
-            Level(100 * MARKER_RMS * scale, f"RMS: {100 * MARKER_RMS * scale:.3g} cm"),
-        ],
+        [Level(limit, f"largest: {limit:.3g} cm"), Level(rms_limit, f"RMS: {rms_limit:.3g} cm")],
         low=0.0,
         high=105 * MARKER_LARGEST * scale,
         width=1040,
@@ -58,10 +58,7 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
     title = "Marker errors by marker"
     if len(fit.marker_names) > MAX_BARS:
         title = f"Marker errors: the {MAX_BARS} largest of {len(fit.marker_names)}"
-    limits = [
-        Level(100 * MARKER_RMS * scale, "RMS limit"),
-        Level(100 * MARKER_LARGEST * scale, "limit of the maximum"),
-    ]
+    limits = [Level(rms_limit, "RMS limit"), Level(limit, "limit of the maximum")]
     peak = float(np.nanmax(largest, initial=0.0))
     columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
     bars = [
@@ -78,7 +75,7 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
         )
         for k, part in enumerate(columns)
     ]
-    return [time_plot(panel), *bars]
+    return [over_time, *bars]
 
 
 def axis_names(up: Array) -> tuple[list[Array], list[str]]:
@@ -117,44 +114,51 @@ def force_figures(
             lines.insert(0, total)
         limits = [Level(factor * weight, "body weight")] if i == 0 and weight else []
         second = (1.0 / (factor * weight), "BW") if weight else None
-        if i == 0:
-            panel = Panel(
-                f"Ground force, {name}",
-                unit,
-                lines,
-                span,
-                events,
-                limits,
-                low=0.0,
-                width=680,
-                height=190,
-                name_events=True,
-                second=second,
-            )
-        else:
-            panel = Panel(f"Ground force, {name}", unit, lines, span, events, limits, second=second)
-        found.append(time_plot(panel))
+        shape: dict[str, Any] = {"low": 0.0, "width": 680, "name_events": True} if i == 0 else {}
+        found.append(time_plot(f"Ground force, {name}", unit, lines, span, events, limits, second=second, **shape))
     return found
+
+
+@read_only
+@dataclass(frozen=True)
+class Ground:
+    """The ground seen from above: its two axes, the second turned over where they and the vertical are left-handed.
+
+    Attributes
+    ----------
+    columns : of points in ground that are to the right and upwards in the drawing
+    signs : (2,) of these
+    """
+
+    columns: tuple[int, int]
+    signs: Array
+
+    @staticmethod
+    def under(up: Array) -> Ground:
+        """Of a vertical (3,)."""
+        k = int(np.argmax(np.abs(up)))
+        first, second = (i for i in range(3) if i != k)
+        return Ground((first, second), np.array([1.0, -1.0 if k == 1 else 1.0]))
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Names of the axes."""
+        return "xyz"[self.columns[0]], ("−" if self.signs[1] < 0.0 else "") + "xyz"[self.columns[1]]
+
+    def seen(self, points: Array) -> Array:
+        """(n, 2) of points (n, 3)."""
+        return points[:, self.columns] * self.signs
 
 
 def pressure_figure(wrenches: Wrenches, plates: Sequence[ForcePlate], up: Array) -> str:
     """Centers of pressure on the ground seen from above [m]; hidden where the load is under a twentieth of its peak."""
-    k = int(np.argmax(np.abs(up)))
-    first, second = [i for i in range(3) if i != k]
-    # Seen from above, the second axis points down where the two and the vertical are left-handed.
-    flip = -1.0 if k == 1 else 1.0
-    letters = "xyz"
-    paths = []
+    ground, paths = Ground.under(up), []
     for i, (label, style) in enumerate(wrench_styles(wrenches)):
         load = np.nan_to_num(wrenches.forces[:, i] @ up)
         shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
-        points = np.stack([wrenches.points[:, i, first], flip * wrenches.points[:, i, second]], axis=1)
-        paths.append((label, style, np.where(shown[:, None], points, np.nan)))
-    outlines = [
-        (plate.name, np.stack([plate.corners[:, first], flip * plate.corners[:, second]], axis=1)) for plate in plates
-    ]
-    across = (letters[first], ("−" if flip < 0 else "") + letters[second])
-    return floor_plot("Center of pressure, from above", across, paths, outlines)
+        paths.append((label, style, np.where(shown[:, None], ground.seen(wrenches.points[:, i]), np.nan)))
+    outlines = [(plate.name, ground.seen(plate.corners)) for plate in plates]
+    return floor_plot("Center of pressure, from above", ground.axes, paths, outlines)
 
 
 def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]) -> list[str]:
@@ -167,7 +171,7 @@ def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]
         ("Center of mass, vertical velocity", "velocity", "m/s", speed),
     ):
         factor, unit = scaled_unit(unit, values)
-        found.append(time_plot(Panel(name, unit, [Line(com.time, factor * values, "middle", label)], span, events)))
+        found.append(time_plot(name, unit, [Line(com.time, factor * values, "middle", label)], span, events))
     return found
 
 
@@ -182,20 +186,8 @@ def residual_figures(
         ("Residual moment", "N·m", moment, moment_limit, "1 % of COM height × peak force"),
     ):
         factor, unit = scaled_unit(unit, values, np.array([limit]))
-        found.append(
-            time_plot(
-                Panel(
-                    what,
-                    unit,
-                    [Line(time, factor * values, "first", what.lower())],
-                    span,
-                    events,
-                    [Level(factor * limit, label)],
-                    low=0.0,
-                    high=1.15 * factor * limit,
-                )
-            )
-        )
+        lines, levels = [Line(time, factor * values, "first", what.lower())], [Level(factor * limit, label)]
+        found.append(time_plot(what, unit, lines, span, events, levels, low=0.0, high=1.15 * factor * limit))
     return found
 
 
@@ -216,15 +208,13 @@ def pair_panel(
     if factor == 1.0:
         factor, unit = scaled_unit(unit, *(series[name] for name in pair.names if name in series.names))
         second = (second[0] / factor, second[1]) if second else None
-    for side, members in pair.members.items():
-        for name in members:
-            if name in series.names:
-                lines.append(Line(series.time, factor * series[name], STYLE[side], side or "value"))
-    for side, members in pair.members.items():
-        for name in members:
-            if truth is not None and name in truth.names:
-                lines.append(Line(truth.time, factor * truth[name], f"truth {STYLE[side]}", f"{side} truth".strip()))
-    return time_plot(Panel(title, unit, lines, span, events, second=second, margin=margin))
+    for source in (series, truth):
+        for side, name in ((side, name) for side, members in pair.members.items() for name in members):
+            if source is not None and name in source.names:
+                known = (f"truth {STYLE[side]}", f"{side} truth".strip())
+                style, label = (STYLE[side], side or "value") if source is series else known
+                lines.append(Line(source.time, factor * source[name], style, label))
+    return time_plot(title, unit, lines, span, events, second=second, margin=margin)
 
 
 def activation_panel(
@@ -247,10 +237,9 @@ def activation_panel(
             mean = weighted(source, [name for name in members if name in columns or source is truth], strengths)
             if mean is not None:
                 lines.append(Line(source.time, mean, f"{style}{STYLE[side]}", (side + label).strip() or "activation"))
-    title = pair.label
     parts = max(len(members) for members in pair.members.values())
     unit = f"{parts} parts" if parts > 1 else ""
-    return time_plot(Panel(title, unit, lines, span, events, low=0.0, high=1.0, width=245, height=140))
+    return time_plot(pair.label, unit, lines, span, events, low=0.0, high=1.0, width=245, height=140)
 
 
 def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float]) -> Array | None:
@@ -266,19 +255,8 @@ def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float
 def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequence[Event]) -> str:
     """One EMG channel by itself."""
     peak = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 1.0
-    return time_plot(
-        Panel(
-            name,
-            "",
-            [Line(time, values, "emg middle", "EMG", True)],
-            span,
-            events,
-            low=0.0,
-            high=peak or 1.0,
-            width=245,
-            height=120,
-        )
-    )
+    lines = [Line(time, values, "emg middle", "EMG", True)]
+    return time_plot(name, "", lines, span, events, low=0.0, high=peak or 1.0, width=245, height=120)
 
 
 def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequence[Event]) -> str:

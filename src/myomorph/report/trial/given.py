@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -32,73 +32,45 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Uncarried:
+class InfeasibleContact:
     """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation that does."""
 
     time: float
     relaxation: str = ""
 
 
-class ForceIntervals(Protocol):
-    """What physics leaves open of contact forces, as the report reads it."""
+@read_only
+@dataclass(frozen=True, eq=False)
+class ForceIntervals:
+    """What the data leave open of contact forces at some instants.
 
-    @property
-    def time(self) -> Array:
-        """(samples,) [s]."""
+    Attributes
+    ----------
+    time : (samples,) [s]
+    names : groups of sites, or sites
+    lower, upper : (samples, names, 3) least and greatest force in ground [N], NaN where unknown
+    """
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Groups of sites, or sites."""
-
-    @property
-    def lower(self) -> Array:
-        """(samples, names, 3) least force in ground [N], NaN where unknown."""
-
-    @property
-    def upper(self) -> Array:
-        """(samples, names, 3) greatest force [N]."""
-
-
-class TensionResult(Protocol):
-    """What the report reads of a solved tension."""
-
-    @property
-    def time(self) -> Array:
-        """(frames,) [s]."""
-
-    @property
-    def muscles(self) -> tuple[str, ...]:
-        """Names."""
-
-    @property
-    def activations(self) -> Array:
-        """(frames, muscles)."""
-
-    @property
-    def forces(self) -> Array:
-        """(frames, muscles) along the tendon [N]."""
-
-    @property
-    def reserves(self) -> Array:
-        """(frames, reserves) torques of the reserve actuators [N m or N]."""
-
-    @property
-    def reserve_coordinates(self) -> tuple[str, ...]:
-        """Coordinate of each reserve."""
-
-    @property
-    def solved(self) -> np.ndarray:
-        """(frames,) whether the frame is optimal."""
-
-    @property
-    def overstretched(self) -> tuple[str, ...]:
-        """Muscles whose passive force passes their maximum isometric force somewhere."""
+    time: Array
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class ShownTension:
-    """A solved tension as reports read it; see `TensionResult`."""
+    """A solved tension as reports read it.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    activations, forces : (frames, muscles) and along the tendon [N]
+    reserves : (frames, reserves) torques of the reserve actuators [N m or N]
+    reserve_coordinates : coordinate of each reserve
+    solved : (frames,) whether the frame is optimal
+    overstretched : muscles whose passive force passes their maximum isometric force somewhere
+    """
 
     time: Array
     muscles: tuple[str, ...]
@@ -200,7 +172,7 @@ class EstimatedContacts:
     intervals : of the contact forces, as far as they are known
     residuals : (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what
         floats once contacts carry [N], [N m]
-    uncarried : frames whose contacts could not carry the motion
+    infeasible : frames whose contacts cannot carry the motion
     situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
         "sound", or "unknown" and solved for; "" where what is given tells it
     """
@@ -209,7 +181,7 @@ class EstimatedContacts:
     forces: ContactForces | None = None
     intervals: ForceIntervals | None = None
     residuals: Series | None = None
-    uncarried: tuple[Uncarried, ...] = ()
+    infeasible: tuple[InfeasibleContact, ...] = ()
     situation: Situation = ""
 
 
@@ -250,8 +222,21 @@ class ReportInput:
     kinematics: Kinematics = field(default_factory=Kinematics)
     dynamics: Dynamics = field(default_factory=Dynamics)
     muscles: MusclePaths = field(default_factory=MusclePaths)
-    tension: TensionResult | None = None
+    tension: ShownTension | None = None
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()
+
+    @property
+    def activations(self) -> Series | None:
+        """(frames, muscles) as a series, None without a solved frame."""
+        tension = self.tension
+        if tension is None or not len(tension.time):
+            return None
+        return Series(tension.time, tension.muscles, tension.activations)
+
+    @property
+    def strengths(self) -> Mapping[str, float]:
+        """Maximum isometric force of every muscle [N]; none without a model."""
+        return {} if self.model is None else {one.name: one.max_isometric_force for one in self.model.muscles}

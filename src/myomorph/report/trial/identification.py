@@ -62,9 +62,8 @@ def body_section(given: IdentificationInput) -> Section:
         order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > MAX_OPEN_ROWS else order
         names = [given.model.body_names[i] for i in order]
         share = [100.0 * given.share[order]]
-        figures.append(
-            Figure(dot_plot("Information from the data", "%", names, share, ["first"], ["share"], 520), "medium")
-        )
+        plot = dot_plot("Information from the data", "%", names, share, ["first"], ["share"], 520)
+        figures.append(Figure(plot, "medium"))
     lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
     lead += f", masses “{given.chosen}”" if given.chosen else ""
     lead += f"; mass points: {given.source}" if given.source else ""
@@ -83,10 +82,8 @@ def body_section(given: IdentificationInput) -> Section:
     grids = []
     if given.left_out:
         frames = given.frames or sum(given.left_out.values())
-        rows = tuple(
-            (reason, number(count, 1.0), f"{number(100.0 * count / frames)} %")
-            for reason, count in given.left_out.items()
-        )
+        lost = given.left_out.items()
+        rows = tuple((why, number(count, 1.0), f"{number(100.0 * count / frames)} %") for why, count in lost)
         grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames excluded"))
     if given.notes:
         grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "Notes of the identification"))
@@ -113,15 +110,8 @@ def mass_section(given: IdentificationInput) -> Section | None:
     masses = given.masses
     heavy = np.argsort(-next(iter(masses.values())), kind="stable")
     shown = [i for i in heavy if max(one[i] for one in masses.values()) >= 0.001]
-    plot = dot_plot(
-        "Mass of each link",
-        "kg",
-        [given.model.body_names[i] for i in shown],
-        [one[shown] for one in masses.values()],
-        STYLES[: len(masses)],
-        list(masses),
-        880,
-    )
+    names, values = [given.model.body_names[i] for i in shown], [one[shown] for one in masses.values()]
+    plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
     grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > MAX_OPEN_ROWS)]
     spine = spine_sheet(given)
     if spine.rows:
@@ -150,14 +140,8 @@ def segment_section(given: IdentificationInput) -> Section | None:
         right = [segment_share(given, one, name, "right") for one in masses.values()]
         left = segment_share(given, masses[chosen], name, "left")
         paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
-        rows.append(
-            (
-                name.replace(" ", "\u00a0"),
-                number(athletes),
-                *(_words(one) for one in right),
-                _words(left) if paired else "",
-            )
-        )
+        label = name.replace(" ", "\u00a0")
+        rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
     segments = segments_given(given)
     members: dict[str, list[str]] = {}
@@ -190,16 +174,8 @@ def base_section(given: IdentificationInput) -> Section | None:
     lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
     lead += ". The others come from the shape of the body." if not base.shown.all() else "."
     limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
-    plot = rank_plot(
-        "Relative standard deviation",
-        "of the value",
-        "base parameters, best known first",
-        base.names,
-        base.relative_sd,
-        limits,
-        base.shown,
-        880,
-    )
+    words = ("Relative standard deviation", "of the value", "base parameters, best known first")
+    plot = rank_plot(*words, base.names, base.relative_sd, limits, base.shown, 880)
     grids = [_base_grid(base)]
     if np.isfinite(base.residual).any():
         cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
@@ -221,13 +197,12 @@ def base_section(given: IdentificationInput) -> Section | None:
 
 
 def _base_grid(base: IdentifiedBase) -> Grid:
-    rows = []
-    for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True):
-        rows.append(
-            (name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not identifiable")
-        )
+    rows = tuple(
+        (name, number(float(value)), f"{number(100 * float(relative))} %", "" if shown else "not identifiable")
+        for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True)
+    )
     head = ("Base parameter", "Estimate", "Relative standard deviation", "")
-    return Grid(head, tuple(rows), f"All {len(rows)} base parameters", True)
+    return Grid(head, rows, f"All {len(rows)} base parameters", True)
 
 
 def _words(value: float | None) -> str:

@@ -162,19 +162,12 @@ def link_sheet(given: IdentificationInput) -> Sheet:
     rows: list[tuple[Cell, ...]] = []
     for i, body in enumerate(given.model.body_names):
         segment, check = segments.get(body), checks.get(body)
-        rows.append(
-            (
-                body,
-                "" if segment is None else segment.name,
-                "" if segment is None else segment.side,
-                float(given.share[i]) if len(given.share) else None,
-                None if check is None else check.mass,
-                None if check is None else check.least_eigenvalue,
-                None if check is None else "yes" if check.possible else "no",
-                None if check is None else check.reason,
-                ", ".join(given.from_shape.get(body, ())),
-            )
-        )
+        where = ("", "") if segment is None else (segment.name, segment.side)
+        share = float(given.share[i]) if len(given.share) else None
+        judged: tuple[Cell, ...] = (None,) * 4
+        if check is not None:
+            judged = check.mass, check.least_eigenvalue, "yes" if check.possible else "no", check.reason
+        rows.append((body, *where, share, *judged, ", ".join(given.from_shape.get(body, ()))))
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
         "possible", "reason", "parameters from the shape",
@@ -216,18 +209,9 @@ def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
             known = column[np.isfinite(column)]
             if not len(known):
                 continue
-            rms = float(np.sqrt(np.mean(known**2)))
-            found.append(
-                WrenchError(
-                    component,
-                    method,
-                    float(known.mean()),
-                    float(np.abs(known).mean()),
-                    rms,
-                    float(np.abs(known).max()),
-                    100.0 * rms / check.weight,
-                )
-            )
+            size, rms = np.abs(known), float(np.sqrt(np.mean(known**2)))
+            means, share = (float(known.mean()), float(size.mean())), 100.0 * rms / check.weight
+            found.append(WrenchError(component, method, *means, rms, float(size.max()), share))
     return found
 
 
@@ -256,7 +240,7 @@ def wrench_sheet(check: WrenchCheck) -> Sheet:
 
 def base_sheet(given: IdentificationInput) -> Sheet:
     """Base parameters with their standard deviations."""
-    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "shown by the motion")
+    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
     if given.base is None:
         return Sheet(head, ())
     base = given.base

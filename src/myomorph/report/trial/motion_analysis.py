@@ -14,9 +14,9 @@ from myomorph.analysis.presets import Preset, fitting_preset, named_muscles, pre
 from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, standing_height, subjects
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Series
 from myomorph.report.trial.figures import axis_names, weighted
-from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.prepared import Prepared, thinned
 
 REST_TIME, REST_SPEED, REST_SHARE = 0.5, 0.03, 0.05
 MAX_FRAMES = 20000
@@ -124,9 +124,8 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         moved = leveled(center)
         relations = correlate(rows, moved)
         if rhythm >= 0:
-            locking = lock(
-                rows, Series(moved.time, moved.names[rhythm : rhythm + 1], moved.values[:, [rhythm]]), period
-            )
+            axis = Series(moved.time, moved.names[rhythm : rhythm + 1], moved.values[:, [rhythm]])
+            locking = lock(rows, axis, period)
     return MotionAnalysis(
         preset,
         bool(given.analysis.preset),
@@ -180,14 +179,14 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
     given, motion = prepared.given, prepared.given.kinematics.motion
     if given.model is None or motion is None or prepared.centroid is None or not who:
         return ()
-    thinned = _thinned(motion)
-    centers = (prepared.centroid,) if len(who) == 1 else centroids(given.model, thinned, who)
+    fewer = thinned(motion, MAX_FRAMES)
+    centers = (prepared.centroid,) if len(who) == 1 else centroids(given.model, fewer, who)
     vectors = np.stack(axis_names(prepared.up)[0])
     names = given.tension.muscles if given.tension is not None else ()
     found = []
     for one, center in zip(who, centers, strict=True):
         own = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
-        lowest = lowest_joint(given.model, thinned, one, prepared.up)
+        lowest = lowest_joint(given.model, fewer, one, prepared.up)
         height = float(np.nanmean(own.values[:, 0])) if np.isfinite(own.values[:, 0]).any() else float("nan")
         muscles, lacking = named_muscles(
             [name for name in names if name in set(one.muscles)], preset.muscles if one.muscles else (), one.prefix
@@ -196,11 +195,6 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
         standing = standing_height(given.model, one, prepared.up), height - lowest
         found.append(Person(one, own, standing, _still(own), periods, muscles, lacking))
     return tuple(found)
-
-
-def _thinned(motion: Motion) -> Motion:
-    step = -(-len(motion) // MAX_FRAMES)
-    return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
 def _still(center: Series) -> float:
@@ -223,12 +217,10 @@ def _rhythm(persons: tuple[Person, ...]) -> int:
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
-    tension, model = prepared.given.tension, prepared.given.model
-    if tension is None or not len(tension.time):
+    series = prepared.given.activations
+    if series is None:
         return None
-    series = Series(tension.time, tension.muscles, tension.activations)
-    strengths = {} if model is None else {one.name: one.max_isometric_force for one in model.muscles}
-    names, columns = [], []
+    strengths, names, columns = prepared.given.strengths, [], []
     for person in persons:
         for pair in person.muscles:
             for side, members in pair.members.items():
@@ -236,7 +228,7 @@ def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | No
                 if mean is not None:
                     names.append(column_name(person, pair, side))
                     columns.append(mean)
-    return Series(tension.time, tuple(names), np.stack(columns, axis=1)) if columns else None
+    return Series(series.time, tuple(names), np.stack(columns, axis=1)) if columns else None
 
 
 def column_name(person: Person, pair: Pair, side: str) -> str:

@@ -45,29 +45,17 @@ def matched_emg(prepared: Prepared) -> bool:
 def activation_section(prepared: Prepared) -> Section | None:
     """Sixteen muscles on both sides, EMG behind where it was measured on them."""
     given = prepared.given
-    if given.tension is None or not len(given.tension.time):
+    tension, series = given.tension, given.activations
+    if tension is None or series is None:
         return None
-    tension = given.tension
-    series = Series(tension.time, tension.muscles, tension.activations)
     mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
-    strengths = {} if given.model is None else {one.name: one.max_isometric_force for one in given.model.muscles}
     chosen = major_muscles(tension.muscles, mean)
-    figures = tuple(
-        Figure(
-            activation_panel(
-                pair,
-                tension.muscles,
-                strengths,
-                series,
-                prepared.detail,
-                prepared.events,
-                emg_of(prepared, pair),
-                given.recorded.truth.activations if given.recorded.truth else None,
-            ),
-            "quarter",
-        )
-        for pair in chosen
-    )
+    shown, strengths = (prepared.detail, prepared.events), given.strengths
+    truth = given.recorded.truth.activations if given.recorded.truth else None
+    figures = []
+    for pair in chosen:
+        drawn = activation_panel(pair, tension.muscles, strengths, series, *shown, emg_of(prepared, pair), truth)
+        figures.append(Figure(drawn, "quarter"))
     several = any(len(members) > 1 for pair in chosen for members in pair.members.values())
     lead = f"{len(chosen)} of {len(tension.muscles)} muscles"
     lead += "; of a muscle in parts, the mean weighted by strength" if several else ""
@@ -75,9 +63,9 @@ def activation_section(prepared: Prepared) -> Section | None:
     if matched_emg(prepared):
         lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"
         legend += (("emg", "EMG"),)
-    if given.recorded.truth and given.recorded.truth.activations is not None:
+    if truth is not None:
         legend += (("truth", "truth"),)
-    return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, figures)
+    return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, tuple(figures))
 
 
 def tension_section(prepared: Prepared) -> Section | None:
@@ -87,25 +75,13 @@ def tension_section(prepared: Prepared) -> Section | None:
         return None
     drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
     forces = Series(tension.time, tension.muscles, tension.forces)
-    strength = (
-        {}
-        if prepared.given.model is None
-        else {one.name: one.max_isometric_force for one in prepared.given.model.muscles}
-    )
-    rows = []
+    rows, strengths = [], prepared.given.strengths
     for row in sorted(extremes(forces), key=lambda one: -one.high):
-        column = tension.activations[:, tension.muscles.index(row.name)]
-        most = strength.get(row.name, 0.0)
-        rows.append(
-            (
-                row.name,
-                f"{number(row.high)} N",
-                f"{number(row.high_time, 0.001)} s",
-                f"{number(float(np.nanmean(forces[row.name])))} N",
-                f"{number(100 * row.high / most)} %" if most > 0 else "–",
-                number(float(np.nanmax(column))),
-            )
-        )
+        active = number(float(np.nanmax(tension.activations[:, tension.muscles.index(row.name)])))
+        most = strengths.get(row.name, 0.0)
+        share = f"{number(100 * row.high / most)} %" if most > 0 else "–"
+        mean = f"{number(float(np.nanmean(forces[row.name])))} N"
+        rows.append((row.name, f"{number(row.high)} N", f"{number(row.high_time, 0.001)} s", mean, share, active))
     head = ("Muscle", "Maximum tension", "Time", "Mean", "Share of maximum isometric force", "Maximum activation")
     return Section(
         "tensions",
@@ -120,56 +96,37 @@ def tension_section(prepared: Prepared) -> Section | None:
 
 def emg_section(prepared: Prepared) -> Section | None:
     """Channels whose muscle is not known, or not among those drawn above."""
-    emg = prepared.given.recorded.emg
+    emg, on_muscles = prepared.given.recorded.emg, prepared.given.recorded.emg_muscles
     if emg is None:
         return None
     drawn: set[str] = set()
     if prepared.given.tension is not None:
         chosen = major_muscles(prepared.given.tension.muscles, None)
         shown = {name for pair in chosen for name in pair.names}
-        drawn = {one for one, muscles in prepared.given.recorded.emg_muscles.items() if shown & set(muscles)}
+        drawn = {one for one, muscles in on_muscles.items() if shown & set(muscles)}
     left = [name for name in emg.names if name not in drawn]
     if not left:
         return None
-    unknown = [name for name in left if name not in prepared.given.recorded.emg_muscles]
+    unknown = [name for name in left if name not in on_muscles]
     lead = "Envelopes as measured."
     if unknown:
         lead += f" The recording does not specify their muscles: {few(unknown, 16)}."
-    figures = tuple(
-        Figure(
-            emg_panel(
-                name
-                + (
-                    f" ({few(prepared.given.recorded.emg_muscles[name])})"
-                    if name in prepared.given.recorded.emg_muscles
-                    else ""
-                ),
-                emg.time,
-                emg[name],
-                prepared.detail,
-                prepared.events,
-            ),
-            "quarter",
-        )
-        for name in left[:32]
-    )
-    return Section("emg", "EMG", lead, (), figures)
+    figures = []
+    for name in left[:32]:
+        title = name if name in unknown else f"{name} ({few(on_muscles[name])})"
+        chart = emg_panel(title, emg.time, emg[name], prepared.detail, prepared.events)
+        figures.append(Figure(chart, "quarter"))
+    return Section("emg", "EMG", lead, (), tuple(figures))
 
 
 def length_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths, where tensions were not solved."""
-    given = prepared.given
-    if given.muscles.lengths is None or given.tension is not None or not len(given.muscles.lengths):
+    lengths = prepared.given.muscles.lengths
+    if lengths is None or prepared.given.tension is not None or not len(lengths):
         return None
-    chosen = major_muscles(given.muscles.lengths.names, None)
     figures = tuple(
-        Figure(
-            pair_panel(
-                pair.label, "mm", _first_parts(pair), given.muscles.lengths, prepared.detail, prepared.events, 1000.0
-            ),
-            "small",
-        )
-        for pair in chosen
+        Figure(pair_panel(pair.label, "mm", _first_parts(pair), lengths, prepared.detail, prepared.events, 1000.0))
+        for pair in major_muscles(lengths.names, None)
     )
     return Section("lengths", "Muscle-tendon lengths", "From origin to insertion around bones.", SIDES_LEGEND, figures)
 
@@ -187,17 +144,11 @@ GAITS = ("", "gait")
 
 def analysed_lengths(given: ReportInput) -> LengthAnalysis | None:
     """Lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-    if (
-        given.muscles.lengths is None
-        or given.model is None
-        or given.kinematics.motion is None
-        or given.analysis.preset not in GAITS
-    ):
+    model, motion, lengths = given.model, given.kinematics.motion, given.muscles.lengths
+    if lengths is None or model is None or motion is None or given.analysis.preset not in GAITS:
         return None
-    strides = walking_strides(given.model, given.kinematics.motion, given.kinematics.fit)
-    if strides is None:
-        return None
-    return length_analysis(given.model, given.muscles.lengths, strides, given.muscles.velocities)
+    strides = walking_strides(model, motion, given.kinematics.fit)
+    return None if strides is None else length_analysis(model, lengths, strides, given.muscles.velocities)
 
 
 def length_cycle_section(prepared: Prepared) -> Section | None:
@@ -216,9 +167,9 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
     counts = ", ".join(f"{len(own)} of {limb}" for limb, own in analysis.strides.items())
     lead = (
         f"From foot strike to foot strike of each muscle's own side ({counts}). A stride starts where the foot is "
-        "farthest ahead "
-        "of the trunk. Thin lines are strides; the band is the 95 % interval of their mean. Velocities in the table "
-        "are means of each stride's maximum, in optimal fiber lengths a second; 'standing' is the model's default pose."
+        "farthest ahead of the trunk. Thin lines are strides; the band is the 95 % interval of their mean. Velocities "
+        "in the table are means of each stride's maximum, in optimal fiber lengths a second; 'standing' is the model's "
+        "default pose."
     )
     rows = tuple(range_row(one) for one in ranges)
     grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,7 +104,8 @@ def prepare(given: ReportInput) -> Prepared:
     motion = given.kinematics.motion
     com = None
     if given.model is not None and motion is not None and len(motion) and given.model.mass > 0.0:
-        com = centroid(given.model, _thinned(motion))
+        # It is drawn, not computed with.
+        com = centroid(given.model, thinned(motion, MOST_CENTROID_FRAMES))
     weight = None
     if given.model is not None and given.model.mass > 0.0 and np.any(given.model.gravity):
         weight = given.model.weight
@@ -119,9 +120,9 @@ def prepare(given: ReportInput) -> Prepared:
     if given.recorded.events is not None:
         kind = movement.kind if not given.recorded.events else movement.kind or "movement"
         movement = Movement(kind, tuple(sorted(given.recorded.events, key=lambda one: one.time)), movement.measures)
-    floor = _floor(given, up)
-    partial = Prepared(given, up, span, movement, com, floor, whole, body_scale(given.kinematics.markers), ())
-    return Prepared(given, up, span, movement, com, floor, whole, partial.scale, tuple(_verdicts(partial)))
+    scale = body_scale(given.kinematics.markers)
+    found = Prepared(given, up, span, movement, com, _floor(given, up), whole, scale, ())
+    return replace(found, verdicts=tuple(_verdicts(found)))
 
 
 def _span(given: ReportInput) -> tuple[float, float]:
@@ -138,12 +139,10 @@ def _span(given: ReportInput) -> tuple[float, float]:
     return 0.0, 1.0
 
 
-def _thinned(motion: Motion) -> Motion:
-    """Every few frames of a long motion: the center of mass is drawn, not computed with."""
-    step = -(-len(motion) // MOST_CENTROID_FRAMES)
-    if step <= 1:
-        return motion
-    return Motion(motion.time[::step], motion.names, motion.values[::step])
+def thinned(motion: Motion, max_frames: int) -> Motion:
+    """Every few frames of a motion that is longer than `max_frames`."""
+    step = -(-len(motion) // max_frames)
+    return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
 def _floor(given: ReportInput, up: Array) -> float:
@@ -160,40 +159,26 @@ def _floor(given: ReportInput, up: Array) -> float:
 
 
 def _verdicts(prepared: Prepared) -> list[Verdict]:
-    given = prepared.given
+    given, motion, tension = prepared.given, prepared.given.kinematics.motion, prepared.given.tension
+    model, torques, wrenches = given.model, given.dynamics.torques, given.dynamics.wrenches
     rows: list[Verdict] = []
     if given.kinematics.fit is not None:
         rows += marker_verdicts(given.kinematics.fit, prepared.scale)
     if given.kinematics.markers is not None:
         rows += gap_verdicts(given.kinematics.markers)
-    if given.model is not None and given.kinematics.motion is not None and len(given.kinematics.motion):
-        rows += range_verdicts(given.model, given.kinematics.motion)
-    judged = given.dynamics.torques is not None and given.dynamics.wrenches is not None and not given.dynamics.root_note
+    if model is not None and motion is not None and len(motion):
+        rows += range_verdicts(model, motion)
     # What contacts were solved for is still in the torques of inverse dynamics.
-    judged = judged and given.contacts.forces is None
-    if (
-        judged
-        and given.model is not None
-        and given.dynamics.torques is not None
-        and given.dynamics.wrenches is not None
-    ):
-        height = prepared.center_height
-        if np.isfinite(height) and height > 0:
-            rows += residual_verdicts(given.model, given.dynamics.torques, given.dynamics.wrenches, height)
+    judged = not given.dynamics.root_note and given.contacts.forces is None and prepared.center_height > 0
+    if judged and model is not None and torques is not None and wrenches is not None:
+        rows += residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(given, prepared.center_height)
-    if given.tension is not None:
-        tension = given.tension
+    if tension is not None:
         rows.append(unsolved_verdict(tension.solved, tension.time))
-        if given.model is not None and given.dynamics.torques is not None:
-            rows += reserve_verdicts(
-                given.model,
-                given.dynamics.torques,
-                tension.reserve_coordinates,
-                tension.reserves,
-                tension.time,
-                given.muscles.driven,
-            )
-        bounds = {} if given.model is None else {one.name: one.max_activation for one in given.model.muscles}
+        if model is not None and torques is not None:
+            names, reserves = tension.reserve_coordinates, tension.reserves
+            rows += reserve_verdicts(model, torques, names, reserves, tension.time, given.muscles.driven)
+        bounds = {} if model is None else {one.name: one.max_activation for one in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
         rows.append(stretch_verdict(tension.overstretched, len(tension.muscles)))
         rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)

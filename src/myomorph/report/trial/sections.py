@@ -19,6 +19,7 @@ from myomorph.report.trial.figures import (
     pressure_figure,
     residual_figures,
 )
+from myomorph.report.trial.given import Truth
 from myomorph.report.trial.identification import identification_sections
 from myomorph.report.trial.muscle_sections import (
     activation_section,
@@ -38,12 +39,8 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     given = prepared.given
     found = [] if given.identification is None else identification_sections(given.identification)
     missing: list[str] = []
-    if (
-        found
-        and given.kinematics.motion is None
-        and given.kinematics.markers is None
-        and given.dynamics.wrenches is None
-    ):
+    motion, wrenches = given.kinematics.motion, given.dynamics.wrenches
+    if found and motion is None and given.kinematics.markers is None and wrenches is None:
         return found, missing
     found += analysis_sections(prepared)
     for make, absent in (
@@ -62,9 +59,9 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
             found.append(section)
         elif absent and not (make is emg_section and matched_emg(prepared)):
             missing.append(absent)
-    if prepared.given.dynamics.wrenches is None:
+    if wrenches is None:
         missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
-    if prepared.given.kinematics.motion is not None and prepared.given.dynamics.torques is None:
+    if motion is not None and given.dynamics.torques is None:
         missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
     return [*found, *given.more], missing
 
@@ -92,50 +89,35 @@ def marker_section(prepared: Prepared) -> Section | None:
 def force_section(prepared: Prepared) -> Section | None:
     """Ground forces, center of pressure, center of mass and residuals."""
     given = prepared.given
-    figures: list[Figure] = []
-    lead = []
-    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
-        first, *rest = force_figures(
-            given.dynamics.wrenches, prepared.up, prepared.detail, prepared.events, prepared.weight
-        )
-        figures.append(Figure(first, "medium"))
-        figures += [Figure(one) for one in rest]
-        floor = pressure_figure(given.dynamics.wrenches, given.recorded.plates, prepared.up)
-        if floor:
-            figures.append(Figure(floor))
+    wrenches, torques, events = given.dynamics.wrenches, given.dynamics.torques, prepared.events
+    drawn: list[str] = []
+    lead = ""
+    if wrenches is not None and len(wrenches.names):
+        drawn += force_figures(wrenches, prepared.up, prepared.detail, events, prepared.weight)
+        drawn.append(pressure_figure(wrenches, given.recorded.plates, prepared.up))
+    # The first of the forces is the vertical one.
+    first = len(drawn) > 0
     if prepared.centroid is not None:
-        figures += [
-            Figure(one) for one in centroid_figures(prepared.centroid, prepared.up, prepared.detail, prepared.events)
-        ]
-    if given.dynamics.wrenches is not None and given.dynamics.torques is not None and given.model is not None:
-        found = residuals(given.model, given.dynamics.torques)
-        if given.dynamics.root_note:
-            lead.append(given.dynamics.root_note)
-        elif found is not None and np.isfinite(prepared.center_height):
-            net = np.linalg.norm(np.nan_to_num(given.dynamics.wrenches.forces).sum(axis=1), axis=1)
-            figures += [
-                Figure(one)
-                for one in residual_figures(
-                    given.dynamics.torques.time,
-                    *found,
-                    float(net.max(initial=0.0)),
-                    prepared.center_height,
-                    prepared.span,
-                    prepared.events,
-                )
-            ]
-            lead.append("Residuals are what the model's root would have to be pushed with to move as recorded.")
+        drawn += centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
+    if wrenches is not None and torques is not None and given.model is not None:
+        found, lead = residuals(given.model, torques), given.dynamics.root_note
+        if not lead and found is not None and np.isfinite(prepared.center_height):
+            net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
+            peak = float(net.max(initial=0.0))
+            drawn += residual_figures(torques.time, *found, peak, prepared.center_height, prepared.span, events)
+            lead = "Residuals are what the model's root would have to be pushed with to move as recorded."
+    figures = [Figure(one, "medium" if first and i == 0 else "small") for i, one in enumerate(drawn) if one]
     if not figures:
         return None
     grids: tuple[Grid, ...] = ()
     if prepared.movement.measures:
         rows = tuple((one.name, f"{number(one.value)} {one.unit}", one.source) for one in prepared.movement.measures)
         grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
-    title = "Ground forces and center of mass" if given.dynamics.wrenches is not None else "Center of mass"
+    title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"
     legend: tuple[tuple[str, str], ...] = ()
-    if given.dynamics.wrenches is not None:
+    if wrenches is not None:
         legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
-    return Section("forces", title, " ".join(lead), legend, tuple(figures), grids)
+    return Section("forces", title, lead, legend, tuple(figures), grids)
 
 
 def joint_section(prepared: Prepared) -> Section | None:
@@ -153,42 +135,20 @@ def joint_section(prepared: Prepared) -> Section | None:
         return None
     figures = []
     scale = moment_scale(given.model) if not given.dynamics.root_note else None
-    truth = given.recorded.truth
+    truth, torques = given.recorded.truth or Truth(), given.dynamics.torques
+    shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
-        drawing = pair_panel(
-            f"{base} angle",
-            "°",
-            pair,
-            motion,
-            prepared.detail,
-            prepared.events,
-            180 / np.pi,
-            truth=truth.motion if truth else None,
-            margin=36 if scale and given.dynamics.torques is not None else 8,
-        )
-        if given.dynamics.torques is not None and any(name in given.dynamics.torques.names for name in pair.names):
-            drawing += pair_panel(
-                f"{base} moment",
-                "N·m",
-                pair,
-                given.dynamics.torques,
-                prepared.detail,
-                prepared.events,
-                second=scale,
-                truth=truth.torques if truth else None,
-            )
+        drawing = pair_panel(f"{base} angle", "°", pair, motion, *shown, 180 / np.pi, truth=truth.motion, margin=margin)
+        if torques is not None and any(name in torques.names for name in pair.names):
+            drawing += pair_panel(f"{base} moment", "N·m", pair, torques, *shown, second=scale, truth=truth.torques)
         figures.append(Figure(drawing))
-    moving = sum(1 for name, one in ranges.items() if one > 1e-6)
-    lead = (
-        f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that move"
-    )
-    lead += "; all are in the table."
-    if prepared.events:
-        lead += " Vertical lines are events."
+    moving = sum(1 for one in ranges.values() if one > 1e-6)
+    lead = f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that "
+    lead += "move; all are in the table." + (" Vertical lines are events." if prepared.events else "")
     lead += prepared.detail_note
-    legend = SIDES_LEGEND + ((("truth", "truth"),) if truth else ())
-    title = "Joint angles and moments" if given.dynamics.torques is not None else "Joint angles"
+    legend = SIDES_LEGEND + ((("truth", "truth"),) if given.recorded.truth else ())
+    title = "Joint angles and moments" if torques is not None else "Joint angles"
     return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))
 
 
@@ -197,38 +157,23 @@ def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
     model = given.model
     assert model is not None
     turning = {one.name for one in model.coordinates if one.motion == "rotational"}
-    factors = {name: 180 / np.pi if name in turning else 1.0 for name in motion.names}
-    rows = []
-    for row in extremes(motion, factors):
-        unit = "°" if row.name in turning else "m"
-        rows.append(
-            (
-                row.name,
-                f"{number(row.low)} {unit}",
-                f"{number(row.low_time, 0.001)} s",
-                f"{number(row.high)} {unit}",
-                f"{number(row.high_time, 0.001)} s",
-                f"{number(row.high - row.low)} {unit}",
-            )
-        )
-    head = ("Coordinate", "Smallest", "at", "Largest", "at", "Range")
-    grids = [Grid(head, tuple(rows), f"All {len(rows)} coordinates", True)]
-    if given.dynamics.torques is not None:
+    torques = given.dynamics.torques
+
+    def grid(series: Series, units: tuple[str, str], last: str, what: str) -> Grid:
         rows = []
-        for row in extremes(given.dynamics.torques):
-            unit = "N·m" if row.name in turning else "N"
-            peak = max(abs(row.low), abs(row.high))
-            share = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"
-            rows.append(
-                (
-                    row.name,
-                    f"{number(row.low)} {unit}",
-                    f"{number(row.low_time, 0.001)} s",
-                    f"{number(row.high)} {unit}",
-                    f"{number(row.high_time, 0.001)} s",
-                    share,
-                )
-            )
-        head = ("Coordinate", "Smallest", "at", "Largest", "at", "Peak per body mass")
-        grids.append(Grid(head, tuple(rows), f"All {len(rows)} generalized forces", True))
+        for one in extremes(series, dict.fromkeys(turning, 180 / np.pi) if series is motion else None):
+            unit = units[one.name not in turning]
+            ends = [f"{number(value)} {unit}" for value in (one.low, one.high)]
+            times = [f"{number(time, 0.001)} s" for time in (one.low_time, one.high_time)]
+            size = f"{number(one.high - one.low)} {unit}"
+            if series is torques:
+                peak = max(abs(one.low), abs(one.high))
+                size = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"
+            rows.append((one.name, ends[0], times[0], ends[1], times[1], size))
+        head = ("Coordinate", "Smallest", "at", "Largest", "at", last)
+        return Grid(head, tuple(rows), f"All {len(rows)} {what}", True)
+
+    grids = [grid(motion, ("°", "m"), "Range", "coordinates")]
+    if torques is not None:
+        grids.append(grid(torques, ("N·m", "N"), "Peak per body mass", "generalized forces"))
     return grids

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.parts import State, Verdict
+from myomorph.report.page.parts import Verdict
 from myomorph.report.page.quantity import Quantity
 
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
@@ -20,10 +21,6 @@ RESERVE = 0.10
 LOOPS_CLOSED = 1e-9
 SATURATED = 0.99
 HICKS, CHECKLIST = "hicks2015", "opensim"
-
-
-def _judged(value: float, limit: float) -> State:
-    return "ok" if value <= limit else "over"
 
 
 def body_scale(markers: Markers | None) -> float:
@@ -48,61 +45,31 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     """
     if not np.isfinite(fit.errors).any():
         return []
-    rms = fit.rms
+    time, rms = fit.motion.time, 100 * fit.rms
     frame = int(np.nanargmax(rms))
     when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
-    time = fit.motion.time
-    overall = float(np.sqrt(np.nanmean(fit.errors**2)))
-    scaled = "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
+    told = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
+    told += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
+    value, largest = float(rms[frame]), 100 * float(fit.errors[when, who])
+    limit, at = 100 * MARKER_LARGEST * scale, float(time[when])
     rows = [
         Verdict(
-            Quantity.MARKER_RMS,
-            100 * float(rms[frame]),
-            "cm",
-            100 * MARKER_RMS * scale,
-            _judged(float(rms[frame]), MARKER_RMS * scale),
-            "all markers",
-            float(time[frame]),
-            HICKS,
-            f"{100 * overall:.2f} cm over all frames{scaled}",
+            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, told
         ),
-        Verdict(
-            Quantity.MARKER_LARGEST,
-            100 * float(fit.errors[when, who]),
-            "cm",
-            100 * MARKER_LARGEST * scale,
-            _judged(float(fit.errors[when, who]), MARKER_LARGEST * scale),
-            fit.marker_names[who],
-            float(time[when]),
-            HICKS,
-        ),
+        Verdict(Quantity.MARKER_LARGEST, largest, "cm", limit, fit.marker_names[who], at, HICKS),
+        _counted(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
     ]
-    failed = fit.seen & ~np.asarray(fit.converged, dtype=bool)
-    rows.append(_counted(Quantity.NOT_CONVERGED, failed, time))
     if fit.closure is not None:
         frame = int(np.nanargmax(fit.closure))
-        opened = float(fit.closure[frame])
-        state = _judged(opened, LOOPS_CLOSED)
-        rows.append(
-            Verdict(Quantity.LOOP_CLOSURE, 1e3 * opened, "mm", 1e3 * LOOPS_CLOSED, state, "", float(time[frame]))
-        )
+        opened = 1e3 * float(fit.closure[frame])
+        rows.append(Verdict(Quantity.LOOP_CLOSURE, opened, "mm", 1e3 * LOOPS_CLOSED, "", float(time[frame])))
     return rows
 
 
-def _counted(quantity: Quantity, flags: np.ndarray, time: Array, detail: str = "") -> Verdict:
+def _counted(quantity: Quantity, flags: np.ndarray, time: Array) -> Verdict:
+    """Frames that are flagged, of which there should be none."""
     first = float(time[int(np.argmax(flags))]) if flags.any() else None
-    count = int(flags.sum())
-    return Verdict(
-        quantity,
-        float(count),
-        f"of {len(flags)}",
-        0.0,
-        "over" if count else "ok",
-        "",
-        first,
-        "",
-        detail if count else "",
-    )
+    return Verdict(quantity, float(flags.sum()), f"of {len(flags)}", 0.0, time=first)
 
 
 def gap_verdicts(markers: Markers) -> list[Verdict]:
@@ -111,21 +78,11 @@ def gap_verdicts(markers: Markers) -> list[Verdict]:
     share = hidden.mean(axis=0) if len(markers) else np.zeros(len(markers.names))
     worst = int(np.argmax(share)) if len(share) else 0
     if not len(share) or share[worst] == 0.0:
-        return [Verdict(Quantity.MARKER_GAPS, 0.0, "%", None, "ok")]
-    count = int((share > 0).sum())
-    return [
-        Verdict(
-            Quantity.MARKER_GAPS,
-            100 * float(share[worst]),
-            "% of frames",
-            None,
-            "note",
-            markers.names[worst],
-            float(markers.time[int(np.argmax(hidden[:, worst]))]),
-            "",
-            f"{count} of {len(share)} markers are hidden at some time",
-        )
-    ]
+        return [Verdict(Quantity.MARKER_GAPS, 0.0, "%", None)]
+    first = float(markers.time[int(np.argmax(hidden[:, worst]))])
+    told = f"{int((share > 0).sum())} of {len(share)} markers are hidden at some time"
+    value = 100 * float(share[worst])
+    return [Verdict(Quantity.MARKER_GAPS, value, "% of frames", None, markers.names[worst], first, "", told)]
 
 
 def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
@@ -156,30 +113,37 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     if found is None or peak <= 0.0 or not np.isfinite(found[0]).any():
         return []
     rows = []
-    for what, values, scale, limit in (
-        ("force", found[0], peak, RESIDUAL_FORCE),
-        ("moment", found[1], peak * height, RESIDUAL_MOMENT),
-    ):
-        share = values / scale
-        at = int(np.nanargmax(share))
-        unit = "% of peak external force" if what == "force" else "% of COM height × peak external force"
-        size = "N" if what == "force" else "N·m"
-        rms = float(np.sqrt(np.nanmean(share**2)))
-        for name, value, time in (("peak", float(share[at]), float(torques.time[at])), ("RMS", rms, None)):
-            rows.append(
-                Verdict(
-                    Quantity.residual(what, name),
-                    100 * value,
-                    unit,
-                    100 * limit,
-                    _judged(value, limit),
-                    "root joint",
-                    time,
-                    HICKS,
-                    f"{value * scale:.3g} {size}; F = {peak:.4g} N"
-                    + (_support(wrenches, time, weight, values[at]) if time is not None and what == "force" else ""),
-                )
-            )
+    for what, values, scale in (("force", found[0], peak), ("moment", found[1], peak * height)):
+        for row, at in judged_residual(what, values, torques.time, scale):
+            told = f"; F = {peak:.4g} N"
+            if what == "force" and at is not None:
+                told += _support(wrenches, float(torques.time[at]), weight, values[at])
+            rows.append(replace(row, detail=row.detail + told))
+    return rows
+
+
+def judged_residual(
+    what: str, values: Array, time: Array, scale: float, contacts: bool = False
+) -> list[tuple[Verdict, int | None]]:
+    """Peak and root mean square of a residual against its limit, each with the frame that it is of.
+
+    Parameters
+    ----------
+    what : "force" or "moment"
+    values, time : (frames,) [N] or [N m], [s]
+    scale : the peak external force, of moments times the height of the center of mass
+    contacts : whether contacts carry what they can
+    """
+    force = what == "force"
+    unit = f"% of {'' if force else 'COM height × '}peak external force"
+    limit, size = (RESIDUAL_FORCE, "N") if force else (RESIDUAL_MOMENT, "N·m")
+    peak, rows = int(np.nanargmax(values)), []
+    for name, value, at in (("peak", values[peak], peak), ("RMS", np.sqrt(np.nanmean(values**2)), None)):
+        when = None if at is None else float(time[at])
+        share = 100 * float(value) / scale
+        quantity = Quantity.residual(what, name, contacts)
+        row = Verdict(quantity, share, unit, 100 * limit, "root joint", when, HICKS, f"{float(value):.3g} {size}")
+        rows.append((row, at))
     return rows
 
 
@@ -227,33 +191,12 @@ def reserve_verdicts(
     if worst is not None:
         share, i = worst
         at = int(np.nanargmax(np.abs(reserves[:, i])))
-        rows.append(
-            Verdict(
-                Quantity.RESERVES,
-                100 * share,
-                "% of the coordinate's peak torque",
-                100 * RESERVE,
-                _judged(share, RESERVE),
-                names[i],
-                float(time[at]),
-                CHECKLIST,
-                f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m",
-            )
-        )
+        told = f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m"
+        unit, when = "% of the coordinate's peak torque", float(time[at])
+        rows.append(Verdict(Quantity.RESERVES, 100 * share, unit, 100 * RESERVE, names[i], when, CHECKLIST, told))
     if undriven:
-        rows.append(
-            Verdict(
-                Quantity.UNDRIVEN,
-                float(len(undriven)),
-                "",
-                None,
-                "note",
-                few(undriven),
-                None,
-                "",
-                "their torque is carried by reserve actuators alone",
-            )
-        )
+        told = "their torque is carried by reserve actuators alone"
+        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=told))
     return rows
 
 
@@ -268,22 +211,12 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
     full: np.ndarray = np.asarray(activations >= SATURATED * most)
     ever = np.any(full, axis=0)
     if not ever.any():
-        return [Verdict(Quantity.SATURATED, 0.0, f"of {len(names)}", 0.0, "ok")]
+        return [Verdict(Quantity.SATURATED, 0.0, f"of {len(names)}", 0.0)]
     worst = int(np.argmax(full.sum(axis=0)))
-    return [
-        Verdict(
-            Quantity.SATURATED,
-            float(ever.sum()),
-            f"of {len(names)}",
-            0.0,
-            "over",
-            names[worst],
-            float(time[int(np.argmax(full[:, worst]))]),
-            "",
-            f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
-            + few([name for name, one in zip(names, ever, strict=True) if one], 8),
-        )
-    ]
+    first = float(time[int(np.argmax(full[:, worst]))])
+    told = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
+    told += few([name for name, one in zip(names, ever, strict=True) if one], 8)
+    return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", told)]
 
 
 def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
@@ -296,17 +229,7 @@ def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
     """
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
     worst = names[0] if names else ""
-    return Verdict(
-        Quantity.OVERSTRETCHED,
-        float(len(names)),
-        f"of {count}",
-        0.0,
-        "over" if names else "ok",
-        worst,
-        None,
-        "",
-        detail,
-    )
+    return Verdict(Quantity.OVERSTRETCHED, float(len(names)), f"of {count}", 0.0, worst, detail=detail)
 
 
 def unsolved_verdict(solved: np.ndarray, time: Array) -> Verdict:
@@ -330,21 +253,10 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
         if past[at] > np.deg2rad(0.5):
             beyond.append((float(past[at]), name, float(motion.time[at])))
     if not beyond:
-        return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0, "ok")]
+        return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0)]
     far, name, time = max(beyond)
-    return [
-        Verdict(
-            Quantity.OUT_OF_RANGE,
-            float(len(beyond)),
-            "",
-            0.0,
-            "over",
-            name,
-            time,
-            "",
-            f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8),
-        )
-    ]
+    told = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
+    return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", told)]
 
 
 def few(names: Sequence[str], most: int = 4) -> str:

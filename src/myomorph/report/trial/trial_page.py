@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
 from myomorph.report.page.parts import Note, Section, SourceFile, Step
 from myomorph.report.page.quantity import Quantity
 from myomorph.report.page.references import Reference, references
+from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
@@ -91,14 +91,9 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     ):
         if series is not None and len(series.time) > 1:
             # The rate of a long clock is its mean; times are often rounded to a millisecond.
-            rate = (len(series.time) - 1) / float(series.time[-1] - series.time[0])
-            rows.append(
-                (
-                    name,
-                    f"{number(len(series.time), 1.0)} frames at {number(rate)} Hz, "
-                    f"{number(float(series.time[0]), 0.01)} to {number(float(series.time[-1]), 0.01)}\u00a0s",
-                )
-            )
+            first, last = float(series.time[0]), float(series.time[-1])
+            told = f"{number(len(series.time), 1.0)} frames at {number((len(series.time) - 1) / (last - first))} Hz, "
+            rows.append((name, f"{told}{number(first, 0.01)} to {number(last, 0.01)}\u00a0s"))
     if prepared.movement.kind:
         kind = {"gait": "gait", "jump": "countermovement jump", "contact": "contacts with the ground"}
         told = kind.get(prepared.movement.kind, prepared.movement.kind)
@@ -110,24 +105,23 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     """The few numbers to see first."""
     given = prepared.given
     tiles = []
-    if given.kinematics.fit is not None and np.isfinite(given.kinematics.fit.errors).any():
-        rms = 100 * float(np.sqrt(np.nanmean(given.kinematics.fit.errors**2)))
+    fit = given.kinematics.fit
+    if fit is not None and np.isfinite(fit.errors).any():
+        rms = 100 * float(np.sqrt(np.nanmean(fit.errors**2)))
         tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS)))
-        done, shown = int(np.sum(given.kinematics.fit.converged)), int(np.sum(given.kinematics.fit.seen))
+        done, shown = int(np.sum(fit.converged)), int(np.sum(fit.seen))
         tiles.append(Tile(f"{done} / {shown}", "frames fitted", _state(prepared, Quantity.NOT_CONVERGED)))
     for quantity, name in (
         (Quantity.RESIDUAL_FORCE_PEAK, "residual force, of peak external force"),
         (Quantity.RESIDUAL_MOMENT_PEAK, "residual moment, of COM height × force"),
         (Quantity.RESERVES, "largest reserve, of its peak torque"),
     ):
-        for one in prepared.verdicts:
-            if one.quantity == quantity:
-                tiles.append(Tile(f"{number(one.value)} %", name, one.state))
+        own = (one for one in prepared.verdicts if one.quantity == quantity)
+        tiles += [Tile(f"{number(one.value)} %", name, one.state) for one in own]
     if given.tension is not None:
         solved = int(np.sum(given.tension.solved))
-        tiles.append(
-            Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", _state(prepared, Quantity.NOT_OPTIMAL))
-        )
+        state = _state(prepared, Quantity.NOT_OPTIMAL)
+        tiles.append(Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", state))
         full = next(one for one in prepared.verdicts if one.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles
@@ -145,11 +139,8 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return [], ""
-    activations = None
-    if given.tension is not None:
-        activations = Series(given.tension.time, given.tension.muscles, given.tension.activations)
     chosen = _key_frames(motion, good, prepared)
-    forces = acting_forces(given)
+    activations, forces = given.activations, acting_forces(given)
     still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
     if proportion(still, "side") > WIDE:
         chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
@@ -158,13 +149,9 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     instants = []
     for i, (frame, label) in enumerate(chosen):
         side, front = (next(one for one in drawn if one.frame == i and one.view == view) for view in ("side", "front"))
-        text = (
-            f"{label}, {number(float(motion.time[frame]), 0.001)} s"
-            if label
-            else f"{number(float(motion.time[frame]), 0.001)} s"
-        )
+        text = ", ".join(one for one in (label, f"{number(float(motion.time[frame]), 0.001)} s") if one)
         instants.append(
-            Instant(text, _address(side.image), _address(front.image), side.width, front.width, side.height)
+            Instant(text, data_uri(side.image), data_uri(front.image), side.width, front.width, side.height)
         )
     points = sum(len(muscle.path.points) for muscle in given.model.muscles)
     count = frames_to_play(len(good), points, len(given.model.bodies))
@@ -173,10 +160,6 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
     scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, forces)
     return instants, player(scene)
-
-
-def _address(image: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from myomorph.analysis.columns import Comparison, compared
-from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identification_tables import WrenchError, wrench_errors
@@ -58,7 +57,7 @@ def _chart(check: WrenchCheck, k: int, styles: Mapping[str, str], span: tuple[fl
     # The first method is drawn last, over the others.
     for name in reversed(list(check.predicted)):
         lines.append(Line(check.time, check.predicted[name][:, k], styles[name], name))
-    return time_plot(Panel(COMPONENTS[k], UNITS[k], lines, span, height=200))
+    return time_plot(COMPONENTS[k], UNITS[k], lines, span, height=200)
 
 
 def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
@@ -160,22 +159,16 @@ def truth_section(prepared: Prepared) -> Section | None:
     truth = given.recorded.truth
     if truth is None:
         return None
-    grids = []
-    model = given.model
+    model, grids = given.model, []
+    no_angles: set[str] = set()
     turning = {one.name for one in model.coordinates if one.motion == "rotational"} if model else set()
-    if truth.motion is not None and given.kinematics.motion is not None:
-        grids.append(
-            _compared_grid(
-                "Angles and translations", compared(given.kinematics.motion, truth.motion), turning, "°", "m"
-            )
-        )
-    if truth.torques is not None and given.dynamics.torques is not None:
-        grids.append(
-            _compared_grid("Joint moments", compared(given.dynamics.torques, truth.torques), turning, "N·m", "N")
-        )
-    if truth.activations is not None and given.tension is not None:
-        series = Series(given.tension.time, given.tension.muscles, given.tension.activations)
-        grids.append(_compared_grid("Activations", compared(series, truth.activations), set(), "", ""))
+    for title, estimate, known, own, units in (
+        ("Angles and translations", given.kinematics.motion, truth.motion, turning, ("°", "m")),
+        ("Joint moments", given.dynamics.torques, truth.torques, turning, ("N·m", "N")),
+        ("Activations", given.activations, truth.activations, no_angles, ("", "")),
+    ):
+        if estimate is not None and known is not None:
+            grids.append(_compared_grid(title, compared(estimate, known), own, *units))
     shown = tuple(grid for grid in grids if grid.rows)
     if not shown:
         return None
@@ -202,17 +195,10 @@ def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], un
         return text, told(rms, name), told(max(one.worst for one in chosen), name), "", ""
 
     turned = [one for one in rows if one.name in turning] or list(rows)
+    lines: list[tuple[str, ...]]
     lines = [group("all" if len(turned) == len(rows) else "all rotations", turned, turned[0].name)] if rows else []
     for one in rows:
-        lines.append(
-            (
-                one.name,
-                told(one.rmse, one.name),
-                told(one.worst, one.name),
-                told(one.span, one.name),
-                number(one.correlation),
-            )
-        )
-    return Grid(
-        ("", "RMS difference", "Maximum", "Range of the truth", "Correlation"), tuple(lines), title, len(lines) > 14
-    )
+        values = (told(value, one.name) for value in (one.rmse, one.worst, one.span))
+        lines.append((one.name, *values, number(one.correlation)))
+    head = ("", "RMS difference", "Maximum", "Range of the truth", "Correlation")
+    return Grid(head, tuple(lines), title, len(lines) > 14)

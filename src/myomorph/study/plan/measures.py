@@ -100,6 +100,8 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     found: dict[str, Measures] = {}
     if "subject" not in {name for name, _ in columns}:
         return found
+    if len(filled) == 1:
+        remarks.append(f"{where}: has a line of names, but no line of a subject")
     for number, row in filled[1:]:
         one = _line(row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems)
         if one is not None and one.subject in found:

@@ -11,7 +11,7 @@ from typing import Any
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
-from myomorph.store.study_file import checked, existing, read_toml, refuse
+from myomorph.store.study_file import checked, existing, read_tables, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
@@ -41,7 +41,7 @@ from myomorph.study.trial.trial_files import Settings, TrialFiles
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study does: one `TrialFiles` a trial, and what the steps are told.
+    """What a study does: one `TrialFiles` a trial, and the options of the steps.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Plan:
     steps : of each trial, in the order in which they run
     subjects : by name, what the steps on subjects need
     together : trials of several subjects that are solved as one after their own steps
-    remarks : what is not used, then which files were found by the rule of names
+    remarks : old names, what is not used, then which files were found by the rule of names
     groups : two groups of subjects to compare when all is done
     conditions : of the trials
     excluded : what the study file leaves out, and why
@@ -70,7 +70,7 @@ class Plan:
     own: Mapping[Key, Settings] = field(default_factory=lambda: FrozenMap({}))
 
     def settings_of(self, subject: str, trial: str = "") -> Settings:
-        """What the steps are told of a trial, or the steps on a subject."""
+        """Settings of the steps of a trial, or of the steps on a subject."""
         return self.own.get((subject, trial), self.own.get((subject, ""), self.settings))
 
     @cached_property
@@ -121,14 +121,15 @@ def read_plan(path: str | Path) -> Plan:
     ('reaching', ['s01'], ('ik', 'id', 'muscles', 'tension'))
     """
     path = Path(path)
-    raw = read_toml(path)
+    raw, notices, twice = read_tables(path, "study file")
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
     found, problems = checked(study_tables(), raw)
+    problems = [*twice, *problems]
     problems += [one for one in lacking(raw) if one not in problems]
     if found is None or problems:
         refuse(path, problems)
-    notes = Notes(problems)
+    notes = Notes(problems, notices)
     plan = _plan(found, path, notes)
     refuse(path, list(dict.fromkeys(notes.problems)))
     return plan
@@ -188,7 +189,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     trials, conditions = with_conditions(
         found.trials, file.study.conditions, told, exclusions.found, problems, notes.remarks
     )
-    together = tuple(_together(file, trials, home, problems))
+    together = tuple(_together(file, trials, home, notes))
     groups = _groups(file, found, measures, [name for name in names if name not in found.subjects], notes)
     return Plan(
         file.study.name,
@@ -196,7 +197,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         tuple(trials),
         tuple(found.steps),
         FrozenMap(settings),
-        tuple(dict.fromkeys((*notes.remarks, *notes.found))),
+        tuple(dict.fromkeys((*notes.notices, *notes.remarks, *notes.found))),
         found.subjects,
         together,
         groups,
@@ -280,12 +281,12 @@ def _with_makers(found: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
         found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, trials=own)
 
 
-def _together(file: Any, trials: Sequence[TrialFiles], home: Path, problems: list[str]) -> list[Together]:
+def _together(file: Any, trials: Sequence[TrialFiles], home: Path, notes: Notes) -> list[Together]:
     """Trials of several subjects that are solved as one."""
     found = []
     for one in file.together:
-        contacts = contacts_file(one.contacts, home, f"together '{one.name}'", problems)
-        found.append(together_of(one, trials, home, contacts, problems))
+        contacts = contacts_file(one.contacts, home, f"together '{one.name}'", notes)
+        found.append(together_of(one, trials, home, contacts, notes.problems))
     return found
 
 

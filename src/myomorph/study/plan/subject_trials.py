@@ -14,7 +14,7 @@ from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
-from myomorph.study.trial.contact_file import AUTO
+from myomorph.study.trial.contact_file import AUTO, old_names
 from myomorph.study.trial.trial_files import TrialFiles
 
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
@@ -63,11 +63,13 @@ class Notes:
     Attributes
     ----------
     problems : all of them make the file be refused
+    notices : old names in the study file and the files that it names
     remarks : what is not used, or not as one might think
     found : files that were found by the rule of names
     """
 
     problems: list[str] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     found: list[str] = field(default_factory=list)
 
@@ -177,7 +179,7 @@ def subject_trials(
         emg_side=table.emg_side,
         tasks=shared["tasks"],
         actuators=shared["actuators"],
-        contacts=contacts_file(table.contacts, folder, where, problems),
+        contacts=contacts_file(table.contacts, folder, where, notes),
         measured=table.measured,
         mass=table.mass,
         time=table.time,
@@ -215,6 +217,8 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
             loads = None
         else:
             problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
+    if loads is not None:
+        notes.notices += old_names(loads)
     check_time(trial.time, f"{where}: time", problems)
     for name, span in trial.phases.items():
         check_time(span, f"{where}: phase '{name}'", problems)
@@ -224,7 +228,7 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
         bodies=FrozenMap(dict(trial.bodies)),
         plates=tuple(trial.plates),
         emg=_companion(whole, folder, trial.emg, "emg", notes),
-        contacts=contacts_file(trial.contacts, folder, where, problems) if trial.contacts else whole.contacts,
+        contacts=contacts_file(trial.contacts, folder, where, notes) if trial.contacts else whole.contacts,
         measured=trial.measured or whole.measured,
         phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
@@ -243,9 +247,12 @@ def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, no
     return found
 
 
-def contacts_file(given: str, folder: Path, where: str, problems: list[str]) -> str:
+def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
     """What tells of contacts: "auto", or a file as a path that can be opened."""
     if given in ("", AUTO):
         return given
-    found = existing(folder, given, f"{where}: contacts", problems)
-    return "" if found is None else str(found)
+    found = existing(folder, given, f"{where}: contacts", notes.problems)
+    if found is None:
+        return ""
+    notes.notices += old_names(found)
+    return str(found)

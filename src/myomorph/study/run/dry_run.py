@@ -30,7 +30,7 @@ NEW_MODEL = "its model is made anew"
 NEW_PARTS = "its trials are computed anew"
 MAX_MODELS = 8
 """Models that are read for their sizes; what they have in common is taken for the rest."""
-HEADING = ("subject", "trial", "condition", "frames", "kept", "computed", "time", "files")
+HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "time", "files")
 MAX_NAMES = 4
 
 

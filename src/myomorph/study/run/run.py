@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from myomorph.model.deprecated import renamed_arguments
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.locks import study_lock
@@ -180,13 +181,14 @@ class _Loop:
                 self.ready.append(key)
 
 
+@renamed_arguments
 def run_study(
     plan: Plan,
     out: Path,
     *,
     fresh: bool = False,
     workers: Workers | None = None,
-    said: Callable[[Outcome], None] = lambda outcome: None,
+    report: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
     """Run all trials of a plan, each into `out/subject/trial`, and write the tables of the study.
 
@@ -200,7 +202,7 @@ def run_study(
     out : folder of the results, made where it does not exist
     fresh : compute every step, whatever an earlier run left
     workers : that do the jobs, closed at the end; None does them in this process
-    said : called with each trial's outcome when it ends
+    report : called with each trial's outcome when it ends
 
     Returns
     -------
@@ -225,7 +227,7 @@ def run_study(
     try:
         with study_lock(out) as mark:
             jobs = jobs_of(plan, out, fresh, mark)
-            watcher = StudyWatcher(plan.name, jobs, out, workers, said)
+            watcher = StudyWatcher(plan.name, jobs, out, workers, report)
             try:
                 _run(plan, out, fresh, jobs, workers, watcher)
             except BaseException as error:

@@ -257,7 +257,7 @@ def outcome_line(outcome: Outcome) -> str:
     computed = " ".join(step for step in outcome.done if step not in outcome.reused)
     parts = [f"computed {computed}"] if computed else []
     if outcome.reused:
-        parts.append(f"kept {' '.join(outcome.reused)}")
+        parts.append(f"reused {' '.join(outcome.reused)}")
     if outcome.changed:
         parts.append(f"because {', '.join(outcome.changed)}")
     if outcome.error:

@@ -17,15 +17,16 @@ from myomorph.model.model import Mesh, Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.checks.checks import MorphChecks, check_morph
+from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.moment_arms import COUNT
+from myomorph.morph.checks.penetration import standing_poses
+from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
 from myomorph.morph.mirror.model import with_mirrored_bones
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
-from myomorph.morph.registration.nonrigid import MatchOptions
 from myomorph.morph.registration.rigid import start_by_neighbors
-from myomorph.morph.transfer.bodies import standing_poses
+from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.transfer.model import morph_model
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from myomorph.model.deprecated import current_keys
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
@@ -36,7 +37,7 @@ KEYS = frozenset(
     ("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle"),
 )
 BONE_KEYS = frozenset(
-    ("sources", "targets", "source_frame", "target_frame", "carried", "spread", "half", "match", "landmarks")
+    ("sources", "targets", "source_frame", "target_frame", "transferred", "spread", "half", "match", "landmarks")
 )
 
 
@@ -60,7 +61,10 @@ def read_species(table: str | Path) -> SpeciesTable:
     if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
         raise BadFile(table, "no such species table", f"there are {', '.join(known)}, or give a .toml file of your own")
     try:
-        return _table(tomllib.loads(path.read_text("utf-8")), "" if own else Path(table).stem)
+        raw, notices, problems = current_keys("species file", tomllib.loads(path.read_text("utf-8")), path.name)
+        if problems:
+            raise BadData("; ".join(problems))
+        return replace(_table(raw, "" if own else Path(table).stem), warnings=tuple(notices))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadFile(table, f"not TOML: {error}") from None
     except BadData as error:
@@ -104,7 +108,7 @@ def _bone(given: Table) -> BoneHomology:
     for side in ("source_frame", "target_frame"):
         if side in kept:
             kept[side] = _frame(kept[side])
-    for several in ("sources", "targets", "carried"):
+    for several in ("sources", "targets", "transferred"):
         if several in kept:
             kept[several] = tuple(kept[several])
     kept["landmarks"] = tuple(_rule(one) for one in given["landmarks"])
@@ -172,7 +176,7 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
     if files.target.suffix.lower() not in (".xml", ".mjcf", ".osim"):
         raise BadFile(files.target, "is no model", "give the skeleton of the other species as .osim or .xml")
     table = read_species(files.species)
-    warnings: list[str] = []
+    warnings = list(table.warnings)
     models, bones = [], []
     for path, folder in ((files.source, files.geometry), (files.target, files.target_geometry)):
         models.append(inputs.open_model(path))

@@ -18,13 +18,13 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.report.trial.given import Situation
 from myomorph.store.settings import Measured
-from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
+from myomorph.store.study_file import Strict, checked, existing, read_tables, refuse
 from myomorph.study.trial.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
-from myomorph.study.trial.stairs_file import Stairs, read_stairs, recording_of
+from myomorph.study.trial.stairs_file import Stairs, old_stairs_names, read_stairs, recording_of
 
 AUTO = "auto"
 Vector: TypeAlias = tuple[float, float, float]
-When: TypeAlias = Literal["always", "motion", "told"]
+When: TypeAlias = Literal["always", "motion", "file"]
 
 FOREVER = 1e9
 """End of a touch that always lasts [s]."""
@@ -38,7 +38,7 @@ class ContactPlan:
     ----------
     feet : whether the soles of the model's feet are sites
     sites : beside the soles
-    when : of each of `sites` what tells when it touches: "always", the "motion", or the touches "told"
+    when : of each of `sites` what tells when it touches: "always", the "motion", or the "file" of its intervals
     surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
     told : touches that a file tells of; of the soles too where it names them
     sound : strokes that microphones recorded, whose forces are known by their loudness or motion
@@ -80,16 +80,16 @@ class _Site(Strict):
     friction: float = 0.8
     torsion: float = 0.0
     grip: float = 0.0
-    edges: int = 6
-    most: float = float("inf")
-    touching: When | list[tuple[float, float]] = "motion"
+    cone_generators: int = 6
+    max_force: float = float("inf")
+    intervals: When | list[tuple[float, float]] = "motion"
     rests: Literal["floor", "lowest"] | FiniteFloat = "floor"
 
 
 class _File(Strict):
     feet: bool = True
     measured: Measured = "exact"
-    touches: str | None = None
+    intervals: str | None = None
     camera: _Camera = Field(default_factory=_Camera)
     site: list[_Site] = Field(default_factory=list)
     sites: list[str] = Field(default_factory=list)
@@ -120,8 +120,10 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         return ContactPlan(told=_touches(path, _Camera()), measured=measured or "exact")
     if path.suffix.lower() != ".toml":
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
-    found, problems = checked(_File, read_toml(path))
-    table = None if found is None else existing(path.parent, found.touches, "touches", problems)
+    raw, _, twice = read_tables(path, "contact file")
+    found, problems = checked(_File, raw)
+    problems = [*twice, *problems]
+    table = None if found is None else existing(path.parent, found.intervals, "intervals", problems)
     steps = None if found is None else existing(path.parent, found.stairs, "stairs", problems)
     sound = None if found is None else _sound(found, path.parent, model.up, problems)
     sites: list[Site] = []
@@ -164,14 +166,29 @@ def contact_files(path: Path) -> tuple[Path, ...]:
         raise BadFile(path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}")
     if path.suffix.lower() != ".toml":
         return (path,)
-    raw = read_toml(path)
+    raw = read_tables(path, "contact file")[0]
     sound = raw.get("sound")
-    named = (raw.get("touches"), sound.get("file") if isinstance(sound, dict) else None)
+    named = (raw.get("intervals"), sound.get("file") if isinstance(sound, dict) else None)
     files = [path.parent / one for one in named if isinstance(one, str)]
     if isinstance(raw.get("stairs"), str):
         steps = path.parent / raw["stairs"]
         files += (steps, *recording_of(steps)) if steps.is_file() else ()
     return (path, *(one for one in files if one.is_file()))
+
+
+def old_names(path: Path) -> list[str]:
+    """Notices of the old names in a file of contacts or stairs and in the files that it names; () for other kinds."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return []
+    try:
+        raw, notices, _ = read_tables(path, "contact file")
+    except BadFile:
+        # It is refused where it is used.
+        return []
+    stairs = raw.get("stairs")
+    if isinstance(stairs, str):
+        return [*notices, *old_stairs_names(path.parent / stairs)]
+    return old_stairs_names(path) if isinstance(stairs, dict) else notices
 
 
 def _sound(found: _File, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
@@ -192,14 +209,16 @@ def _site(given: _Site, model: Model) -> Site:
     direction = model.up if given.direction == "up" else None
     if not isinstance(given.direction, str):
         direction = np.array(given.direction)
-    cone = Cone(direction, given.frame, given.friction, given.torsion, given.grip, given.edges, given.most)
+    cone = Cone(
+        direction, given.frame, given.friction, given.torsion, given.grip, given.cone_generators, given.max_force
+    )
     return Site(given.name, given.body, np.array(given.points), cone, given.against, given.group)
 
 
 def _check_spans(given: _Site) -> None:
-    for start, stop in () if isinstance(given.touching, str) else given.touching:
+    for start, stop in () if isinstance(given.intervals, str) else given.intervals:
         if not start <= stop:
-            raise BadData(f"touching = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
+            raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
 
 
 def _surfaces(found: _File) -> dict[str, float | None]:
@@ -212,7 +231,7 @@ def _surfaces(found: _File) -> dict[str, float | None]:
 
 
 def _when(given: _Site) -> When:
-    return given.touching if isinstance(given.touching, str) else "told"
+    return given.intervals if isinstance(given.intervals, str) else "file"
 
 
 def _touches(path: Path, camera: _Camera) -> Contacts:
@@ -226,10 +245,10 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
     touches: list[Touch] = [] if read is None else list(read.touches)
     names = dict.fromkeys(() if read is None else read.sites)
     for one in sites:
-        if one.touching == "always":
+        if one.intervals == "always":
             touches.append(Touch(one.name, -FOREVER, FOREVER, one.against, source="file"))
-        elif not isinstance(one.touching, str):
-            touches += [Touch(one.name, *span, one.against, source="file") for span in one.touching]
+        elif not isinstance(one.intervals, str):
+            touches += [Touch(one.name, *span, one.against, source="file") for span in one.intervals]
         else:
             continue
         names[one.name] = None

@@ -106,7 +106,7 @@ def set_contacts(
     if heard is not None:
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
-        exact = heard.blows if exact is None else _beside(exact, heard.blows)
+        exact = heard.impacts if exact is None else _beside(exact, heard.impacts)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
@@ -153,7 +153,7 @@ def unreported_feet(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
     lacking = [name for name in names if name not in told.sites]
     if not lacking or len(lacking) == len(names):
         return ()
-    return (f"no touch is told of {', '.join(lacking)}: the motion tells when they do",)
+    return (f"no contact interval is specified for {', '.join(lacking)}: found from the motion",)
 
 
 def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
@@ -165,7 +165,7 @@ def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
         if touches and all(one.stop < start or one.start > stop for one in touches):
             spans = f"{min(one.start for one in touches):g} to {max(one.stop for one in touches):g} s"
             texts.append(
-                f"'{name}' is told to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
+                f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
             )
     return tuple(texts)
 
@@ -205,7 +205,7 @@ def _all_contacts(
     known = {name for one in told for name in one.sites}
     for name in sorted(known):
         if name not in names:
-            raise BadData(f"touches are told of '{name}', but the contact sites are {', '.join(names)}")
+            raise BadData(f"contact intervals are specified for '{name}', but the contact sites are {', '.join(names)}")
     by_motion = tuple(one for one in sites if plan.when.get(one.name, "motion") == "motion" and one.name not in known)
     standing = tuple(one for one in by_motion if one.against == GROUND)
     holding = tuple(one for one in by_motion if one.against != GROUND)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
-from myomorph.report.trial.given import Uncarried
+from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
@@ -26,34 +25,23 @@ LARGE = 250
 """Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
 
 
-@read_only
 @dataclass(frozen=True, eq=False)
-class StoredIntervals:
-    """What the data leave open of contact forces at some instants; see `ForceIntervals`."""
-
-    time: Array
-    names: tuple[str, ...]
-    lower: Array
-    upper: Array
-
-
-@dataclass(frozen=True, eq=False)
-class ContactDoubts:
+class ContactWarnings:
     """Doubts about a solution.
 
     Attributes
     ----------
     intervals : one for a few instants each
-    uncarried : frames whose contacts cannot carry the motion
+    infeasible : frames whose contacts cannot carry the motion
     lines : the same for runs of frames, one line each
     """
 
     intervals: tuple[ContactIntervals, ...]
-    uncarried: tuple[Uncarried, ...]
+    infeasible: tuple[InfeasibleContact, ...]
     lines: tuple[str, ...]
 
 
-def contact_warnings(problem: TensionProblem, tension: Tension, instants: int, name: str) -> ContactDoubts:
+def contact_warnings(problem: TensionProblem, tension: Tension, instants: int, name: str) -> ContactWarnings:
     """Ask at some instants, evenly spaced, what the data leave open, and of all frames whether contacts carry them.
 
     Parameters
@@ -70,16 +58,16 @@ def contact_warnings(problem: TensionProblem, tension: Tension, instants: int, n
             part = chosen[start : start + AT_ONCE]
             intervals.append(contact_intervals(problem, tension, part.tolist(), CertificateOptions(near=near)))
             advance(len(part))
-    uncarried = tuple(Uncarried(one.time, one.sentence) for one in marked)
-    return ContactDoubts(tuple(intervals), uncarried, relaxation_lines(marked))
+    infeasible = tuple(InfeasibleContact(one.time, one.sentence) for one in marked)
+    return ContactWarnings(tuple(intervals), infeasible, relaxation_lines(marked))
 
 
-def put_warnings(writer: ResultWriter, warnings: ContactDoubts) -> None:
+def put_warnings(writer: ResultWriter, warnings: ContactWarnings) -> None:
     """Intervals and frames that could not be carried, in a result file."""
-    writer.sizes("uncarried", len(warnings.uncarried))
-    times = np.array([one.time for one in warnings.uncarried], dtype=np.float64)
-    writer.put("uncarried_time", ("uncarried",), times, "s", "frame that its contacts cannot carry")
-    writer.texts("uncarried_relaxation", "uncarried", [one.relaxation for one in warnings.uncarried])
+    writer.sizes("infeasible_contact", len(warnings.infeasible))
+    times = np.array([one.time for one in warnings.infeasible], dtype=np.float64)
+    writer.put("infeasible_contact_time", ("infeasible_contact",), times, "s", "frame whose contacts are infeasible")
+    writer.texts("infeasible_contact_relaxation", "infeasible_contact", [one.relaxation for one in warnings.infeasible])
     if not warnings.intervals:
         return
     writer.names("contact_group", warnings.intervals[0].groups)
@@ -99,20 +87,20 @@ def put_warnings(writer: ResultWriter, warnings: ContactDoubts) -> None:
         writer.put(f"interval_{name}", three, values, "N", meaning)
 
 
-def get_intervals(stored: Stored) -> StoredIntervals | None:
+def get_intervals(stored: Stored) -> ForceIntervals | None:
     """Intervals of contact forces of a result, or None."""
     values = stored.values
     if "interval_low" not in values:
         return None
     names = stored.names["contact_group"]
-    return StoredIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
+    return ForceIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
 
 
-def get_uncarried(stored: Stored) -> tuple[Uncarried, ...]:
+def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
     """Frames of a result that its contacts cannot carry."""
-    times = stored.values.get("uncarried_time", ())
-    texts = stored.names.get("uncarried_relaxation", ())
-    return tuple(Uncarried(float(time), text) for time, text in zip(times, texts, strict=True))
+    times = stored.values.get("infeasible_contact_time", ())
+    texts = stored.names.get("infeasible_contact_relaxation", ())
+    return tuple(InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True))
 
 
 def interval_table(intervals: Sequence[ContactIntervals]) -> Table:

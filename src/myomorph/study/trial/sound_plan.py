@@ -14,11 +14,11 @@ from myomorph.contact.clocks import sound_clock
 from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
 from myomorph.contact.strokes import (
-    Blow,
-    blow_wrenches,
-    blows_from_sound,
+    Impact,
     calibration_pairs,
     effective_mass,
+    impact_wrenches,
+    impacts_from_sound,
     striking_sites,
     velocity_change,
 )
@@ -85,12 +85,12 @@ class Heard:
 
     Attributes
     ----------
-    blows : forces on bodies at the motion's times
+    impacts : forces on bodies at the motion's times
     sites : names of the sites that strike
     """
 
     contacts: Contacts
-    blows: Wrenches
+    impacts: Wrenches
     sites: tuple[str, ...]
 
 
@@ -160,22 +160,22 @@ def heard_contacts(
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
     told: tuple[str, ...] = ()
     if plan.impulse == "motion":
-        blows = _blows_by_motion(plan, strokes, struck, model, recorded, sites)
+        impacts = _impacts_by_motion(plan, strokes, struck, model, recorded, sites)
     else:
         laws = calibration_pairs(strokes, plan.known)
-        blows, told = blows_from_sound(strokes, laws, struck, plan.directions)
-    forces = blow_wrenches(blows, model, motion, sites, plan.pulse, cutoff)
+        impacts, told = impacts_from_sound(strokes, laws, struck, plan.directions)
+    forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
     return Heard(Contacts(contacts.sites, contacts.touches, (*found, *contacts.warnings, *told)), forces, own)
 
 
-def _blows_by_motion(
+def _impacts_by_motion(
     plan: SoundPlan,
     strokes: Strokes,
     struck: Mapping[int, str],
     model: Model,
     motion: Motion,
     sites: Sequence[Site],
-) -> tuple[Blow, ...]:
+) -> tuple[Impact, ...]:
     """Impulses as effective mass times change of velocity, along each instrument's direction."""
     by_name = {one.name: one for one in sites}
     found = []
@@ -186,5 +186,5 @@ def _blows_by_motion(
         instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
         mass = effective_mass(model, instant, site.body, site.points.mean(axis=0), direction)[0]
         change = max(float(velocity_change(model, motion, site, stroke.time) @ direction), 0.0)
-        found.append(Blow(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
+        found.append(Impact(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
     return tuple(found)

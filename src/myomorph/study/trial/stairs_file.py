@@ -19,7 +19,7 @@ from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Wrenches
 from myomorph.model.spatial import Transform
-from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
+from myomorph.store.study_file import Strict, checked, existing, read_tables, read_toml, refuse
 
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 WORDS = ("stairs", "steps", "cells", "ladder")
@@ -33,7 +33,7 @@ class _Stairs(Strict):
     tare: Literal["quiet", "none"] = "quiet"
     loaded: float = Field(default=0.04, gt=0.0, lt=1.0)
     unloaded: float = Field(default=0.02, gt=0.0, lt=1.0)
-    reach: float = Field(default=0.25, gt=0.0)
+    search_range: float = Field(default=0.25, gt=0.0)
 
 
 class _Step(Strict):
@@ -95,7 +95,9 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     BadFile : with a list of all that is wrong
     """
     path = Path(path)
-    found, problems = checked(_File, read_toml(path))
+    raw, _, twice = read_tables(path, "stairs file")
+    found, problems = checked(_File, raw)
+    problems = [*twice, *problems]
     steps: list[Step] = []
     paws: list[Site] = []
     for one in () if found is None else found.step:
@@ -115,7 +117,7 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     assert recording is not None
     told, hint = found.stairs, ""
     try:
-        options = StairOptions(told.loaded, told.unloaded, reach=told.reach, tare=told.tare)
+        options = StairOptions(told.loaded, told.unloaded, reach=told.search_range, tare=told.tare)
         loads = step_loads(steps, read_channels(recording), model.weight, options)
         hint = "name paws ([[paw]] body, point)"
         sites = tuple(paws) or foot_sites(model)
@@ -164,6 +166,14 @@ def _recording(given: str | None, path: Path, trial: Path | None, problems: list
             return found
     problems.append("stairs: 'recording' is missing: the file of the load cells' channels (.c3d, .csv, .mot, .sto)")
     return None
+
+
+def old_stairs_names(path: Path) -> list[str]:
+    """Notices of the old names in a file of stairs; none for one that cannot be read: its use refuses it."""
+    try:
+        return read_tables(path, "stairs file")[1]
+    except BadFile:
+        return []
 
 
 def recording_of(path: Path, trial: Path | None = None) -> tuple[Path, ...]:

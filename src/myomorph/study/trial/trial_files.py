@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from myomorph.study.trial.contact_file import ContactPlan
 
 Settings = Mapping[str, Mapping[str, Any]]
-"""What each step was told, by step and setting."""
+"""The settings of each step, by step and setting."""
 
 
 @dataclass(frozen=True)
@@ -183,18 +183,28 @@ def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInput
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
     recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
-    warnings = (*trial.warnings, *_rate_warnings(trial, recorded.time))
+    warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
     return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial))), Poses(recorded)
 
 
+def _old_names(files: TrialFiles) -> tuple[str, ...]:
+    """Notices of the old names in files of contacts and stairs; a study tells them when its plan is read."""
+    named = (*((files.loads,) if files.loads else ()), *((Path(files.contacts),) if files.contacts else ()))
+    if not any(one.suffix.lower() == ".toml" for one in named):
+        return ()
+    from myomorph.study.trial.contact_file import old_names
+
+    return tuple(dict.fromkeys(text for one in named for text in old_names(one)))
+
+
 def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
     """Phases that are told of times outside the recording."""
     start, stop = float(time[0]), float(time[-1])
     return tuple(
-        f"phase '{name}' is told from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
         for name, (first, last) in files.phases.items()
         if last <= start or first >= stop
     )

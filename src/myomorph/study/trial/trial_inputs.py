@@ -54,7 +54,7 @@ class ByType:
 
 
 class OptionSet(ByType):
-    """What the steps are told: values of their option dataclasses."""
+    """Options of the steps: values of their option dataclasses."""
 
     def __getitem__(self, kind: type[Held]) -> Held:
         """The options of a kind, its defaults where nothing was said."""

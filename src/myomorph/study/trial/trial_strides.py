@@ -36,7 +36,7 @@ PARAMETERS = (
     ("stride length [m]", "length"),
     ("speed [m/s]", "speed"),
     ("duty factor", "duty"),
-    ("track width [m]", "width"),
+    ("step width [m]", "width"),
 )
 
 

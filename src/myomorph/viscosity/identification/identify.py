@@ -58,7 +58,7 @@ class ViscosityOptions:
         without, least squares as the paper writes them
     subtract : joint viscosity that step 3 takes off: the one value, or one an axis
     spread : relative standard deviation of single muscles' viscosities about the common one
-    least : swings slower than this share of the fastest are left out (root mean square of the rates)
+    min_relative_speed : swings slower than this share of the fastest are left out (root mean square of the rates)
     block : swings that the bootstrap draws together
     draws : of the bootstrap
     seed : of the draws
@@ -71,7 +71,7 @@ class ViscosityOptions:
     stiffness: bool = True
     subtract: Literal["one", "axes"] = "one"
     spread: float = 1.0
-    least: float = 0.1
+    min_relative_speed: float = 0.1
     block: int = 1
     draws: int = 500
     seed: int = 0
@@ -81,8 +81,8 @@ class ViscosityOptions:
         for name in ("prior_sd", "spread"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} of the viscosity is {getattr(self, name):g}: expected above 0")
-        if not 0.0 <= self.least < 1.0:
-            raise BadData(f"least of the viscosity is {self.least:g}: expected from 0 to below 1")
+        if not 0.0 <= self.min_relative_speed < 1.0:
+            raise BadData(f"min_relative_speed is {self.min_relative_speed:g}: expected from 0 to below 1")
         if self.block < 1 or self.draws < 2:
             raise BadData(f"expected block from 1 and draws from 2, but got {self.block} and {self.draws}")
         if not 0.0 < self.level < 1.0:
@@ -219,13 +219,13 @@ def identify_specimen(
 def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
     """Steps 1 and 2, or why not."""
     try:
-        sums = swing_sums(given, options.block, options.least)
+        sums = swing_sums(given, options.block, options.min_relative_speed)
         inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
         if options.stiffness and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
             for _ in range(NEUTRAL_ROUNDS):
                 moved = counted_from(given, neutral_position(sums, parameters))
-                there = swing_sums(moved, options.block, options.least)
+                there = swing_sums(moved, options.block, options.min_relative_speed)
                 if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
                     break
                 given, sums = moved, there

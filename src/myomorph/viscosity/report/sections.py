@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.provenance import Estimate
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.curves import Line, Panel, time_plot
+from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
@@ -98,7 +98,7 @@ def swing_plot(curves: SwingCurves, title: str) -> str:
         Line(curves.time, np.rad2deg(curves.angles[:, k]), AXES[k % 3], f"about {axis}")
         for k, axis in enumerate(curves.axes)
     ]
-    return time_plot(Panel(title, "°", lines, span, events, width=1040, height=190, name_events=True))
+    return time_plot(title, "°", lines, span, events, width=1040, height=190, name_events=True)
 
 
 def _span(time: np.ndarray) -> tuple[float, float]:
@@ -128,7 +128,7 @@ def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
         Line(curves.time, curves.wrench[:, k], "measured", "measured"),
         Line(curves.time, curves.predicted[:, k], "left", "predicted"),
     ]
-    return time_plot(Panel(f"{COMPONENTS[k]} {title}", UNITS[k], lines, _span(curves.time), height=170))
+    return time_plot(f"{COMPONENTS[k]} {title}", UNITS[k], lines, _span(curves.time), height=170)
 
 
 def _axis_grid(one: SpecimenReport) -> Grid:
@@ -269,7 +269,7 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
             for i, (name, values) in enumerate(held.predicted.items())
         ]
         title = f"Held-out swing {TITLES[held.condition]}, axis {axis}"
-        found.append(time_plot(Panel(title, "°", lines, span)))
+        found.append(time_plot(title, "°", lines, span))
     return found
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, create_model
+from pydantic import BaseModel, Field, create_model
 
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.model.errors import BadData, BadFile, listing
@@ -21,7 +21,7 @@ from myomorph.store.study_file import (
     existing,
     matching,
     options_table,
-    read_toml,
+    read_tables,
     refuse,
 )
 from myomorph.study.plan.subject_trials import companion, plain_stem
@@ -34,6 +34,8 @@ from myomorph.viscosity.trust.models import PassiveOptions
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
 CONDITIONS = ("without", "with")
+OPTIONS = dict(zip(CONDITIONS, ("removed", "intact"), strict=True))
+"""What the two conditions are called in study files and on the command line."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class StudyOptions:
     tracking: TrackingOptions = field(default_factory=TrackingOptions)
     identification: ViscosityOptions = field(default_factory=ViscosityOptions)
     laws: PassiveOptions = field(default_factory=PassiveOptions)
-    arms: MomentArmOptions = field(default_factory=MomentArmOptions)
+    moment_arms: MomentArmOptions = field(default_factory=MomentArmOptions)
 
     @staticmethod
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
@@ -90,11 +92,11 @@ class _Plate(Strict):
 class _Specimen(Strict):
     name: str
     model: str
-    without: list[str | _Recording] = Field(default_factory=list)
-    intact: list[str | _Recording] = Field(default_factory=list, alias="with")
+    removed: list[str | _Recording] = Field(default_factory=list)
+    intact: list[str | _Recording] = Field(default_factory=list)
     measured_muscle_mass: float | None = Field(default=None, gt=0.0)
     base: str | None = None
-    first: str | None = None
+    first_body: str | None = None
     bones: list[str] = Field(default_factory=list)
     joint: Literal["ball", "hinge"] = "ball"
     up: Literal["x", "y", "z"] | None = None
@@ -165,7 +167,7 @@ class ViscosityPlan:
     path : of the study file, None where there is none
     settings : by step, only what was given
     real, simulated, assumed : sentences of the report's head
-    remarks : which files were found by the rule of names, and what is lacking
+    remarks : old names, which files were found by the rule of names, and what is lacking
     """
 
     name: str
@@ -178,6 +180,18 @@ class ViscosityPlan:
     remarks: tuple[str, ...] = ()
 
 
+def viscosity_tables() -> type[BaseModel]:
+    """All tables of a study file of swinging limbs."""
+    options = options_table({name: settings_of(type(one)) for name, one in vars(StudyOptions()).items()})
+    return create_model(
+        "ViscosityFile",
+        __base__=Strict,
+        study=(_Study, ...),
+        specimen=(list[_Specimen], Field(min_length=1)),
+        options=(options, Field(default_factory=options)),
+    )
+
+
 def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     """Read a study file of swinging limbs; paths in it are relative to its folder.
 
@@ -188,20 +202,12 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         wrong kind, files that do not exist, a specimen without any recording
     """
     path = Path(path)
-    raw = read_toml(path)
+    raw, remarks, twice = read_tables(path, "viscosity study")
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
-    options = options_table({name: settings_of(type(one)) for name, one in vars(StudyOptions()).items()})
-    file = create_model(
-        "ViscosityFile",
-        __base__=Strict,
-        study=(_Study, ...),
-        specimen=(list[_Specimen], Field(min_length=1)),
-        options=(options, Field(default_factory=options)),
-    )
-    found, problems = checked(file, raw)
+    found, problems = checked(viscosity_tables(), raw)
+    problems = [*twice, *problems]
     specimens: list[SpecimenFiles] = []
-    remarks: list[str] = []
     if found is not None:
         for one in found.specimen:
             specimens.append(_specimen(one, path.parent, problems, remarks))
@@ -224,10 +230,10 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
 
 def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
     where = f"specimen '{given.name}'"
-    if not given.without and not given.intact:
-        problems.append(f"{where}: has no recordings: give 'without', 'with' or both")
-    elif not given.without or not given.intact:
-        lacking = "without" if not given.without else "with"
+    if not given.removed and not given.intact:
+        problems.append(f"{where}: has no recordings: give 'removed', 'intact' or both")
+    elif not given.removed or not given.intact:
+        lacking = "without" if not given.removed else "with"
         remarks.append(
             f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
         )
@@ -238,7 +244,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
                 problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names, 9)}")
     without, intact = (
         tuple(_recordings(entries, given.time, folder, f"{where}: {key}", problems, remarks))
-        for key, entries in zip(CONDITIONS, (given.without, given.intact), strict=True)
+        for key, entries in zip(OPTIONS.values(), (given.removed, given.intact), strict=True)
     )
     model = existing(folder, given.model, f"{where}: model", problems)
     return SpecimenFiles(
@@ -248,7 +254,7 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
         intact,
         given.measured_muscle_mass,
         given.base,
-        given.first,
+        given.first_body,
         tuple(given.bones),
         given.joint,
         FrozenMap({name: tuple(strands) for name, strands in given.muscles.items()}),
@@ -337,12 +343,12 @@ def fixed_plan(
         where a file does not exist
     """
     if model is None:
-        raise BadData("give a study file, or --model with --with and --without")
+        raise BadData("give a study file, or --model with --intact and --removed")
     if not model.is_file():
         raise BadFile(model, "does not exist", "give a model (.osim or .xml)")
     conditions = {name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS}
     if not any(conditions.values()):
-        raise BadData("no recordings: give --with and --without")
+        raise BadData("no recordings: give --intact and --removed")
     remarks = tuple(
         f"no recordings of {STATES[name]}: muscle viscosity cannot be separated from the joint's"
         for name, entries in conditions.items()
@@ -359,14 +365,16 @@ def _given(
     name: str, recordings: Sequence[Path], loads: Sequence[Path], time: tuple[float, float] | None
 ) -> Iterator[SwingFiles]:
     if loads and len(loads) != len(recordings):
-        raise BadData(f"{len(recordings)} recordings but {len(loads)} files of forces for --{name}: give one of each")
+        raise BadData(
+            f"{len(recordings)} recordings but {len(loads)} files of forces for --{OPTIONS[name]}: give one of each"
+        )
     for i, markers in enumerate(recordings):
         own = loads[i] if loads else swing_loads(markers)
         for path in (markers, own):
             if path is not None and not path.is_file():
                 raise BadFile(path, "does not exist")
         if own is None:
-            raise BadFile(markers, "has no forces beside it", f"give --{name}-loads")
+            raise BadFile(markers, "has no forces beside it", f"give --{OPTIONS[name]}-loads")
         yield SwingFiles(plain_stem(markers), markers, own, time)
 
 

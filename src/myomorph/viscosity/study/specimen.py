@@ -108,7 +108,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     found = _identified(specimen, files, conditions, options.identification)
     advance(IDENTIFYING)
     report, found = _judged(found, conditions, notes)
-    report = trusted(report, found, options.laws, options.arms)
+    report = trusted(report, found, options.laws, options.moment_arms)
     tracked = {name: one.tracked for name, one in conditions.items()}
     hidden = [name for name, one in conditions.items() if one.hides_mass]
     report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)

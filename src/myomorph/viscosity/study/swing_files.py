@@ -34,7 +34,7 @@ STEADY = 2.0
 """A mean force is that of a weight where it is so many times the force's own change."""
 ASLANT = 0.7
 """Cosine of the angle to the vertical from which a weight does not hang in the model's laboratory."""
-NAMED = {"base": ("scapula",), "first": ("humerus", "humer", "upper_arm", "upperarm")}
+NAMED = {"base": ("scapula",), "first_body": ("humerus", "humer", "upper_arm", "upperarm")}
 """What the bodies of a shoulder are called where a study file does not name them."""
 WHOLE = 9
 """Columns of a table of one force: force, point and torque."""
@@ -121,7 +121,7 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
         model = _model(files.model, recorded.names)
         scanned = model_from_scans(model, files.ct, recorded) if files.ct else None
         model = model if scanned is None else scanned.model
-        first = _body(model, files.first, "first")
+        first = _body(model, files.first, "first_body")
         base = _body(model, files.base, "base", first)
         bones = files.bones or _marked(model, base, first, recorded.names)
         names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)

@@ -60,23 +60,23 @@ class TrackingOptions:
     slip : a held joint, or the base, that turns by more is named [rad]
     shift : a base that moves by more is named [m]
     center : "model" for the joint's center of the model, "motion" for the point about which the limb turns
-    astray : distance of these two from which it is told [m]
+    max_center_distance : distance of these two above which there is a warning [m]
     clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
-    find_touch : find the frames in which the wrench says that something besides the joint carries the limb
-    touch : part of the swing's largest change of force under which a mismatch is no hand
+    find_contact : find the frames in which the wrench says that something besides the joint carries the limb
+    contact_threshold : share of the swing's largest change of force below which a mismatch is no contact
     """
 
     cluster: float = 0.006
     slip: float = 0.035
     shift: float = 0.002
     center: Literal["model", "motion"] = "model"
-    astray: float = 0.005
+    max_center_distance: float = 0.005
     clock: bool = True
-    find_touch: bool = True
-    touch: float = 0.1
+    find_contact: bool = True
+    contact_threshold: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("cluster", "slip", "shift", "astray", "touch"):
+        for name in ("cluster", "slip", "shift", "max_center_distance", "contact_threshold"):
             if not getattr(self, name) > 0.0:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
 
@@ -172,8 +172,8 @@ def track(
         told = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
         tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
-    if options.find_touch:
-        tracked = _with_touches(posed, tracked, options.touch)
+    if options.find_contact:
+        tracked = _with_touches(posed, tracked, options.contact_threshold)
     return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
 
 
@@ -234,7 +234,7 @@ def _centered(
     in_base, in_limb = rotation_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
     distance = float(np.linalg.norm(in_base - specimen.center))
     notes: tuple[str, ...] = ()
-    if distance > options.astray:
+    if distance > options.max_center_distance:
         used = "that is used" if options.center == "motion" else "set center to 'motion' to use it"
         notes = (
             f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the model ({used}): "
@@ -313,7 +313,7 @@ def _wrench(
     clock, doubts = Clock(), list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
         rows, slow, whole = _rows(specimen, motion)
-        clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.touch)
+        clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
     found = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(found).any():
         raise BadData(

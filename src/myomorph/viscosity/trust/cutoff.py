@@ -195,7 +195,7 @@ def scan_cutoffs(
 
 def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> Array:
     """Mass, mass center and viscosity, without what intervals take."""
-    sums = swing_sums(recordings, options.block, options.least)
+    sums = swing_sums(recordings, options.block, options.min_relative_speed)
     every = np.ones(len(sums))
     limb = limb_inertia(sums, every, InertiaOptions(options.tare, options.prior_sd, options.instruments))
     problem = torque_problem(sums.torque_total(every), limb.parameters, options.stiffness)

@@ -83,7 +83,7 @@ def shown_torques(trial: TrialInputs, found: Torques) -> Series:
 
         passive = passive_generalized_forces(trial.model, found.motion).values
         torques = replace(torques, values=torques.values - passive)
-    if options.folded:
+    if options.independent_coordinates:
         from myomorph.rigid.closed_motion import loop_torques
 
         torques = loop_torques(trial.model, found.motion, torques).torques

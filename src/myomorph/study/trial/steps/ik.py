@@ -65,8 +65,8 @@ def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
     spans = crossings(markers, trial.model, options)
     if not spans:
         raise BadData(
-            f"{trial.name}: no part of {options.shortest:g} s shows {100 * options.shown:g} % of what its "
-            "markers could tell: ask for less (crossings_shown, crossings_shortest)"
+            f"{trial.name}: no part of {options.min_duration:g} s shows {100 * options.min_visible:g} % of what its "
+            "markers could tell: ask for less (passes_min_visible, passes_min_duration)"
         )
     return within_crossings(markers, spans)
 

@@ -31,8 +31,8 @@ from myomorph.store.settings import Differentiation, EmgUse, TensionTables
 from myomorph.study.trial.contact_step import ContactSetting, Measurements, all_loads, during, set_contacts
 from myomorph.study.trial.contact_warnings import (
     contact_warnings,
+    get_infeasible_contacts,
     get_intervals,
-    get_uncarried,
     interval_table,
     put_warnings,
 )
@@ -254,7 +254,7 @@ def _write_contacts(
     torques = inverse_dynamics(trial.model, motion, loads)
     contact_store.put_contact_forces(writer, tension.contacts)
     contact_store.put_contacts(writer, setting.contacts, trial.contacts.situation)
-    contact_store.put_carried(writer, torques)
+    contact_store.put_forces_with_contacts(writer, torques)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
     write_sto(torque_table(torques, trial.model), folder / ALL_TORQUES)
     write_events(during(setting.contacts, float(motion.time[0]), float(motion.time[-1])), folder / CONTACTS)
@@ -274,7 +274,7 @@ def _write_warnings(
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
     tension = store.get_tension(stored, options[TensionOptions])
-    return None if tension is None else Tensions(tension, carried=contact_store.get_carried(stored))
+    return None if tension is None else Tensions(tension, carried=contact_store.get_forces_with_contacts(stored))
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -290,7 +290,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
     tension, forces = store.get_tension(stored, TensionOptions()), contact_store.get_contact_forces(stored)
-    carried = contact_store.get_carried(stored)
+    carried = contact_store.get_forces_with_contacts(stored)
     if carried is not None:
         given = replace(given, dynamics=replace(given.dynamics, torques=carried))
     contacts = EstimatedContacts(
@@ -298,7 +298,7 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
         forces,
         get_intervals(stored),
         None if forces is None else _residuals(tension),
-        get_uncarried(stored),
+        get_infeasible_contacts(stored),
         contact_store.get_situation(stored),
     )
     shown = None
