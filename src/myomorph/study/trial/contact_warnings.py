@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
 from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
@@ -26,7 +25,6 @@ LARGE = 250
 """Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
 
 
-@read_only
 @dataclass(frozen=True, eq=False)
 class ContactWarnings:
     """Doubts about a solution.
