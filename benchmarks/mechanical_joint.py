@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Literal
 
 import mujoco
@@ -21,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -95,11 +95,11 @@ CENTER = np.array([0.1, -0.2, 1.4])
 """Of the joint, in ground [m]."""
 PLATE = np.array([0.1, -0.2, 1.7])
 """Origin of the plate that carries the base, in ground [m]."""
-BASE_MARKERS: Mapping[str, Array] = MappingProxyType(
+BASE_MARKERS: Mapping[str, Array] = FrozenMap(
     {f"base_{i}": np.array(one) for i, one in enumerate(((0.06, 0.0, 0.08), (-0.04, 0.05, 0.1), (-0.04, -0.05, 0.06)))}
 )
 """From the joint's center, in ground [m]."""
-LIMB_MARKERS: Mapping[str, Array] = MappingProxyType(
+LIMB_MARKERS: Mapping[str, Array] = FrozenMap(
     {
         f"limb_{i}": np.array(one)
         for i, one in enumerate(

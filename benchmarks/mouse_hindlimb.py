@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from benchmarks.cases import data_folder
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import constant, linear
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.paths import Muscle, PathPoint, PathWrap, WrapObject
@@ -145,7 +145,7 @@ def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
         row["optimal_fiber_length"],
         row["tendon_slack_length"],
         row["pennation_angle"],
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
         groups=groups,
     )
 

@@ -10,7 +10,6 @@ import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from myomorph.analysis.strides import Limb, Strides, find_strides, walking_strid
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
@@ -330,7 +330,7 @@ def clip_fits(folder: Path, count: int = 3) -> list[Clip]:
     ]
 
 
-PARTS = MappingProxyType(
+PARTS = FrozenMap(
     {
         "head and neck": r"Head|Cervical",
         "trunk": r"Thoracic|Lumbar|^mouse$",

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from myomorph.io.mjcf.read import read_mjcf
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Trial
 from myomorph.morph.maps.linear import procrustes
@@ -25,7 +25,7 @@ TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"
 SKELETON = "mouse-skeleton-keypoints"
 KEYPOINTS = f"{SKELETON}/mouse_mocap_3600_frames.h5"
 
-GAIT_LABELS = MappingProxyType(
+GAIT_LABELS = FrozenMap(
     {
         "RASI": "Right_Illiac", "LASI": "Left_Illiac", "RightHIP": "Right_Hip", "LeftHIP": "Left_Hip",
         "LEFT_HIP": "Left_Hip", "RightKNEE": "Right_Knee", "LeftKNEE": "Left_Knee", "RightANKLE": "Right_Ankle",
@@ -34,7 +34,7 @@ GAIT_LABELS = MappingProxyType(
 )  # fmt: skip
 """Labels of mouse-gait-c3d-force, which differ from file to file, and what the model calls these markers."""
 
-TREADMILL_LABELS = MappingProxyType(
+TREADMILL_LABELS = FrozenMap(
     {
         f"{side}_{label}": f"{side.capitalize()}_{name}"
         for side in ("right", "left")
@@ -42,16 +42,16 @@ TREADMILL_LABELS = MappingProxyType(
     }
 )
 
-MIDLINE = MappingProxyType({"Tail": (-0.014, 0.002, 0.0), "Spine": (0.004, 0.006, 0.0)})
+MIDLINE = FrozenMap({"Tail": (-0.014, 0.002, 0.0), "Spine": (0.004, 0.006, 0.0)})
 """Where two markers of the pelvis that the table lacks are about, from their distances to the others [m]."""
 
 BACK = (0.031, 0.005, 0.006)
 """Where the treadmill mouse's right marker on the back is about, by its distances to others, on the pelvis [m]."""
 
-CROUCHED = MappingProxyType({"Hip_flexion": 0.2, "Knee_extension": -2.0, "Ankle_flexion": 0.3})
+CROUCHED = FrozenMap({"Hip_flexion": 0.2, "Knee_extension": -2.0, "Ankle_flexion": 0.3})
 """Where searches for a pose begin: a mouse that stands, for the table's straight hanging legs lie at bounds [rad]."""
 
-LOOSE = MappingProxyType({"Right_Knee": 0.1, "Left_Knee": 0.1})
+LOOSE = FrozenMap({"Right_Knee": 0.1, "Left_Knee": 0.1})
 """Weights of markers on loose skin: over the knee it slides by a third of the thigh's length (seen here: the markers of
 knee and ankle are 10 to 19 mm apart, on bones 19 mm long)."""
 
@@ -67,7 +67,7 @@ _MIDDLE = {
     "Tail_0": ("Tail8", 0, 16, 0), "Tail_1": ("Tail11", 0, 31, 0), "Tail_2": ("Tail14", 0, 44, 0),
     "Tail_3": ("Tail17", 0, 56, 0), "Tail_4": ("Tail20", 0, 67, 0), "TailTip": ("Tail23", 0, 78, 0),
 }  # fmt: skip
-PLACES = MappingProxyType(
+PLACES = FrozenMap(
     _MIDDLE
     | {
         f"{name}_{side}": ((side if body and body != "Head" else "") + body, sign * x, y, z)

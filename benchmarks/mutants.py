@@ -2,39 +2,41 @@
 
 `python -m benchmarks mutants [--rooms morph ...] [--count N] [--seed S] [--work DIR] [--json FILE]`. Each mutant is one
 change of one line in a copy of the tree; then the tests of its room run, those nearest to the changed module first,
-until one fails. A mutant that no test notices has survived and is named. Takes hours for a hundred: not for CI.
+until one fails; `benchmarks/mutant_tests.py` says how they are chosen. A mutant that no test notices has survived and
+is named. Takes an hour or more for a hundred, one process on one core: not for CI, and not for Windows.
 
 Not taken, as no test could or should tell them: docstrings, texts and f-strings, annotations, what is raised or
 asserted, decorators, defaults of parameters and fields, constants of modules (a limit is a choice, its second digit
 no law), the `axis` and shape arguments of array functions (they only crash). Of comparisons `<` becomes `>=`, not
-`<=`, which differs only where two numbers of a measurement are equal.
+`<=`, which differs only where two numbers of a measurement are equal. No factor on all that `argmax` and the like
+compare: it changes nothing.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import os
+import json
 import random
 import re
-import shutil
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from itertools import accumulate
 from pathlib import Path
+from xml.etree import ElementTree
 
-from benchmarks.cases import data_folder
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress
+
+from benchmarks.mutant_tests import Copy
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
-COPIED = ("src", "tests", "benchmarks", "docs", "pyproject.toml", "README.md")
-
-LIMIT, PATIENCE = 4.0, 120.0
-"""A mutant whose tests take so many times as long as without it and so many seconds more has been noticed: it hangs."""
+RANKING = {"argmax", "argmin", "argsort", "nanargmax", "nanargmin", "sign", "isfinite", "isnan"}
+KERNELS = {"kernel", "inner", "in_place"}
+MARKS = ("<!-- mutants -->", "<!-- end of mutants -->")
 
 OPPOSITE = {
     ast.Lt: ("<", ">="), ast.GtE: (">=", "<"), ast.Gt: (">", "<="), ast.LtE: ("<=", ">"), ast.Eq: ("==", "!="),
@@ -70,6 +72,14 @@ class Mutation:
         raw = text.encode()
         return (raw[: self.start] + self.new.encode() + raw[self.end :]).decode()
 
+    def compiles(self, text: str) -> bool:
+        """Whether the changed text is still Python."""
+        try:
+            compile(self.applied(text), "mutant", "exec")
+        except SyntaxError:
+            return False
+        return True
+
     def described(self, text: str) -> str:
         """The changed line, before and after."""
         before = text.splitlines()[self.line - 1].strip()
@@ -82,8 +92,10 @@ class Outcome:
     """What became of a mutant; `by` names the test that noticed it, "" where none did."""
 
     room: str
-    path: Path
-    mutation: Mutation
+    file: str
+    line: int
+    kind: str
+    change: str
     by: str
     seconds: float
 
@@ -91,82 +103,213 @@ class Outcome:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), metavar="ROOM")
-    parser.add_argument("--count", type=int, default=100, help="mutants of all rooms together")
+    parser.add_argument("--count", type=int, default=100, help="mutants of all rooms together, by lines")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--under", default="", help="only files whose path holds this text")
+    parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines instead")
+    parser.add_argument("--again", action="store_true", help="run mutants that have survived once more")
+    parser.add_argument("--long", action="store_true", help="run tests marked long too")
     parser.add_argument(
-        "--work", type=Path, help="folder of the copy; kept, with its compiled kernels, for a later run"
+        "--budget", type=float, default=30.0, help="processor seconds of tests for a mutant, nearest first"
+    )
+    parser.add_argument("--times", type=Path, metavar="XML", help="pytest's --junit-xml of a run, to know quick tests")
+    parser.add_argument("--until", metavar="HH:MM", help="begin no mutant after this time of the day")
+    parser.add_argument("--table", type=Path, help="write the results as a table into this page")
+    parser.add_argument(
+        "--work", type=Path, help="folder of the copy, kept with kernels and results: a later run goes on there"
     )
 
 
 def run(
-    rooms: list[str] | None = None, count: int = 100, seed: int = 0, under: str = "", work: Path | None = None
+    rooms: list[str] | None = None,
+    count: int = 100,
+    seed: int = 0,
+    under: str = "",
+    at: list[str] | None = None,
+    again: bool = False,
+    long: bool = False,
+    budget: float = 30.0,
+    times: Path | None = None,
+    until: str | None = None,
+    table: Path | None = None,
+    work: Path | None = None,
 ) -> list[dict[str, object]]:
     """One row a room, then one row a survivor."""
     rooms = rooms or list(ROOMS)
-    outcomes: list[Outcome] = []
+    wanted = places(at) if at else sample(rooms, count, seed, under)
     with tempfile.TemporaryDirectory() as folder:
-        copy = Copy(work or Path(folder))
-        for k, room in enumerate(rooms):
-            wanted = count // len(rooms) + (k < count % len(rooms))
-            for path, mutation in drawn(room, wanted, seed, under):
-                outcomes.append(copy.tried(room, path, mutation))
-                _tell(len(outcomes), outcomes[-1])
+        copy = Copy(work or Path(folder), times=_seconds(times) if times else None)
+        outcomes = _tried(copy, wanted, again, long, budget, until)
+        failing = copy.failing(sorted({one.by for one in outcomes if "::" in one.by}))
+    if failing:
+        raise SystemExit(f"fail without a mutant: {', '.join(failing)}")
+    if table:
+        write_table(table, outcomes, wanted, seed, budget)
     rows: list[dict[str, object]] = []
-    for room in rooms:
+    for room in dict.fromkeys(room for room, _, _ in wanted):
         own = [one for one in outcomes if one.room == room]
-        seconds = sum(one.seconds for one in own)
-        rows.append({"room": room, "mutants": len(own), "killed": sum(bool(one.by) for one in own), "seconds": seconds})
+        killed, seconds = sum(bool(one.by) for one in own), sum(one.seconds for one in own)
+        rows.append({"room": room, "mutants": len(own), "killed": killed, "seconds": seconds})
     for one in outcomes:
         if not one.by:
-            text = (ROOT / one.path).read_text("utf-8")
-            where = f"{one.path.as_posix()}:{one.mutation.line}"
-            rows.append({"survived": where, "kind": one.mutation.kind, "change": one.mutation.described(text)})
+            rows.append({"survived": f"{one.file}:{one.line}", "kind": one.kind, "change": one.change})
     return rows
 
 
-def _tell(number: int, one: Outcome) -> None:
-    where = f"{one.path.as_posix()}:{one.mutation.line}"
-    print(f"{number}: {where} ({one.mutation.kind}): {one.by or 'SURVIVED'}, {one.seconds:.0f} s", flush=True)
+def _seconds(report: Path) -> dict[str, float]:
+    """By the last part of its name, the seconds of a test file in a report of pytest."""
+    found: dict[str, float] = {}
+    for one in ElementTree.parse(report).iter("testcase"):
+        name = next((part for part in one.get("classname", "").split(".") if part.startswith("test_")), "")
+        found[name] = found.get(name, 0.0) + float(one.get("time", 0.0))
+    return found
+
+
+def _tried(
+    copy: Copy, wanted: list[tuple[str, Path, Mutation]], again: bool, long: bool, budget: float, until: str | None
+) -> list[Outcome]:
+    """What became of the mutants, kept in `outcomes.jsonl`; those with an outcome do not run again."""
+    store = copy.folder / "outcomes.jsonl"
+    rows = [json.loads(line) for line in store.read_text("utf-8").splitlines()] if store.exists() else []
+    known = {(one["file"], one["change"]): Outcome(**one) for one in rows}
+    outcomes = []
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("mutants", total=len(wanted))
+        for room, path, mutation in wanted:
+            text = (copy.root / path).read_text("utf-8")
+            change = mutation.described(text)
+            one = known.get((path.as_posix(), change))
+            if (one is None or (again and not one.by)) and (until is None or time.strftime("%H:%M") < until):
+                lines = statement(text, mutation.line)
+                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long)
+                one = Outcome(room, path.as_posix(), mutation.line, mutation.kind, change, by, seconds)
+                with store.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps(asdict(one)) + "\n")
+                where = f"{one.file}:{one.line} ({one.kind}): {one.change}"
+                bar.console.print(f"{where}: {by or 'SURVIVED'}, {seconds:.0f} s", markup=False, highlight=False)
+            outcomes += [one] if one else []
+            bar.advance(task)
+    return outcomes
+
+
+def write_table(
+    page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], seed: int, budget: float
+) -> None:
+    """Results between the two marks of a page."""
+    killed, left = sum(bool(one.by) for one in outcomes), len(wanted) - len(outcomes)
+    counted = f"{len(outcomes)} of {len(wanted)} drawn (seed {seed}) were run" if left else f"seed {seed}"
+    lines = [
+        f"{killed} of {len(outcomes)} mutants killed ({counted}; {budget:g} s of tests each).",
+        "",
+        "| room | drawn | run | killed |",
+        "|---|---|---|---|",
+    ]
+    for room in ROOMS:
+        own = [one for one in outcomes if one.room == room]
+        drawn_here = sum(one == room for one, _, _ in wanted)
+        lines.append(f"| `{room}` | {drawn_here} | {len(own)} | {sum(bool(one.by) for one in own)} |")
+    survived = [one for one in outcomes if not one.by]
+    if survived:
+        lines += ["", "| survived | kind | change |", "|---|---|---|"]
+    for one in survived:
+        change = one.change.replace("|", "\\|")
+        lines.append(f"| `{one.file.removeprefix('src/myomorph/')}:{one.line}` | {one.kind} | `{change}` |")
+    before, rest = page.read_text("utf-8").split(MARKS[0])
+    after = rest.split(MARKS[1])[1]
+    page.write_text("\n".join([before + MARKS[0], "", *lines, "", MARKS[1] + after]), "utf-8", newline="\n")
+
+
+def sample(rooms: list[str], count: int, seed: int, under: str = "") -> list[tuple[str, Path, Mutation]]:
+    """Random mutants of rooms, in each so many as its share of the lines.
+
+    The rooms are mixed, so that a part is a sample too; but compiled kernels, which cost the most, come last.
+    """
+    sizes = [sum(len(one.read_text("utf-8").splitlines()) for one in _files(room)) for room in rooms]
+    shares = [count * one / sum(sizes) for one in sizes]
+    counts = [int(one) for one in shares]
+    for k in sorted(range(len(rooms)), key=lambda k: counts[k] - shares[k])[: count - sum(counts)]:
+        counts[k] += 1
+    placed = []
+    for room, wanted in zip(rooms, counts, strict=True):
+        for k, (path, mutation) in enumerate(drawn(room, wanted, seed, under)):
+            compiled = in_kernel((ROOT / path).read_text("utf-8"), mutation.line)
+            placed.append((compiled, (k + 0.5) / wanted, room, path, mutation))
+    return [one[2:] for one in sorted(placed, key=lambda one: one[:3])]
+
+
+def in_kernel(text: str, line: int) -> bool:
+    """Whether a line lies in a compiled function."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0):
+            named = [_name(one.func if isinstance(one, ast.Call) else one) for one in node.decorator_list]
+            if not KERNELS.isdisjoint(named):
+                return True
+    return False
+
+
+def places(at: list[str]) -> list[tuple[str, Path, Mutation]]:
+    """All mutants of the lines named, as `src/myomorph/motion/ties.py:235`."""
+    found = []
+    for name in at:
+        path, number = Path(name.rpartition(":")[0]), int(name.rpartition(":")[2])
+        for one in mutations((ROOT / path).read_text("utf-8")):
+            if one.line == number:
+                found.append((path.parts[2], path, one))
+    return found
+
+
+def _files(room: str) -> list[Path]:
+    return sorted((ROOT / "src" / "myomorph" / room).rglob("*.py"))
 
 
 def drawn(room: str, count: int, seed: int, under: str = "") -> list[tuple[Path, Mutation]]:
     """Random mutants of a room, first the kind, then the place; no two on one line."""
     sites: dict[str, list[tuple[Path, Mutation]]] = {kind: [] for kind in KINDS}
-    for path in sorted((ROOT / "src" / "myomorph" / room).rglob("*.py")):
-        if under in path.as_posix():
-            for one in mutations(path.read_text("utf-8")):
-                sites[one.kind].append((path.relative_to(ROOT), one))
+    sources: dict[Path, tuple[str, _Sites]] = {}
+    for file in _files(room):
+        if under in file.as_posix():
+            path, text = file.relative_to(ROOT), file.read_text("utf-8")
+            sources[path] = text, _Sites(text)
+            for one in sources[path][1].found:
+                sites[one.kind].append((path, one))
     rng = random.Random(f"{seed} {room}")
-    for places in sites.values():
-        rng.shuffle(places)
+    for sites_of_kind in sites.values():
+        rng.shuffle(sites_of_kind)
     found: dict[tuple[Path, int], Mutation] = {}
     while len(found) < count and any(sites.values()):
         path, one = sites[rng.choice([kind for kind in KINDS if sites[kind]])].pop()
-        found.setdefault((path, one.line), one)
+        text, known = sources[path]
+        if one.compiles(text) and (one.start, one.end) not in known.ranked:
+            found.setdefault((path, one.line), one)
     return [(path, one) for (path, _), one in found.items()]
+
+
+def statement(text: str, line: int) -> range:
+    """Lines of the innermost statement that holds a line; of one with a body, those before the body."""
+    spans = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or 0):
+            body = getattr(node, "body", None)
+            end = body[0].lineno - 1 if body and line < body[0].lineno else node.end_lineno or 0
+            spans.append(range(node.lineno, max(end, node.lineno) + 1))
+    return min(spans, key=len)
 
 
 def mutations(text: str) -> list[Mutation]:
     """All mutants of a source text that still compile."""
-    found = []
-    for one in _Sites(text).found:
-        try:
-            compile(one.applied(text), "mutant", "exec")
-        except SyntaxError:
-            continue
-        found.append(one)
-    return found
+    sites = _Sites(text)
+    return [one for one in sites.found if one.compiles(text) and (one.start, one.end) not in sites.ranked]
 
 
 class _Sites(ast.NodeVisitor):
-    """Finds what may be changed inside functions."""
+    """Finds what may be changed inside functions; `ranked` are factors of what is only compared with itself."""
 
     def __init__(self, text: str):
         self.found: list[Mutation] = []
         self.raw = text.encode()
-        lengths = [0, *(len(line) for line in self.raw.splitlines(keepends=True))]
-        self.begins = [sum(lengths[: k + 1]) for k in range(len(lengths))]
+        self.begins = [0, *accumulate(len(line) for line in self.raw.splitlines(keepends=True))]
+        self.ranked: set[tuple[int, int]] = set()
         self.inside = 0
         self.visit(ast.parse(text))
 
@@ -185,6 +328,8 @@ class _Sites(ast.NodeVisitor):
             return
         if self.inside:
             self._sites_of(node)
+        if isinstance(node, ast.Call) and _name(node.func) in RANKING:
+            self.ranked |= {self._span(one) for one in node.args if isinstance(one, ast.BinOp)}
         for child in ast.iter_child_nodes(node):
             shaping = isinstance(child, ast.keyword) and child.arg in SHAPING
             shaped = isinstance(node, ast.Call) and _name(node.func) in SHAPED and child is not node.func
@@ -234,119 +379,3 @@ def _name(node: ast.expr) -> str:
 
 def _is_text(node: ast.expr) -> bool:
     return isinstance(node, TEXTS) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
-
-
-class Copy:
-    """A copy of the tree in which mutants are tried.
-
-    Compiled kernels of the copy stay in a folder of its own; a file is put back with the time it had, so that only the
-    kernels of mutants compile anew.
-
-    Attributes
-    ----------
-    root : folder of the tree
-    usual : by test file the seconds that it takes without a mutant [s]
-    """
-
-    def __init__(self, folder: Path, original: Path = ROOT):
-        self.root = folder / "tree"
-        for name in COPIED:
-            source, here = original / name, self.root / name
-            if source.is_dir():
-                shutil.copytree(source, here, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-            elif source.exists():
-                shutil.copy2(source, here)
-        kernels = {"NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONPATH": str(self.root / "src")}
-        self.environment = os.environ | kernels | {"MYOMORPH_DATA": str(data_folder())}
-        self.usual: dict[Path, float] = {}
-        asked = [sys.executable, "-c", "import myomorph; print(myomorph.__file__)"]
-        done = subprocess.run(asked, cwd=self.root, env=self.environment, capture_output=True, text=True, check=True)
-        if not Path(done.stdout.strip()).is_relative_to(self.root.resolve()):
-            raise SystemExit(f"the copy does not import itself, but {done.stdout.strip()}")
-
-    def tried(self, room: str, path: Path, mutation: Mutation) -> Outcome:
-        """Run the room's tests on a mutant, those nearest to it first, until one fails."""
-        here, by, seconds = self.root / path, "", 0.0
-        text, stat = here.read_text("utf-8"), here.stat()
-        for file in tests_of(self.root, room, path):
-            limit = LIMIT * self._usual(file) + PATIENCE
-            here.write_text(mutation.applied(text), "utf-8", newline="\n")
-            start = time.perf_counter()
-            try:
-                by = self._failed(file, limit)
-            finally:
-                here.write_text(text, "utf-8", newline="\n")
-                os.utime(here, ns=(stat.st_atime_ns, stat.st_mtime_ns))
-            seconds += time.perf_counter() - start
-            if by:
-                break
-        return Outcome(room, path, mutation, by, seconds)
-
-    def _usual(self, file: Path) -> float:
-        """Seconds that a test file takes without a mutant, with what it compiles then; it must pass."""
-        if file not in self.usual:
-            start = time.perf_counter()
-            failed = self._failed(file, None)
-            if failed:
-                raise SystemExit(f"{failed} fails without a mutant")
-            self.usual[file] = time.perf_counter() - start
-        return self.usual[file]
-
-    def _failed(self, file: Path, limit: float | None) -> str:
-        """The first test that fails, "too slow" past the limit, "" where all pass."""
-        options = ["-x", "-q", "--no-header", "-p", "no:cacheprovider", "--tb=no"]
-        command = [sys.executable, "-m", "pytest", *options, file.as_posix()]
-        try:
-            done = subprocess.run(
-                command, cwd=self.root, env=self.environment, capture_output=True, text=True, timeout=limit, check=False
-            )
-        except subprocess.TimeoutExpired:
-            return "too slow"
-        if done.returncode in (0, 5):  # 5: no test was collected
-            return ""
-        told = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
-        return told[1] if told else f"pytest ended with {done.returncode}"
-
-
-def tests_of(root: Path, room: str, path: Path) -> list[Path]:
-    """Test files of a room whose imports lead to a module, those with the fewest steps between first."""
-    module = _dotted(path)
-    files = sorted(one.relative_to(root) for one in (root / "tests" / room).rglob("test_*.py"))
-    known: dict[Path, set[Path]] = {}
-    steps = {one: _steps(root, one, path, known) for one in files}
-    reached = {one: count for one, count in steps.items() if count is not None}
-    return sorted(reached, key=lambda one: (reached[one], module.rsplit(".", 1)[-1] not in one.stem, one))
-
-
-def _steps(root: Path, start: Path, goal: Path, known: dict[Path, set[Path]]) -> int | None:
-    """Imports from one file to another, None where none lead there."""
-    layer, seen, count = {start}, {start}, 0
-    while layer:
-        if goal in layer:
-            return count
-        for one in layer - set(known):
-            known[one] = set(_imported(root, one))
-        layer = set().union(*(known[one] for one in layer)) - seen
-        seen |= layer
-        count += 1
-    return None
-
-
-def _imported(root: Path, path: Path) -> Iterator[Path]:
-    """Files of the tree that a file imports, in functions too."""
-    for node in ast.walk(ast.parse((root / path).read_text("utf-8"))):
-        names: list[str] = []
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{one.name}" for one in node.names)]
-        elif isinstance(node, ast.Import):
-            names = [one.name for one in node.names]
-        for name in names:
-            part = Path(*name.split("."))
-            for base in (Path("src"), Path(), Path("tests")):
-                for file in (base / part.with_suffix(".py"), base / part / "__init__.py"):
-                    if (root / file).is_file():
-                        yield file
-
-
-def _dotted(path: Path) -> str:
-    return ".".join(path.with_suffix("").parts[1:])

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Coupler, Marker, Model
 from myomorph.model.segments import segments_of
 
 TETRAHEDRON = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-CLUSTERS = MappingProxyType(
+CLUSTERS = FrozenMap(
     {"pelvis": 0.08, "torso": 0.10, "head": 0.08}
     | {
         f"{name}_{side}": size

@@ -7,6 +7,17 @@ that is given such a name or attribute as an argument (or is a method of it, whe
 passes the value on: to a function or class of the package, to every function of a module's table (`TABLE[key](value)`),
 or to every function that modules give to a field of a value at their top (`step.run(value)`).
 
+The value is counted in two ways.
+
+- all: every function is followed, however deep, and whatever it is given: a number that was computed from a coordinate
+  counts as the recording itself does. So vector products of muscle paths and texts of errors are among the files.
+- trial: the way of a trial's inputs proper: its files, recording, model and options, as values with names. Arrays and
+  numbers that were computed from them are no inputs any more, nor is what an error says of them. Rooms that carry a
+  trial (`CARRY`) are gone through function by function. Of the other rooms, which know nothing of trials, the file that
+  is called counts, and not what it does inside.
+
+For both:
+
 - files: modules under `src/myomorph` that define a function or class to which the value is passed on.
 - climbs: going through the calls in the order of the code, steps from one file to the next that lie in a higher room;
   the order of rooms is that of the layers in the tree's `pyproject.toml`.
@@ -21,11 +32,15 @@ import ast
 import tomllib
 from collections import Counter
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 STARTS = (("opens", ("open_take", "open_trial")), ("runs", ("run_take", "run_trial")))
 PACKAGE = "myomorph"
+CARRY = ("study", "report", "store", "cli", "demo")
+"""Rooms that carry a trial; the others know models, recordings and files, each for itself."""
+NUMBERS = {"Array", "NDArray", "ndarray", "float", "int", "bool", "Ints", "Flags"}
+BUILT = {"Sequence", "Mapping", "Iterable", "Iterator", "Callable", "Literal", "tuple", "list", "dict", "set", "np"}
 Name = tuple[str, str]
 """A module and a name that it defines."""
 
@@ -97,16 +112,28 @@ def _module(tree: ast.Module) -> Module:
 
 
 class Way:
-    """The way of a value through a tree."""
+    """The way of a value through a tree.
 
-    def __init__(self, tree: Tree):
-        self.tree = tree
+    Parameters
+    ----------
+    every : everything is followed; else a trial's inputs proper
+    """
+
+    def __init__(self, tree: Tree, every: bool):
+        self.tree, self.every = tree, every
         self.files: list[str] = []
         self._seen: set[tuple[str, str, frozenset[str]]] = set()
 
     def follow(self, module: str, name: str, node: ast.FunctionDef, given: frozenset[str], inside: str = "") -> None:
         """Go through a function that is given the value as some of its parameters."""
+        if not self.every:
+            own = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            given &= {one.arg for one in own if one.arg == "self" or not _is_number(one.annotation)}
+            if not given or _is_error(module):
+                return
         self.files.append(module)
+        if not (self.every or module.split(".")[1] in CARRY):
+            return
         if (module, name, given) in self._seen:
             return
         self._seen.add((module, name, given))
@@ -145,6 +172,8 @@ class Way:
 
     def _made(self, module: str, name: str, given: list[int], named: list[str]) -> None:
         """A class that is given the value: its file, and what its own construction does with it."""
+        if _is_error(module) and not self.every:
+            return
         node = self.tree.modules[module].classes[name]
         self.files.append(module)
         made = _method(node, "__init__")
@@ -224,6 +253,18 @@ def _method(node: ast.ClassDef, name: str) -> ast.FunctionDef | None:
     return next((one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == name), None)
 
 
+def _is_error(module: str) -> bool:
+    return module.endswith(".errors")
+
+
+def _is_number(annotation: ast.expr | None) -> bool:
+    """Whether a parameter is an array or a number; those of compiled kernels have no annotations."""
+    if annotation is None:
+        return True
+    names = {one.id for one in ast.walk(annotation) if isinstance(one, ast.Name)} - BUILT
+    return bool(names) and names <= NUMBERS
+
+
 def _is_known(node: ast.expr, known: set[str]) -> bool:
     """Whether an argument is one of the names, or an attribute of one."""
     if isinstance(node, ast.Starred):
@@ -249,17 +290,18 @@ def _assigned(node: ast.AST, known: set[str]) -> set[str]:
 
 
 def count(root: Path) -> list[dict[str, object]]:
-    """Files and climbs of a tree, a row for each of `STARTS`."""
+    """Files and climbs of a tree, a row for each of `STARTS` and way of counting."""
     tree, rows = Tree(root), []
-    for what, names in STARTS:
+    for (what, names), every in product(STARTS, (False, True)):
         module, name = tree.where(names)
-        node, way = tree.modules[module].functions[name], Way(tree)
+        node, way = tree.modules[module].functions[name], Way(tree, every)
         way.follow(module, name, node, frozenset({node.args.args[0].arg}))
         floors = [tree.floor(one) for one in way.files]
         climbs = sum(after > before for before, after in pairwise(floors))
         rooms = Counter(one.split(".")[1] for one in set(way.files))
         told = ", ".join(f"{room} {files}" for room, files in sorted(rooms.items()))
-        rows.append({"what": what, "function": name, "files": rooms.total(), "climbs": climbs, "by room": told})
+        whose = {"what": what, "function": name, "counted": "all" if every else "trial"}
+        rows.append({**whose, "files": rooms.total(), "climbs": climbs, "by room": told})
     return rows
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 import trimesh
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
@@ -66,7 +66,7 @@ def morph_of(source: Model, target: Model, size: float = 1.0) -> Morph:
     bones = {
         name: BoneMap(
             name, name, grown, whole, "bone", one, Surface(one.vertices * size, one.faces), None,
-            MappingProxyType({"residual [m]": 0.0012, "coverage": 0.97}),
+            FrozenMap({"residual [m]": 0.0012, "coverage": 0.97}),
         )
         for name, one in BONES.items()
     }  # fmt: skip

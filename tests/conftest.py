@@ -1,8 +1,9 @@
-"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout."""
+"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout; which tests run first."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,37 @@ pytest_plugins = ["arm_files"]
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 DATA = Path(os.environ.get("MYOMORPH_DATA", BESIDE))
+
+COMPILING = (
+    "cli/test_calibrate_command.py",
+    "analysis/test_length_analysis.py",
+    "motion/test_closed_ik.py",
+    "cli/test_commands.py",
+    "demo/test_judo_demo.py",
+    "cli/test_identify.py",
+    "rigid/test_loops.py",
+    "cli/test_live_command.py",
+    "cli/test_passive_commands.py",
+)
+"""Files that compile most of the kernels where there are none on disk; neighbors compile different ones."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let pytest-xdist take files in their order; by itself it would begin with those that have most tests."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """First the files that compile, then those that take long, those of few short tests last.
+
+    So two processes do not compile the same kernels at once, and no long file is left for one of them at the end.
+    """
+    here = Path(__file__).parent
+    count = Counter(item.path for item in items)
+    long = Counter(item.path for item in items if item.get_closest_marker("long"))
+    first = {here / name: len(COMPILING) - k for k, name in enumerate(COMPILING)}
+    items.sort(key=lambda item: (-first.get(item.path, 0), -bool(long[item.path]), -count[item.path], str(item.path)))
 
 
 @pytest.fixture(scope="session")

@@ -55,8 +55,9 @@ def test_quick_start_is_two_commands():
     lines = [line for block in blocks(start) for line in block.splitlines() if line.strip()]
     assert lines == [
         "python -m pip install . && myomorph demo",
-        'python -m pip install ".[test,oracles]" && python -m pytest -n 2 --dist loadfile',
+        'python -m pip install ".[test,oracles]" && python -m pytest -n 2 --dist loadfile -m "not long"',
     ]
+    assert "`python -m pytest -n 2 --dist loadfile -m long`" in start
 
 
 def test_extras_and_program_exist():

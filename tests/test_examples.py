@@ -12,8 +12,11 @@ import textwrap
 import pytest
 from docs_build.examples import DOCS, Part, pages_that_run, parts_of, run_page, was_printed
 
-# Those that take less than 10 s on a quiet machine; the others are marked long.
-SHORT = {"walking.md", "opensim-setups.md", "studies.md"}
+LONG = {"whole-study.md", "shoulder.md"}
+"""Those that take about 10 s on a quiet machine, what is compiled once apart."""
+
+ELSEWHERE = {"other-bones.md"}
+"""Those that `tests/demo/test_morph_demo.py` runs, which looks at what their commands find."""
 
 STANDARD = {"replace", "Path"}
 """Of the standard library, in blocks that leave the imports out."""
@@ -22,11 +25,12 @@ STANDARD = {"replace", "Path"}
 def cases():
     for page in pages_that_run():
         name = page.relative_to(DOCS).as_posix()
-        yield pytest.param(page, id=name, marks=() if page.name in SHORT else pytest.mark.long)
+        if page.name not in ELSEWHERE:
+            yield pytest.param(page, id=name, marks=pytest.mark.long if page.name in LONG else ())
 
 
 @pytest.mark.parametrize("page", list(cases()))
-def test_page_runs(page, data, tmp_path):
+def test_page_runs(page, data, tmp_path, in_process):
     run_page(page, tmp_path, data)
 
 

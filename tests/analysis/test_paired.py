@@ -49,6 +49,8 @@ def test_one_number_is_tested_as_scipy_does():
         assert own.p == pytest.approx(theirs.pvalue, abs=1e-12)
         assert own.statistic == pytest.approx(stats.ttest_1samp(differences, 0.0).statistic, rel=1e-9)
     assert p_floor(6) == 2 / 64
+    # Drawn ways alone: no p is less than one of them.
+    assert p_floor(20, most=1000) == 1 / 1000
 
 
 def test_curves_are_corrected_for_all_that_is_looked_at():

@@ -169,6 +169,17 @@ def test_curves_over_the_cycle():
         over_cycles(Series(time, ("a",), values[:, :1]), [(1.0, 1.0)])
 
 
+@pytest.mark.parametrize(("frames", "crossed"), [(199, True), (201, False)])
+def test_a_line_crosses_gaps_up_to_a_tenth_of_the_cycle(frames, crossed):
+    time = np.arange(2001) / 2000.0
+    values = np.sin(time)[:, None]
+    values[601 : 600 + frames] = np.nan
+    curve = over_cycles(Series(time, ("a",), values), [(0.0, 1.0)]).values[0, :, 0]
+    line = np.interp(0.35, time[[600, 600 + frames]], np.sin(time[[600, 600 + frames]]))
+    np.testing.assert_allclose(curve[35], line if crossed else np.nan, rtol=1e-12)
+    assert np.isfinite(np.delete(curve, range(31, 41))).all()
+
+
 def test_intervals_hold_the_mean_as_often_as_they_say():
     rng = np.random.default_rng(2)
     held = []

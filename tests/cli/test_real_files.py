@@ -44,7 +44,6 @@ def test_info_of_odd_files(folder, data, command):
     assert read > len(paths) / 2
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", WHOLE)
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.8, 0.999])
 def test_truncated_copies(name, share, data, command, tmp_path):
@@ -59,7 +58,6 @@ def test_truncated_copies(name, share, data, command, tmp_path):
     assert time.monotonic() - started < 20.0
 
 
-@pytest.mark.long
 def test_chain_on_a_real_walk(data, command, tmp_path):
     """Markers, forces and muscles of a real recording, by single commands."""
     model = data("rajagopal-walk-emg/subject_walk_scaled.osim")

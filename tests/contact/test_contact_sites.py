@@ -62,7 +62,7 @@ def test_soles_of_opensim_models(data, name):
     checked_soles(read_model(data(name)))
 
 
-@pytest.mark.parametrize("name", ["myolegs", pytest.param("MyoFullBody", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["myolegs", "MyoFullBody"])
 def test_soles_of_mujoco_models(name):
     model = model_from_mujoco(compiled(name))
     checked_soles(model)

@@ -127,7 +127,6 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     assert np.median([one.rmse for one in shares]) < 0.02
 
 
-@pytest.mark.long
 def test_jump_demo(tmp_path):
     pytest.importorskip("myo_sim")
     pytest.importorskip("biomdp")

@@ -6,6 +6,7 @@ import csv
 
 import numpy as np
 import pytest
+from docs_build.examples import DOCS, run_page
 
 from myomorph.demo.morph import ERRORS, RESULT, WRITTEN, run_morph_demo, summary
 from myomorph.io.formats import read_model
@@ -57,9 +58,17 @@ def test_landmarks_are_picked_alike_each_time(case):
 
 
 @pytest.mark.long
-def test_the_demo_ends_in_a_report_with_errors_against_the_truth(tmp_path):
-    found = run_morph_demo(tmp_path / "demo")
-    page = found.report.read_text(encoding="utf-8")
+def test_the_tutorial_runs_and_its_demo_ends_in_a_report_with_errors_against_the_truth(tmp_path, data, monkeypatch):
+    demos = []
+
+    def kept(out):
+        demos.append(run_morph_demo(out))
+        return demos[-1]
+
+    monkeypatch.setattr("myomorph.demo.morph.run_morph_demo", kept)
+    run_page(DOCS / "tutorials" / "other-bones.md", tmp_path, data)
+    (found,) = demos
+    page = (tmp_path / found.report).read_text(encoding="utf-8")
     assert "synthetic" in page
     assert "Error against the truth" in page
     errors = found.errors
@@ -68,10 +77,10 @@ def test_the_demo_ends_in_a_report_with_errors_against_the_truth(tmp_path):
     # A few via points are brought out of bones, away from where the map alone puts them.
     assert np.percentile(errors.distances[WRITTEN], 95.0) < 0.5 * np.percentile(scaling, 95.0)
     assert np.median(errors.arms[WRITTEN]) < np.median(errors.arms[f"scaling, {LANDMARKS} landmarks"])
-    with (tmp_path / "demo" / ERRORS).open(encoding="utf-8") as stream:
+    with (tmp_path / "morph" / ERRORS).open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(errors.points)
     assert float(rows[0][f"{WRITTEN} [m]"]) == pytest.approx(errors.distances[WRITTEN][0], rel=1e-5)
-    written = read_model(tmp_path / "demo" / RESULT)
+    written = read_model(tmp_path / "morph" / RESULT)
     assert written.muscle_names == found.morphed.morph.model.muscle_names
     assert any("scaling" in line for line in summary(found))

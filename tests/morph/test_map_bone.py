@@ -84,7 +84,6 @@ def test_landmarks_alone(bone):
         assert "residual [m]" not in found.measures
 
 
-@pytest.mark.long
 def test_the_size_does_not_matter(bone):
     size = 0.9
     target = made_target(bone, 0.5)

@@ -11,7 +11,6 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 FOLDER = "opencap-subject4-multitask"
 
 
-@pytest.mark.long
 def test_held_out_motions_of_a_person(data):
     """Sit-to-stand and standing shown; walking and a jump not."""
     generic = read_model(data(f"{FOLDER}/models/unscaled_generic.osim"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
@@ -91,6 +92,12 @@ def test_independent_samples_of_noise_are_all_and_of_slow_series_few():
     assert independent_samples(first, second) > 1500
     slow = lowpass(np.array([first, second]).T, 100.0, 2.0)
     assert 30 < independent_samples(slow[:, 0], slow[:, 1]) < 200
+
+
+def test_independent_samples_of_autoregressive_series_are_those_of_the_formula():
+    """Of x_k = 0.9 x_(k-1) + noise (Bartlett 1946): n (1 - 0.81) / (1 + 0.81)."""
+    first, second = lfilter([1.0], [1.0, -0.9], np.random.default_rng(7).standard_normal((2, 40000)))
+    assert independent_samples(first, second) == pytest.approx(40000 * 0.19 / 1.81, rel=0.08)
 
 
 def test_what_cannot_be_compared_is_named():

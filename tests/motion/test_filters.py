@@ -149,6 +149,19 @@ def test_forces_that_end_too_early_are_refused():
         resample_wrenches(wrenches, np.arange(0.0, 1.0, 0.01))
 
 
+@pytest.mark.parametrize("share", [1.49, 1.51])
+def test_forces_are_extended_by_a_step_and_a_half_at_either_end(share):
+    step = 1 / 128
+    time = np.arange(33) * step
+    given = Wrenches(time, ("plate",), ("foot",), *(np.ones((33, 1, 3)) for _ in range(3)))
+    for wanted in (time[0] - share * step, time[-1] + share * step):
+        if share < 1.5:
+            assert resample_wrenches(given, np.sort([wanted, time[16]])).forces == pytest.approx(1.0)
+        else:
+            with pytest.raises(BadData, match=r"external forces run from 0 to 0\.25 s"):
+                resample_wrenches(given, np.sort([wanted, time[16]]))
+
+
 def test_cut_and_common_time():
     motion = Motion(np.arange(100) / 100.0, ("a",), np.zeros((100, 1)))
     assert len(cut(motion, 0.1, 0.2)) == 11

@@ -17,15 +17,19 @@ GENERIC = "opencap-subject4-multitask/models/unscaled_generic.osim"
 LARGE = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 
 
-def placed(model, lengths, values, coordinates):
-    """Places of the markers of a model stretched, its tree and consistent coordinates."""
+def placing(model, lengths, values):
+    """A model stretched: its tree, and a function of coordinates that gives its markers' places and them consistent."""
     stretched = scale(model, factors_of(lengths, values))
     tree = compile_tree(stretched)
-    c = coordinates[None].copy()
-    couple_frames(tree.arrays, c)
     bodies = np.array([tree.body_index[one.body] for one in stretched.markers])
-    places = forward_kinematics(tree, c).points(bodies, np.array([one.location for one in stretched.markers]))
-    return places[0].ravel(), tree, c[0]
+    locations = np.array([one.location for one in stretched.markers])
+
+    def placed(coordinates):
+        c = coordinates[None].copy()
+        couple_frames(tree.arrays, c)
+        return forward_kinematics(tree, c).points(bodies, locations)[0].ravel(), c[0]
+
+    return tree, placed
 
 
 def hold_against_differences(model):
@@ -35,7 +39,8 @@ def hold_against_differences(model):
     values = rng.uniform(0.9, 1.1, len(lengths))
     defaults = compile_tree(model).defaults
     start = defaults + 0.2 * rng.normal(size=len(defaults))
-    places, tree, c = placed(model, lengths, values, start)
+    tree, placed = placing(model, lengths, values)
+    places, c = placed(start)
     problem = marker_arrays(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
     stretch = with_travel(stretch_of(model, lengths, model.marker_names), model, values)
     found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem, stretch, c)
@@ -43,11 +48,11 @@ def hold_against_differences(model):
     h = 1e-6
     for i in range(len(lengths)):
         d = h * np.eye(len(lengths))[i]
-        ahead, behind = placed(model, lengths, values + d, start)[0], placed(model, lengths, values - d, start)[0]
+        ahead, behind = (placing(model, lengths, moved)[1](start)[0] for moved in (values + d, values - d))
         np.testing.assert_allclose(by_length[:, i], (ahead - behind) / (2 * h), atol=1e-8, err_msg=lengths[i].name)
     for j in tree.independent[:: max(1, len(tree.independent) // 40)]:
         d = h * np.eye(len(start))[j]
-        ahead, behind = placed(model, lengths, values, start + d)[0], placed(model, lengths, values, start - d)[0]
+        ahead, behind = placed(start + d)[0], placed(start - d)[0]
         np.testing.assert_allclose(by_coordinate[:, j], (ahead - behind) / (2 * h), atol=1e-8)
 
 

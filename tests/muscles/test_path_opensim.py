@@ -99,7 +99,6 @@ def test_lengths_and_moment_arms(name, data):
             assert path.computeMomentArm(state, about) == pytest.approx(arms[frame, k], abs=SAME)
 
 
-@pytest.mark.long
 def test_lengths_of_520_muscles(data):
     path = data("fullbody-many-muscles/cyclistFullBodyMuscle.osim")
     model = read_model(path)

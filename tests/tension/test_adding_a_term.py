@@ -16,7 +16,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.solve import solve_tension, tension_problem
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.term import Columns, Frames, Penalties, Rows, Term, Unknowns, Variables
+from myomorph.tension.terms.term import Columns, Frames, Penalties, Rows, Smoothing, Term, Unknowns, Variables
 
 FRAMES = slice(150, 1150, 180)
 
@@ -34,6 +34,19 @@ class CoContraction(Term):
         """One row: the difference, which should be 0."""
         difference = unknowns.row({self.one: 1.0, self.other: -self.ratio})
         return Rows.cost(f"{self.one} with {self.other}", difference, 0.0, self.weight)
+
+
+@dataclass(frozen=True)
+class Slow(Term):
+    """stiffness (a_k - a_(k-1))^2 of one muscle, from each frame to the next."""
+
+    muscle: str
+
+    def smoothing(self, unknowns: Unknowns) -> Smoothing:
+        """All frames in one window."""
+        first = index_of("muscle", self.muscle, unknowns.muscles)
+        count = len(unknowns.time)
+        return Smoothing(count, 0, first, np.ones((count, 1)), np.ones(count - 1), 1.0, 10, 1e-9)
 
 
 @dataclass(frozen=True)
@@ -196,5 +209,7 @@ def test_terms_that_do_not_fit_are_refused(walker):
     emg = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.3), "equality")
     with pytest.raises(BadData, match="draw 'soleus_r' into intervals"):
         solve_tension(model, motion, tau, emg=emg, terms=[PreferredActivation("soleus_r", 0.1)])
+    with pytest.raises(BadData, match="2 terms of the tension problem link frames: expected one"):
+        solve_tension(model, motion, tau, terms=[Slow("soleus_r"), Slow("tibant_r")])
     with pytest.raises(BadData, match="Exosuit, which is not a part"):
         tension_problem(model, motion, tau)[0].unknowns.of(Exosuit(0, 1.0))

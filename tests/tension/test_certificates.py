@@ -21,6 +21,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import (
     CertificateOptions,
+    axis_words,
     contact_intervals,
     group_functions,
     open_bounds,
@@ -286,3 +287,12 @@ def test_what_cannot_be_asked_is_named(walk):
     over_frames(bare.solve, len(motion))
     with pytest.raises(BadData, match="there are no contacts"):
         contact_intervals(bare, bare.result(names))
+
+
+@pytest.mark.parametrize("gravity", [9.80665, 1.0, 0.01])
+def test_the_axis_of_a_direction_does_not_depend_on_the_strength_of_gravity(gravity):
+    up = np.array([0.0, gravity, 0.0])
+    assert axis_words(np.array([0.0, 0.8, 0.6]), up) == "vertically"
+    assert axis_words(np.array([0.8, 0.6, 0.0]), up) == "along x"
+    assert axis_words(np.array([0.0, -0.6, -0.8]), up) == "along z"
+    assert axis_words(np.array([0.6, 0.8, 0.0]), np.zeros(3)) == "along y"

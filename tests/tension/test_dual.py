@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from readable import balance, effort, nearness, program, solve_program
 
+from myomorph.model.arrays import frozen_array
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, solve_separable
 from myomorph.tension.separable import Separable, no_links, no_penalties, pattern
 
@@ -31,7 +32,8 @@ def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=No
     shape = pattern(rows, columns, directions.shape)
     n, count, frames = len(directions), directions.shape[1], len(torques)
     weights = np.ones(count) if weights is None else weights
-    fixed = Separable(shape.start, shape.row, shape.first, weights, np.full(count, exponent), low, high)
+    each = (frozen_array(one) for one in (weights, np.full(count, exponent), low, high))
+    fixed = Separable(shape.start, shape.row, shape.first, *each)
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
     x, y = np.empty((frames, count)), np.empty((frames, n))

@@ -19,6 +19,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.relaxation import RelaxationOptions, relaxation_lines, relaxations
+from myomorph.tension.relaxation_program import Allowance, what_lacks, what_would_do
 from myomorph.tension.terms.contacts import ContactTask
 from standing import MASS, WEIGHT, block, legs, standing_still
 
@@ -160,3 +161,28 @@ def test_contacts_are_needed():
         relaxations(problem, problem.result(names))
     with pytest.raises(BadData, match="expected above 0"):
         RelaxationOptions(residual=0.0)
+
+
+def test_a_force_within_45_degrees_of_the_vertical_is_called_so():
+    up, zero = np.array([0.0, 1.0, 0.0]), np.zeros(3)
+    for share, way in ((0.705, "upward"), (0.695, "sideways"), (-0.695, "sideways"), (-0.705, "downward")):
+        force = 200.0 * np.array([np.sqrt(1.0 - share**2), share, 0.0])
+        assert what_lacks((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
+    assert "a moment of 9 N m is needed beside" in what_lacks(["heel"], 8.0 * up, 9.0 * up, up)
+
+
+def test_each_allowance_is_named_with_its_number_and_unit():
+    given = (
+        Allowance("contact", "hand", 50.0, needed=0.031),
+        Allowance("friction", "foot", 20.0, needed=0.84),
+        Allowance("friction", "foot", 20.0, needed=np.inf),
+        Allowance("most", "foot", 30.0),
+        Allowance("pull", "foot", 40.0),
+        Allowance("residual", "pelvis", 7.0, 6.0),
+        Allowance("residual", "pelvis", 6.0, 7.0),
+    )
+    assert what_would_do(given) == (
+        "contact of 'hand' (31 mm above its support) and friction of 0.84 at 'foot' and 20 N across the cone of 'foot' "
+        "and 30 N more at 'foot' than its greatest force and a pull of 40 N at 'foot' and 7 N at 'pelvis' from nowhere "
+        "and 7 N m at 'pelvis' from nowhere would do"
+    )

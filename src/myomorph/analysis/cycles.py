@@ -183,6 +183,7 @@ LONGEST_GAP = 0.1
 """Of a signal within a cycle, as a share of it, that a line may cross."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Cycles:
     """Signals of many cycles, each from 0 to 100 %.

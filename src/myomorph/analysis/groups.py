@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import comb
-from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import t as student
@@ -26,6 +25,7 @@ from myomorph.analysis.permutations import (
 )
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Animal:
     """
 
     name: str
-    scalars: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
-    curves: Mapping[str, Cycles] = field(default_factory=lambda: MappingProxyType({}))
+    scalars: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
+    curves: Mapping[str, Cycles] = field(default_factory=lambda: FrozenMap({}))
     strides: int = 0
 
     def curve(self, family: str, name: str) -> Array:

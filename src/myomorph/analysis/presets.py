@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 from myomorph.analysis.selection import MAJOR_MUSCLES, SIDES, Pair, spelled, with_right
 from myomorph.model.errors import UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
 from myomorph.model.sides import split_side
 
@@ -24,7 +24,7 @@ _UPPER = (
     ("Erector spinae", r"(erc?_?spn\w*|erector_?spinae\w*|il_[lr]\d+|ltp[tl]_[rtl]\d+)"),
 )
 
-MUSCLES: Mapping[str, str] = MappingProxyType({**dict(_UPPER), **dict(MAJOR_MUSCLES)})
+MUSCLES: Mapping[str, str] = FrozenMap({**dict(_UPPER), **dict(MAJOR_MUSCLES)})
 """Name in print to the spellings of models of the leg, the arm, the trunk and the whole body."""
 
 
@@ -123,7 +123,7 @@ _LIFT = (
 )  # fmt: skip
 _GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], "Vastus lateralis", *_LEG[1:])
 
-PRESETS: Mapping[str, Preset] = MappingProxyType(
+PRESETS: Mapping[str, Preset] = FrozenMap(
     {
         one.name: one
         for one in (

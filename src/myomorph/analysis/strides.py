@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from myomorph.analysis.foot_events import (
 )
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model, index_of
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series, Wrenches
@@ -198,9 +198,9 @@ def find_strides(
     first = strikes[limbs[0].name]
     return Strides(
         tuple(sorted(strides, key=lambda one: one.start)),
-        MappingProxyType(strikes),
-        MappingProxyType(lifts),
-        MappingProxyType({name: _phases(first, track.strikes) for name, track in tracks.items()}),
+        FrozenMap(strikes),
+        FrozenMap(lifts),
+        FrozenMap({name: _phases(first, track.strikes) for name, track in tracks.items()}),
         frozen_array(along),
         ground,
         tuple(notes),

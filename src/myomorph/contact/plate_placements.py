@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from myomorph.contact.plates import episodes, plate_axes, plate_wrench
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording
 
@@ -74,6 +74,7 @@ class PlacementOptions:
     gravity: tuple[float, float, float] | None = None
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Placement:
     """One rest of a weight, or one piece of a push with a rod.

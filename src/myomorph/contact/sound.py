@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import nnls
@@ -17,6 +16,7 @@ from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, li
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import index_of
 from myomorph.model.series import Sound
 
@@ -44,7 +44,7 @@ class Instrument:
     channel: str
     distance: float = 0.0
     sites: tuple[str, ...] = ()
-    others: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    others: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     def __post_init__(self) -> None:
         for channel, far in {self.channel: self.distance, **self.others}.items():

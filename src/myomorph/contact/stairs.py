@@ -28,6 +28,7 @@ SQUARE = 1e-6
 """An axis of ground that a cell's axis leans to by less than this has no part of it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Step:
     """A tread or a rung and its load cell.

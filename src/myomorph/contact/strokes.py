@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.contact.sound import Strokes
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Model
@@ -164,6 +164,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
     return found
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Impact:
     """A short force on a body at one of its sites.

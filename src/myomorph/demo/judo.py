@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.contacts import ContactForces, Contacts, Touch
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Series
 from myomorph.motion.filters import differentiate
@@ -62,18 +62,18 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         markers=pair.markers,
         loads=lambda motion: truth.wrenches,
         emg=emg,
-        emg_muscles=MappingProxyType({name: (name,) for name in channels}),
+        emg_muscles=FrozenMap({name: (name,) for name in channels}),
         options=OptionSet(EmgOptions(delay=0.0, gains="given"), Differentiation(CUTOFF), ReportOptions(preset="judo")),
         contacts=ContactPlan(
             feet=False,
             sites=sites,
-            when=MappingProxyType({site.name: "file" for site in sites}),
+            when=FrozenMap({site.name: "file" for site in sites}),
             told=touches_of(pair.touching),
             measured="hidden",
         ),
         mass=model.mass,
         notes=TrialNotes(simulated=simulated_of(pair)),
-        truth=MappingProxyType(known_of(truth, pair)),
+        truth=FrozenMap(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
             value_source("markers", "simulated markers", pair.markers.values),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
 
 from myomorph.model.errors import UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
@@ -93,9 +93,7 @@ def _jump_trial() -> TrialInputs:
         name="countermovement jump",
         subject="jumper",
         model=jump.model,
-        options=OptionSet(
-            InverseKinematicsOptions(marker_weights=MappingProxyType(weights)), Differentiation(jump.cutoff)
-        ),
+        options=OptionSet(InverseKinematicsOptions(marker_weights=FrozenMap(weights)), Differentiation(jump.cutoff)),
         markers=jump.markers,
         loads=lambda motion: jump.wrenches,
         emg=envelopes(jump.analog),

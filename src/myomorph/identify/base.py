@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from myomorph.identify.least_squares import (
 from myomorph.identify.null_space import tree_null_space
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 
@@ -160,7 +160,7 @@ class BaseFit:
 
     def __post_init__(self) -> None:
         for name in ("left_out", "link_levels"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+            object.__setattr__(self, name, FrozenMap(dict(getattr(self, name))))
 
     @property
     def relative_sd(self) -> Array:

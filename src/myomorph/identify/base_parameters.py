@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import qr
@@ -20,6 +19,7 @@ from myomorph.identify.null_space import (
 )
 from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData, BadModel
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS, inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion
@@ -60,7 +60,7 @@ class BaseParameters:
     def __post_init__(self) -> None:
         checked_array(self.combination, (len(self.columns), 10 * len(self.bodies)), "combination of base parameters")
         checked_array(self.tared, (len(self.columns), "constants"), "tared base parameters")
-        object.__setattr__(self, "held", MappingProxyType(dict(self.held)))
+        object.__setattr__(self, "held", FrozenMap(dict(self.held)))
 
     def __len__(self) -> int:
         return len(self.columns)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UN
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -162,7 +162,7 @@ class OnlineIdentification:
             time=self._time,
             fit=fit,
             levels=frozen_array(levels),
-            left_out=MappingProxyType({reason: count for reason, count in self.left_out.items() if count}),
+            left_out=FrozenMap({reason: count for reason, count in self.left_out.items() if count}),
             frames=self.frames,
             proposals=self.fit.propose(most=most),
             pose=frozen_array(self._pose),

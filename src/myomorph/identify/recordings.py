@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
@@ -12,6 +11,7 @@ from scipy.ndimage import binary_dilation, uniform_filter1d
 from myomorph.identify.base import Recording
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -164,7 +164,7 @@ def usable(
     weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
     return Usable(
         Recording(common, at, use),
-        MappingProxyType(_counted({OUTSIDE: frames - len(common)}, marks)),
+        FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
         frames,
         int(flight.sum()),
         float(weighs),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from myomorph.identify.base_parameters import (
 from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -236,7 +236,7 @@ class SequentialFit:
             levels=frozen_array(own),
             rank=rank,
             condition=condition,
-            link_levels=MappingProxyType(link_levels(self.model, self.base, own)),
+            link_levels=FrozenMap(link_levels(self.model, self.base, own)),
             innovation_rms=frozen_array(np.sqrt(self._errors / weight)),
             expected_rms=frozen_array(np.hypot(self.sigma, np.linalg.norm(self._last @ inverse, axis=1))),
             wrench_rms=frozen_array(np.sqrt(self._measured / weight)),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -24,6 +23,7 @@ from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
 from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
 
@@ -112,7 +112,7 @@ class Identification:
     @property
     def from_shape(self) -> Mapping[str, tuple[str, ...]]:
         """Body -> its parameters that the data do not show, so that they come from the shape of the body."""
-        return MappingProxyType(
+        return FrozenMap(
             {
                 name: tuple(PARAMETERS[j] for j in np.flatnonzero(row < IDENTIFIABLE))
                 for name, row in zip(self.model.body_names, self.shares, strict=True)
@@ -127,7 +127,7 @@ class Identification:
         for one in self.recordings:
             for reason, count in one.left_out.items():
                 counts[reason] = counts.get(reason, 0) + count
-        return MappingProxyType(counts)
+        return FrozenMap(counts)
 
 
 def identify(
@@ -210,10 +210,10 @@ def identify(
     return Identification(
         model=with_inertial_parameters(model, found[chosen]),
         chosen=chosen,
-        parameters=MappingProxyType({name: frozen_array(one) for name, one in found.items()}),
-        residuals=MappingProxyType({name: parts.rms(one) for name, one in found.items()}),
+        parameters=FrozenMap({name: frozen_array(one) for name, one in found.items()}),
+        residuals=FrozenMap({name: parts.rms(one) for name, one in found.items()}),
         held_out=floor,
-        tried=MappingProxyType(tried),
+        tried=FrozenMap(tried),
         mass_sd=best,
         noise=noise,
         base=fit_base(
@@ -221,9 +221,7 @@ def identify(
         ),
         points=points[first],
         shares=shares_of_data(_thinned(points[first]), rows[0], mass, best),
-        consistency=MappingProxyType(
-            {name: _checked(model, one, points[first], inside) for name, one in found.items()}
-        ),
+        consistency=FrozenMap({name: _checked(model, one, points[first], inside) for name, one in found.items()}),
         recordings=tuple(recordings),
         notes=(
             *(f"{name}: not proven to be the optimum" for name, one in solved.items() if not one.converged),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from myomorph.identify.body.regions import (
 )
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
@@ -59,8 +59,8 @@ class TransferOptions:
     rounds: int = 8
     tolerance: float = 1e-4
     keep_markers: bool = False
-    lower_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
-    higher_segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
+    lower_segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
+    higher_segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
 
 
 @dataclass(frozen=True)
@@ -205,9 +205,9 @@ def transfer(
         lower_pose,
         higher_pose,
         rotation,
-        MappingProxyType(factors),
-        MappingProxyType(shifts),
-        MappingProxyType(errors),
+        FrozenMap(factors),
+        FrozenMap(shifts),
+        FrozenMap(errors),
         fit.lengths(places),
         masses,
         tuple(lonely),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +15,7 @@ from myomorph.identify.body.points import Links, MassPoints
 from myomorph.identify.least_squares import absorb
 from myomorph.model.arrays import Array, checked_array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -208,7 +208,7 @@ def cross_validate(
     return CrossValidation(
         motion.time,
         frozen_array(measured),
-        MappingProxyType({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
+        FrozenMap({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
         weight,
     )
 

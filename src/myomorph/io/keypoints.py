@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,10 @@ from myomorph.io.parsing.guard import run_guarded, seconds_for
 from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
-UNITS = MappingProxyType({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
+UNITS = FrozenMap({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
 NAME_KEYS = ("names", "KP_NAMES", "node_names", "keypoints")
 BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
 OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
@@ -53,8 +53,8 @@ class KeypointNames:
     """
 
     names: tuple[str, ...] = ()
-    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
     unit: float | None = None
     rate: float | None = None
 
@@ -111,7 +111,7 @@ def read_keypoints(
         "point rate": "not specified" if told.rate is None else f"{told.rate:g} Hz",
     }
     markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
-    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
 
 
 def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
@@ -249,8 +249,8 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
         places = {_text(name): _three(given) for name, given in offsets.items()}
         return KeypointNames(
             tuple(_text(one) for one in names),
-            MappingProxyType({_text(name): _text(body) for name, body in bodies.items()}),
-            MappingProxyType(places),
+            FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
+            FrozenMap(places),
             unit,
             None if rate is None else float(rate),
         )

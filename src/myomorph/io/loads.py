@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from lxml import etree
@@ -16,6 +15,7 @@ from myomorph.io.osim.joints import plain_name
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND
 from myomorph.model.series import Table, Wrenches
 
@@ -231,7 +231,7 @@ def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
             columns += [f"{load}_{part}{axis}" for axis in "xyz"]
             blocks.append(values[:, k])
     values = np.hstack([*blocks, np.zeros((len(wrenches), 0))])
-    return Table(wrenches.time, tuple(columns), values, facts=MappingProxyType({"name": name}))
+    return Table(wrenches.time, tuple(columns), values, facts=FrozenMap({"name": name}))
 
 
 def write_external_loads(

@@ -6,7 +6,6 @@ import os
 import struct
 import zlib
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from myomorph.io.parsing.text import mapped_bytes, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
 HINT = "export the recording from QTM as MAT, or as C3D"
@@ -76,7 +76,7 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), found)
     time = np.asarray((first + np.arange(frames)) / rate, np.float64)
     markers = Markers(time, unique_names(labels, "marker", found), places)
-    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
 
 
 def _check(path: Path) -> None:

@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from myomorph.io.parsing.text import (
 )
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
 
@@ -76,7 +76,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
         unique_names(names[1:], "column", found),
         values,
         in_degrees=in_degrees,
-        facts=MappingProxyType(facts),
+        facts=FrozenMap(facts),
         warnings=tuple(found),
         source=str(path),
     )
@@ -268,7 +268,7 @@ def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
 def table_from_motion(motion: Motion, model: Model, degrees: bool = True) -> Table:
     """A table of coordinates as OpenSim's inverse kinematics writes it: degrees and metres, or radians."""
     factors = np.array([1.0 / _factor(model, name, degrees) for name in motion.names])
-    facts = MappingProxyType({"name": "Coordinates"})
+    facts = FrozenMap({"name": "Coordinates"})
     return Table(motion.time, motion.names, motion.values * factors, in_degrees=degrees, facts=facts)
 
 

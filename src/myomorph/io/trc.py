@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from myomorph.io.parsing.text import (
 )
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
 HINT = "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
@@ -56,7 +56,7 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     values = without_far_away(_hidden(values, labels, found) * _unit(facts, values, found), found)
     _check(facts, len(time), len(labels), found)
     markers = Markers(time, unique_names(labels, "marker", found), values)
-    return Trial(markers=markers, facts=MappingProxyType(facts), warnings=tuple(found), source=str(path))
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
 
 
 def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
 from myomorph.live.streams import LabStreams
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion, Wrenches
@@ -352,4 +352,4 @@ def _segments(model: Model) -> Mapping[str, Segment]:
     try:
         return segments_of(model)
     except BadData:
-        return MappingProxyType({name: Segment(name) for name in model.body_names})
+        return FrozenMap({name: Segment(name) for name in model.body_names})

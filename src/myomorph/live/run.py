@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import IO
 
 import numpy as np
@@ -20,6 +20,7 @@ from myomorph.live.sources import Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source as Input
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
@@ -257,7 +258,7 @@ class LiveRecord:
         write_sto(table_from_motion(motion, model), folder / "coordinates.mot")
         write_sto(torque_table(torques, model), folder / "torques.sto")
         for name, values in (("activations", tension.activations), ("muscle_forces", tension.forces)):
-            facts = MappingProxyType({"name": name.replace("_", " ")})
+            facts = FrozenMap({"name": name.replace("_", " ")})
             write_sto(Table(time, tension.muscles, values, facts=facts), folder / f"{name}.sto")
         with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
             chosen = plain_settings(chain.options) | plain_settings(options)

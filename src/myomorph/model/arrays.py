@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from functools import wraps
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 
 Array = NDArray[np.float64]
 _Class = TypeVar("_Class", bound=type)
@@ -84,12 +83,12 @@ def read_only(cls: _Class) -> _Class:
 
 
 def _lock(value: Any) -> None:
-    for field in fields(value):
+    for name in value.__dataclass_fields__:
         # Where a derived class calls this one's __init__ first, its own fields come later.
-        held = getattr(value, field.name, None)
+        held = getattr(value, name, None)
         locked = _locked(held)
         if locked is not held:
-            object.__setattr__(value, field.name, locked)
+            object.__setattr__(value, name, locked)
 
 
 def _locked(value: Any) -> Any:
@@ -106,5 +105,5 @@ def _locked(value: Any) -> Any:
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, Mapping):
         entries = {key: _locked(one) for key, one in value.items()}
-        return value if all(one is value[key] for key, one in entries.items()) else MappingProxyType(entries)
+        return value if all(one is value[key] for key, one in entries.items()) else FrozenMap(entries)
     return value

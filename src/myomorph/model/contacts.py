@@ -8,12 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Cone:
     """Which forces may act on a body at a site.
@@ -55,6 +56,7 @@ class Cone:
             raise BadData(f"greatest force of a contact is {self.most:g} N: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Site:
     """A place of a body that can touch something.
@@ -146,6 +148,7 @@ class Contacts:
         return tuple(one for one in self.touches if one.site == site)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SharedWrench:
     """A force that was measured, but for several sites together: what a plate or a load cell carries.
@@ -171,6 +174,7 @@ class SharedWrench:
             raise BadData(f"'{self.name}' has {len(self.forces)} forces and {len(self.moments)} moments")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ContactForces:
     """Forces at contact sites over time, in ground.

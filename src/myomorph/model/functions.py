@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """f(x) = sum_j coefficients[i, j] (x - breaks[i])^j on piece i, the last break <= x.
@@ -56,6 +57,7 @@ class PiecewisePolynomial:
         return replace(self, coefficients=self.coefficients * factor)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SineProduct:
     """f(x_1, ..., x_n) = offset + factor * prod_i sin(frequencies[i] x_i + phases[i]), n = 1 or 2."""

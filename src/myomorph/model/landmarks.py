@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class LandmarkPairs:
     """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them.

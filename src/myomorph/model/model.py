@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
 from myomorph.model.spatial import Transform
@@ -41,6 +41,7 @@ class Mesh:
     shape: str = "mesh"
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Body:
     """A rigid segment.
@@ -87,6 +88,7 @@ class Coordinate:
     default_speed: float = 0.0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Axis:
     """One elementary motion of a joint: a rotation about, or a translation along, a fixed axis.
@@ -171,6 +173,7 @@ class Loop:
     pose_2: Transform
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Marker:
     """A point fixed to a body: `location` (3,) in its frame [m]."""
@@ -193,6 +196,7 @@ class Frame:
     pose: Transform
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Actuator:
     """An ideal actuator: force = optimal_force * control, control in [min_control, max_control].
@@ -248,6 +252,7 @@ class Kept:
     version: int = 0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Model:
     """A musculoskeletal model: frozen, in SI and radians, whatever file it came from.
@@ -352,7 +357,7 @@ class Model:
     @cached_property
     def dependent_coordinates(self) -> Mapping[str, Coupler]:
         """The coupler of each coordinate that follows others."""
-        return MappingProxyType({coupler.dependent: coupler for coupler in self.couplers})
+        return FrozenMap({coupler.dependent: coupler for coupler in self.couplers})
 
     @cached_property
     def up(self) -> Array:

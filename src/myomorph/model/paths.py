@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.spatial import Transform
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PathPoint:
     """A point fixed to a body: `location` (3,) in its frame [m].
@@ -152,10 +153,10 @@ class Muscle:
     max_contraction_velocity: float = 10.0
     min_activation: float = 0.01
     max_activation: float = 1.0
-    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     groups: tuple[str, ...] = ()
     enabled: bool = True
-    curves: Mapping[str, Function] = field(default_factory=lambda: MappingProxyType({}))
+    curves: Mapping[str, Function] = field(default_factory=lambda: FrozenMap({}))
     viscosity: float = 0.0
 
 
@@ -202,6 +203,7 @@ class PassiveTorque:
         return total
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Bushing:
     """Springs and dampers that hold one frame at another, as OpenSim's BushingForce defines them.

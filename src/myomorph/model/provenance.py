@@ -6,11 +6,11 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Provenance:
 
     step: str
     sources: tuple[Source, ...]
-    options: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, object] = field(default_factory=lambda: FrozenMap({}))
     version: str = ""
     date: str = ""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
 from myomorph.model.paths import (
@@ -297,7 +297,7 @@ def _muscle(muscle: Muscle, ratio: float) -> Muscle:
         muscle,
         optimal_fiber_length=muscle.optimal_fiber_length * ratio,
         tendon_slack_length=muscle.tendon_slack_length * ratio,
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
     )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import split_side
 
@@ -72,7 +72,7 @@ def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Map
     for body in reversed(model.body_names):
         if body in found and parents[body] not in (GROUND, *found):
             found[parents[body]] = found[body]
-    return MappingProxyType({body: found.get(body, Segment("lower_trunk")) for body in model.body_names})
+    return FrozenMap({body: found.get(body, Segment("lower_trunk")) for body in model.body_names})
 
 
 def feet_of(model: Model) -> tuple[str, ...]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
 
@@ -17,6 +17,7 @@ Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0
 """Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Series(Labelled):
     """Named columns over time.
@@ -87,7 +88,7 @@ class Table(Series):
     """
 
     in_degrees: bool = False
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[str, ...] = ()
     source: str = ""
 
@@ -102,6 +103,7 @@ class Markers(Series):
         return Markers(self.time, self.names, self.values @ np.asarray(rotation).T)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Motion(Series):
     """Coordinates over time: values (frames, coordinates) [rad or m].
@@ -126,6 +128,7 @@ class Motion(Series):
         return {"values": Variable(("time", "name"), self.values), **derivatives}
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Wrenches(Labelled):
     """External forces on bodies, in ground.
@@ -190,6 +193,7 @@ class Event:
     side: str = ""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ForcePlate:
     """One force plate and what it measured, in the ground frame.
@@ -225,6 +229,7 @@ class ForcePlate:
         )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PlateRecording:
     """What a file stores of one force plate, before it becomes forces in the ground frame.
@@ -291,7 +296,7 @@ class Trial:
     emg: Emg | None = None
     events: tuple[Event, ...] = ()
     other_points: Series | None = None
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[str, ...] = ()
     source: str = ""
 

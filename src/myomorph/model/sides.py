@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+
+from myomorph.model.frozen_map import FrozenMap
 
 _SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
 _PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
@@ -45,7 +46,7 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
         match = next((one for one in candidates if one in sided.values()), "")
         if match:
             found[name] = match
-    return MappingProxyType(found)
+    return FrozenMap(found)
 
 
 def other_side(name: str, *, capitals: bool = False) -> str:

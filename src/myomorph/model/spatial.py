@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
@@ -48,6 +48,7 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Transform:
     """Pose of a frame B in a frame A: x_A = rotation @ x_B + translation.

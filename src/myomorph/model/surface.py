@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles over points.

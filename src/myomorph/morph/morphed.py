@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.morph.maps.fields import BoneMap
 
@@ -136,4 +136,4 @@ class Morph:
     muscles: tuple[MuscleChange, ...]
     options: MorphOptions = field(default_factory=MorphOptions)
     notes: tuple[str, ...] = ()
-    left_out: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))

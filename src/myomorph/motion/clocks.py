@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.join import clock_difference
 from myomorph.model.series import Motion, Series, Wrenches
@@ -65,6 +65,7 @@ class ClockOptions:
                 raise BadData(f"{name} is {value:g}: expected above 0")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Clock:
     """How another recording's clock runs against the reference.

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import nnls
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Emg, Series
@@ -46,6 +46,7 @@ class DelayOptions:
             raise BadData(f"unknown delay by '{self.by}': there are 'subject', 'channel'")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Delays:
     """Delay of each channel, and how sure it is.
@@ -179,6 +180,7 @@ ChannelMap = Mapping[str, Sequence[str]]
 """EMG channel to the muscles it tells of; muscles may be told of by several channels."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class EmgCalibration:
     """What turns envelopes into activations: a(t) = gain * envelope(t - delay) + offset.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import simm_spline
 from myomorph.rigid.kernels import inner, kernel
@@ -32,6 +32,7 @@ _POWER = np.array(
 )
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A smooth function made of quintic pieces and continued by straight lines.

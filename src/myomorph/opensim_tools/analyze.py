@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from myomorph.io.osim.actuators import read_actuators, write_controls
 from myomorph.io.osim.tool_setups import Analysis, AnalyzeSetup, StaticOptimizationSettings
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadData, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table
 from myomorph.opensim_tools.bodies import body_kinematics, kinematics, muscle_analysis, point_kinematics
@@ -117,7 +117,7 @@ def static_optimization(
     strength = {one.name: one.optimal_force for one in (*model.actuators, *actuators)}
     controls = tension.reserves / np.array([strength[one] for one in tension.reserve_names])
     names = (*tension.muscles, *tension.reserve_names)
-    facts = MappingProxyType({"name": "Static Optimization"})
+    facts = FrozenMap({"name": "Static Optimization"})
     # OpenSim has viscosity as a force beside the muscle's.
     pulls = tension.forces - tension.viscous
     tables = {

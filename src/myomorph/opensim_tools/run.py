@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.osim.scale_setup import ScaleSetup
 from myomorph.io.osim.tool_setups import InverseDynamicsSetup, InverseKinematicsSetup, read_setup
 from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
@@ -19,7 +19,7 @@ from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_
 from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.opensim_tools.analyze import run_analyze
 from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, needed, write_outputs
-from myomorph.opensim_tools.scale import run_scale
+from myomorph.opensim_tools.scale import run_scale, tasks_of_setup
 from myomorph.opensim_tools.states import indexed_frames, loads_at, overlap
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
@@ -27,7 +27,6 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
 from myomorph.study.trial.steps.id import torque_table
-from myomorph.study.trial.trial_files import task_values, with_tasks
 
 
 def run_tool(source: Path) -> ToolResult:
@@ -64,8 +63,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     trial = inputs.fitted_to(model, inputs.read_recording(markers_path))
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
-    options = with_tasks(InverseKinematicsOptions(), setup.tasks, model, str(source))
-    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
+    options = tasks_of_setup(InverseKinematicsOptions(), setup.tasks, setup.coordinates, model, source)
     with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         fit = inverse_kinematics(model, markers, options, advance)
     tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}
@@ -157,7 +155,7 @@ def error_table(fit: KinematicsFit) -> Table:
     """Marker errors as OpenSim's inverse kinematics reports them: of all markers of a frame together."""
     total = np.nansum(fit.errors**2, axis=1)
     names = ("total_squared_error", "marker_error_RMS", "marker_error_max")
-    facts = MappingProxyType({"name": "Model Marker Errors from IK"})
+    facts = FrozenMap({"name": "Model Marker Errors from IK"})
     return Table(fit.motion.time, names, np.column_stack([total, fit.rms, fit.largest]), facts=facts)
 
 
@@ -169,5 +167,5 @@ def location_table(model: Model, fit: KinematicsFit) -> Table:
     bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
     points = poses.points(bodies, np.array([one.location for one in marked]))
     names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
-    facts = MappingProxyType({"name": "Model Marker Locations from IK"})
+    facts = FrozenMap({"name": "Model Marker Locations from IK"})
     return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

@@ -6,16 +6,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.osim.marker_set import write_marker_set, write_scale_set
 from myomorph.io.osim.scale_setup import PlacerSetup, ScalerSetup, ScaleSetup
+from myomorph.io.osim.setup_parts import IkTasks
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Table
@@ -24,9 +25,9 @@ from myomorph.motion.measurements import Placement, frames_around, measure, plac
 from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
+from myomorph.study.subject.calibrating import with_marker_set
 from myomorph.study.trial import inputs
-from myomorph.study.trial.inputs import with_marker_set
-from myomorph.study.trial.trial_files import task_values, with_tasks
+from myomorph.study.trial.trial_files import with_tasks
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
@@ -125,8 +126,7 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     trial = _markers(setup.markers, model, notes)
     # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is millimetres off.
     exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500)
-    options = with_tasks(exact, setup.tasks, model, str(source))
-    options = replace(options, coordinates=task_values(setup.tasks, setup.coordinates, model, source))
+    options = tasks_of_setup(exact, setup.tasks, setup.coordinates, model, source)
     with inputs.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
     return replace(placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes)))
@@ -148,7 +148,7 @@ def pose_table(motion: Motion, model: Model) -> Table:
     names = tuple(f"{path}/{kind}" for path in paths for kind in ("value", "speed"))
     states = {} if without_fibers(model) else default_states(model)
     rest = np.tile(list(states.values()), (len(motion), 1)).reshape(len(motion), -1)
-    facts = MappingProxyType({"name": "static pose"})
+    facts = FrozenMap({"name": "static pose"})
     labels = (*names, *(f"/forceset/{muscle}/{state}" for muscle, state in states))
     return Table(motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts)
 
@@ -169,3 +169,29 @@ def _markers_line(placement: Placement) -> str:
     rms, worst = (100.0 * float(one[0]) for one in (placement.fit.rms, placement.fit.largest))
     text = f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest {worst:.2f} cm"
     return text + (f"; {len(placement.removed)} that were not recorded removed" if placement.removed else "")
+
+
+def tasks_of_setup(
+    options: InverseKinematicsOptions, tasks: IkTasks, coordinates: Path | None, model: Model, source: Path
+) -> InverseKinematicsOptions:
+    """Options with the tasks of a setup file, and the motion that coordinate tasks take their values from.
+
+    Parameters
+    ----------
+    coordinates : file of that motion; it is not read where no task takes its value from it
+    source : the setup file
+
+    Raises
+    ------
+    BadData
+        where a task takes its value from a file, but none is named, or no marker of the model has a weight
+    """
+    options = with_tasks(options, tasks, model, str(source))
+    wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]
+    if not wanted:
+        return options
+    if coordinates is None:
+        raise BadData(
+            f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
+        )
+    return replace(options, coordinates=inputs.read_motion(coordinates, model))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from myomorph.io.osim.tool_setups import AnalyzeSetup
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate, natural_spline
@@ -64,7 +64,7 @@ class Analyzed:
     recorded: Motion
     motion: Motion
     first: int
-    stored: States = field(default_factory=lambda: MappingProxyType({}))
+    stored: States = field(default_factory=lambda: FrozenMap({}))
     balanced: bool = False
     loads: Path | None = None
 
@@ -88,7 +88,7 @@ class Analyzed:
 
     def table(self, names: Sequence[str], values: Array, title: str, in_degrees: bool = False) -> Table:
         """Values (frames, columns) of the motion's frames under the title that OpenSim gives them."""
-        facts = MappingProxyType({"name": title})
+        facts = FrozenMap({"name": title})
         return Table(self.motion.time, tuple(names), values, in_degrees=in_degrees, facts=facts)
 
     @cached_property

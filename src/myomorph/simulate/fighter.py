@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 
 HEIGHT = 1.75
 """Of the body whose measures stand below [m]."""
@@ -173,8 +173,8 @@ class Build:
     mass: float = 75.0
     height: float = HEIGHT
     strength: float = 1.0
-    strengths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    paths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    strengths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    paths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     @property
     def size(self) -> float:

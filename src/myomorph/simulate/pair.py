@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mujoco
@@ -19,6 +18,7 @@ from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.join import join_models
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -249,7 +249,7 @@ def _truth(
         Series(time, muscles, run.tensions[rows]),
         Series(time, (*FEET, *GRIPS), forces),
         wrenches,
-        MappingProxyType(dict(models)),
+        FrozenMap(dict(models)),
     )
 
 
@@ -284,14 +284,14 @@ def _recorded(
     sites = pair_sites(builds)
     return VirtualPair(
         options,
-        MappingProxyType(dict(known)),
+        FrozenMap(dict(known)),
         whole,
         Markers(time, whole.marker_names, places),
         Emg(time, whole.muscle_names, envelope),
-        MappingProxyType({part: _plates(truth, part) for part in PARTS}),
+        FrozenMap({part: _plates(truth, part) for part in PARTS}),
         sites,
         _touching(truth, known, sites),
-        MappingProxyType(dict(builds)),
+        FrozenMap(dict(builds)),
         truth,
     )
 

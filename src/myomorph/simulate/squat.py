@@ -10,7 +10,6 @@ compares is thus the effect of noise and filters, not the criterion itself.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
@@ -39,9 +39,9 @@ KEPT_FREE = (
     "root_", "flex_extension", "lat_bending", "axial_rotation", "elv_angle_", "shoulder_elv_", "shoulder_rot_",
     "elbow_flexion_", "pro_sup_", "hip_", "knee_angle_", "ankle_angle_", "subtalar_angle_",
 )  # fmt: skip
-STANDING = MappingProxyType({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
+STANDING = FrozenMap({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
 """The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
-SQUAT = MappingProxyType(
+SQUAT = FrozenMap(
     {
         "root_rx": 14.0,
         "hip_flexion_r": 55.0,
@@ -141,7 +141,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
                 f"{options.seed}.",
             ),
         ),
-        truth=MappingProxyType(known),
+        truth=FrozenMap(known),
         sources=(
             value_source("model", "demo:simulated", *(one.mass for one in model.bodies), *model.coordinate_names),
             value_source("markers", "simulated markers", markers.values),

@@ -9,7 +9,7 @@ import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Self, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from myomorph.model.errors import BadData
 
@@ -174,6 +174,22 @@ def plain_settings(options: object) -> dict[str, object]:
     prefix = prefix_of(type(options))
     names = [setting.name for setting in settings_of(type(options))]
     return {name: getattr(options, name.removeprefix(prefix)) for name in names}
+
+
+@dataclass(frozen=True)
+class SettingGroup:
+    """Option values of several kinds in fields of their own, each with a default."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Each with the settings of a command line or a study file that are its own."""
+        empty = cls()
+        return cls(**{one.name: with_settings(getattr(empty, one.name), given) for one in dataclasses.fields(cls)})
+
+    def plain(self) -> dict[str, object]:
+        """All settings as plain values, for provenance."""
+        parts = (getattr(self, one.name) for one in dataclasses.fields(self))
+        return {name: value for part in parts for name, value in plain_settings(part).items()}
 
 
 def _is_simple(kind: Any) -> bool:

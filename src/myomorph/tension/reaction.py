@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Joint, Model, index_of
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Transform
@@ -39,6 +39,7 @@ from myomorph.tension.terms.actuators import default_reserves
 On = Literal["child", "parent"]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class JointReactions:
     """Loads of joints over time, each on one of its bodies, at the joint's point, in the axes of one frame.
@@ -83,7 +84,7 @@ class JointReactions:
         ]
         names = tuple(f"{root}_{kind}{axis}" for root in roots for kind in "fmp" for axis in "xyz")
         values = np.stack(parts, axis=2).reshape(len(self.time), -1)
-        return Table(self.time, names, values, facts=MappingProxyType({"name": "Joint Reaction Loads"}))
+        return Table(self.time, names, values, facts=FrozenMap({"name": "Joint Reaction Loads"}))
 
 
 def joint_reactions(

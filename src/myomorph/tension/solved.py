@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import Tree
 from myomorph.tension.dual import OPTIMAL, solve_separable
@@ -192,7 +192,7 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
             penalties = np.array(solved.penalties[k])[None]
             status = np.empty(many, np.int8)
             solve_separable(
-                solved.shared._replace(lower=bounds[0][k].copy(), upper=bounds[1][k].copy()),
+                solved.shared._replace(lower=frozen_array(bounds[0][k]), upper=frozen_array(bounds[1][k])),
                 values,
                 right,
                 targets[k],

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.analysis.selection import coordinate_pairs, pairs
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 from myomorph.report.trial.given import ReportInput
@@ -26,8 +26,8 @@ MAX_CURVES = 8
 MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
-NOW: Mapping[str, Any] = MappingProxyType(
-    {"label": "now", "stroke": "#1d2329", "width": 1, "points": MappingProxyType({"show": False})}
+NOW: Mapping[str, Any] = FrozenMap(
+    {"label": "now", "stroke": "#1d2329", "width": 1, "points": FrozenMap({"show": False})}
 )
 
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.viewer.web_page import BONE, Links
 
-LAYERS: Mapping[str, str] = MappingProxyType(
+LAYERS: Mapping[str, str] = FrozenMap(
     {
         "bones": "Bones",
         "muscles": "Muscles",
@@ -29,7 +29,7 @@ LAYERS: Mapping[str, str] = MappingProxyType(
 )
 """What can be shown or hidden, and how it is called."""
 
-COLORS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
+COLORS: Mapping[str, tuple[int, int, int]] = FrozenMap(
     {
         "measured": (26, 148, 117),
         "estimated": (233, 138, 21),

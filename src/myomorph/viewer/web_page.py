@@ -7,7 +7,6 @@ import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.scene import Scene, Solid
@@ -194,7 +194,7 @@ class Links:
         page: Any,
         root: str,
         solids: Sequence[Solid],
-        colors: Mapping[int, tuple[int, int, int]] = MappingProxyType({}),
+        colors: Mapping[int, tuple[int, int, int]] = FrozenMap({}),
     ):
         self.handles: dict[int, Any] = {}
         for body in sorted({one.body for one in solids}):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.identify import SpecimenViscosity
 
@@ -126,13 +126,13 @@ def specimen_row(found: SpecimenViscosity) -> Row:
     known["estimated_muscle_mass"] = found.muscle_mass
     if found.measured_muscle_mass is not None:
         known["measured_muscle_mass"] = exactly(found.measured_muscle_mass)
-    return MappingProxyType({name: one for name, one in known.items() if one is not None})
+    return FrozenMap({name: one for name, one in known.items() if one is not None})
 
 
 def published_row(specimen: PublishedSpecimen) -> Row:
     """The quantities of a printed row; their intervals are unknown."""
     values = {one.name: float(getattr(specimen, one.name)) for one in QUANTITIES}
-    return MappingProxyType({name: Estimate(value, np.nan, np.nan) for name, value in values.items()})
+    return FrozenMap({name: Estimate(value, np.nan, np.nan) for name, value in values.items()})
 
 
 def exactly(value: float) -> Estimate:

@@ -1,12 +1,12 @@
 import re
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 import pytest
 from lxml import etree, html
 from tests.walker import having, shown
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Emg, Event, Series, Wrenches
 from myomorph.report.page.parts import Note
 from myomorph.report.trial.given import ReportInput, Truth
@@ -126,7 +126,7 @@ def test_what_users_write_stays_text() -> None:
             model=renamed,
             notes=(Note("real", odd),),
             warnings=(odd,),
-            facts=MappingProxyType({odd: odd}),
+            facts=FrozenMap({odd: odd}),
             events=(Event(0.1, odd, "Right"),),
         )
     )
@@ -138,7 +138,7 @@ def test_emg_is_drawn_on_its_muscle_and_never_guessed() -> None:
     given = everything(100)
     assert given.tension is not None
     emg = Emg(given.tension.time, ("ch1", "ch2"), np.abs(np.sin(given.tension.time))[:, None] * [1.0, 0.5])
-    page = parsed(having(given, emg=emg, emg_muscles=MappingProxyType({"ch1": ("recfem_r",)})))
+    page = parsed(having(given, emg=emg, emg_muscles=FrozenMap({"ch1": ("recfem_r",)})))
     drawing = page.xpath("//section[@id='activations']//svg[@aria-label='Rectus femoris']")[0]
     assert "EMG right" in drawing.xpath(".//path[@data-label]/@data-label")
     assert page.xpath("//section[@id='emg']//svg/@aria-label") == ["ch2"]

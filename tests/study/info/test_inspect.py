@@ -168,7 +168,6 @@ def test_values_that_are_no_measure_are_told(value, shown, tmp_path):
     assert shown in said
 
 
-@pytest.mark.long
 def test_recordings_cut_at_any_length_end_in_one_line(data, tmp_path):
     names = (
         "c3d-vendor-samples/C3DSamples/c3d.org/sample01/Eb015si.c3d",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,6 +22,10 @@ from benchmarks.interrupted_checks import (
     runs,
 )
 
+from myomorph.demo.arm import example_files
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+
 STUDY = """
 [study]
 name = "reaching"
@@ -33,8 +38,10 @@ steps = ["ik", "id", "muscles", "tension"]
 TRIALS = 6
 
 
-@pytest.fixture
-def study(arm: SimpleNamespace) -> Path:
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study file beside its recordings; nothing writes there."""
+    arm = example_files(tmp_path_factory.mktemp("study"))
     for number in range(TRIALS):
         (arm.folder / f"reach_{number}.trc").write_bytes(arm.markers.read_bytes())
     path = arm.folder / "study.toml"
@@ -42,14 +49,31 @@ def study(arm: SimpleNamespace) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def undisturbed(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of the study when nothing happens; nothing writes there."""
+    out = tmp_path_factory.mktemp("undisturbed") / "whole"
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in SETTINGS.items():
+            patch.setenv(name, value)
+        outcomes = run_study(read_plan(study), out)
+    assert [one.error for one in outcomes] == [""] * TRIALS
+    return out
+
+
 @pytest.fixture
-def undisturbed(study: Path, command: Callable[..., SimpleNamespace], monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Results of the study when nothing happens."""
+def run_here(
+    study: Path, command: Callable[..., SimpleNamespace], in_process: None, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[Path], tuple[int, str]]:
+    """Runs the study in this process: exit status and what was said."""
     for name, value in SETTINGS.items():
         monkeypatch.setenv(name, value)
-    out = study.parent / "whole"
-    assert command("run", study, "--out", out, "--workers", 1).status == 0
-    return out
+
+    def run(out: Path) -> tuple[int, str]:
+        told = command("run", study, "--out", out)
+        return told.status, told.out + told.err
+
+    return run
 
 
 @pytest.fixture
@@ -81,7 +105,8 @@ def wait_for(there: Callable[[], bool], process: object) -> None:
         time.sleep(0.02)
 
 
-def test_checks_see_what_is_not_whole(undisturbed: Path) -> None:
+def test_checks_see_what_is_not_whole(undisturbed: Path, tmp_path: Path) -> None:
+    undisturbed = Path(shutil.copytree(undisturbed, tmp_path / "whole"))
     assert half_written(undisturbed) == []
     assert differences(undisturbed, undisturbed)[1] == []
     assert computed_twice(undisturbed) == []
@@ -99,8 +124,10 @@ def test_checks_see_what_is_not_whole(undisturbed: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_killed_program_goes_on_where_it_was(study: Path, undisturbed: Path) -> None:
-    out = study.parent / "killed"
+def test_a_killed_program_goes_on_where_it_was(
+    study: Path, undisturbed: Path, run_here: Callable[[Path], tuple[int, str]], tmp_path: Path
+) -> None:
+    out = tmp_path / "killed"
     for done in (0, 2):
         process = begin(study, out, "--workers", "2")
         wait_for(lambda done=done: runs(out) > 0 and ended(out) >= done, process)
@@ -111,7 +138,7 @@ def test_a_killed_program_goes_on_where_it_was(study: Path, undisturbed: Path) -
         assert psutil.wait_procs(others, timeout=30)[1] == []
         assert half_written(out) == []
         assert differences(out, undisturbed, whole=False)[1] == []
-    code, said = end_of(begin(study, out, "--workers", "2"))
+    code, said = run_here(out)
     assert code == 0, said
     compared, unequal = differences(out, undisturbed)
     assert compared > 10 * TRIALS
@@ -120,19 +147,20 @@ def test_a_killed_program_goes_on_where_it_was(study: Path, undisturbed: Path) -
     assert left_over(out) == []
 
 
-@pytest.mark.long
-def test_a_full_disk_leaves_what_was_done(study: Path, undisturbed: Path, mount: Callable[[str], Path]) -> None:
+def test_a_full_disk_leaves_what_was_done(
+    undisturbed: Path, run_here: Callable[[Path], tuple[int, str]], mount: Callable[[str], Path]
+) -> None:
     import subprocess
 
     size = sum(path.stat().st_size for path in undisturbed.rglob("*") if path.is_file())
     out = mount(f"size={size // 2}")
-    code, said = end_of(begin(study, out, "--workers", "1"))
+    code, said = run_here(out)
     assert code == 2, said
     assert "no space is left" in said
     assert half_written(out) == []
     assert differences(out, undisturbed, whole=False)[1] == []
     subprocess.run(("mount", "-o", f"remount,size={8 * size}", str(out)), check=True)
-    code, said = end_of(begin(study, out, "--workers", "1"))
+    code, said = run_here(out)
     assert code == 0, said
     assert differences(out, undisturbed)[1] == []
     assert computed_twice(out) == []

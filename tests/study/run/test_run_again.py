@@ -8,9 +8,11 @@ import hashlib
 import os
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from myomorph.demo.arm import example_files
 from myomorph.model.errors import BadData, BadFile
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.plan.plan_checks import OF_STUDY
@@ -33,13 +35,14 @@ cutoff = {cutoff}
 [options.report]
 preset = "{preset}"
 """
+DATE = "1700000000"
 OF_A_RUN = ("study.log", "study.json", "timings.csv")
 """Files that tell of runs, not of results."""
 
 
 @pytest.fixture
 def dated(monkeypatch):
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", DATE)
 
 
 ALL = '"ik", "id", "report"'
@@ -82,9 +85,29 @@ def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
     assert not list(there.rglob(".*"))
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The example's files and the results of two trials, and the contents of these; nothing writes there."""
+    arm = example_files(tmp_path_factory.mktemp("finished"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", DATE)
+        run(arm, trials=2, steps=ALL)
+    return arm, contents(arm.out)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The example's files, and contents of the results of one trial that nothing interrupted."""
+    arm = example_files(tmp_path_factory.mktemp("whole"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", DATE)
+        run(arm, steps=EVERY)
+    return arm, contents(arm.out)
+
+
 @pytest.mark.parametrize("stopped_in", ["id", "tension", "gather", "report"])
-def test_an_interrupted_run_ends_with_the_same_bytes(arm, dated, tmp_path, monkeypatch, stopped_in):
-    run(arm, out=tmp_path / "whole", steps=EVERY)
+def test_an_interrupted_run_ends_with_the_same_bytes(whole, dated, tmp_path, monkeypatch, stopped_in):
+    arm, expected = whole
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -100,7 +123,7 @@ def test_an_interrupted_run_ends_with_the_same_bytes(arm, dated, tmp_path, monke
             run(arm, out=tmp_path / "halves", steps=EVERY)
     (outcome,) = run(arm, out=tmp_path / "halves", steps=EVERY)
     assert outcome.error == ""
-    assert contents(tmp_path / "halves") == contents(tmp_path / "whole")
+    assert contents(tmp_path / "halves") == expected
     assert not list((tmp_path / "halves").rglob(".*"))
 
 
@@ -268,12 +291,14 @@ def test_no_worker_begins_where_nothing_has_changed(arm):
     "lost",
     ["study.html", "results_tidy.csv", "s01/reach0/values.csv", "s01/reach0/report.html", "s01/reach0/reach0.nc"],
 )
-def test_what_was_removed_is_made_again(arm, dated, lost):
-    run(arm, trials=2, steps=ALL)
-    before = contents(arm.out)
-    (arm.out / lost).unlink()
-    run(arm, trials=2, steps=ALL)
-    assert contents(arm.out) == before
+def test_what_was_removed_is_made_again(finished, dated, tmp_path, lost):
+    arm, before = finished
+    out = Path(shutil.copytree(arm.out, tmp_path / "out"))
+    (out / lost).unlink()
+    first, second = run(arm, trials=2, out=out, steps=ALL)
+    assert first.error == ""
+    assert second.reused == ("ik", "id", "report")
+    assert contents(out) == before
 
 
 def test_a_table_that_was_altered_is_made_again(arm, dated):

@@ -22,7 +22,8 @@ from myomorph.study.run.run import run_study
 from myomorph.study.summary import study_tables
 from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans, described
 from myomorph.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
-from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL, Value
+from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL
+from myomorph.study.trial.trial_inputs import Value
 
 SUBJECT = """[[subject]]
 name = "{0}"

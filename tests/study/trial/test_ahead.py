@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 
-import pytest
+from filelock import FileLock
+
+from myomorph.rigid.kernels import LOCK, kernel_folder
+from myomorph.study.trial.ahead import TENDONS, compile_muscles
 
 USE = """
 from myomorph.study.trial import ahead
@@ -20,8 +24,12 @@ assert not path_frames.stats.cache_misses
 """
 
 
-@pytest.mark.long
 def test_what_the_child_compiles_is_found_in_the_cache(tmp_path):
+    """In a cache that lacks the kernel of paths; what that calls is compiled once for all tests."""
+    compile_muscles(frozenset({TENDONS}))
+    folder = kernel_folder()
+    with FileLock(folder / LOCK):
+        shutil.copytree(folder, tmp_path / folder.name, ignore=shutil.ignore_patterns("*.path_frames-*", LOCK))
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     subprocess.run([sys.executable, "-m", "myomorph.study.trial.ahead", "tendons"], check=True, env=environment)
     subprocess.run([sys.executable, "-c", USE], check=True, env=environment)

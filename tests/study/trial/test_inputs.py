@@ -10,7 +10,8 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study.trial import inputs
-from myomorph.study.trial.inputs import assigned_wrenches, fitted_to, open_model, read_loads, read_motion
+from myomorph.study.trial.inputs import fitted_to, open_model, read_loads, read_motion
+from myomorph.study.trial.trial_files import assigned_wrenches
 
 
 @pytest.fixture(scope="module")

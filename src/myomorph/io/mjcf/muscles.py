@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from myomorph.io.mjcf.bodies import MjcfNames, pose_of
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Kept
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 
@@ -133,7 +133,7 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
         max_contraction_velocity=given["vmax"],
         min_activation=max(0.0, float(m.actuator_ctrlrange[i, 0])) if limited else 0.0,
         max_activation=float(m.actuator_ctrlrange[i, 1]) if limited else 1.0,
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
     )
 
 

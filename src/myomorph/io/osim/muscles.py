@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from myomorph.io.osim.document import Node, child, put
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.paths import PathReader, write_path
 from myomorph.model.errors import BadModel
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.paths import Muscle
 
@@ -126,10 +126,10 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         node.number("max_contraction_velocity", speed),
         low,
         high,
-        MappingProxyType(_parameters(node)),
+        FrozenMap(_parameters(node)),
         groups,
         node.is_applied,
-        MappingProxyType(_free_curves(node)),
+        FrozenMap(_free_curves(node)),
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from lxml import etree
@@ -14,12 +13,13 @@ from myomorph.io.osim.frames import Frames, body_path
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, SineProduct, constant
 from myomorph.model.model import Kept
 from myomorph.model.paths import Ligament, MovingPathPoint, Path, PathPoint, PathWrap
 from myomorph.model.spatial import Transform
 
-SLACK: Mapping[str, str] = MappingProxyType(
+SLACK: Mapping[str, str] = FrozenMap(
     {"Ligament": "resting_length", "Blankevoort1991Ligament": "slack_length", "PathSpring": "resting_length"}
 )
 """The length at which each class begins to pull, by the file's name."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.io.osim.document import Node
 from myomorph.io.osim.setup_parts import IkTasks, output_of, path_of, tasks_of, unknown_parts
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.landmarks import Measurement
 
 SCALE_TOOL = "ScaleTool"
@@ -87,7 +87,7 @@ class ScaleSetup:
     mass: float | None
     scaler: ScalerSetup | None
     placer: PlacerSetup | None
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     warnings: tuple[str, ...] = ()
 
 
@@ -112,7 +112,7 @@ def scale_setup(node: Node) -> ScaleSetup:
         mass if mass > 0.0 else None,
         None if scaler is None or not scaler.flag("apply", True) else _scaler(scaler),
         None if placer is None or not placer.flag("apply", True) else _placer(placer),
-        MappingProxyType({tag: text for tag in ("height", "age", "notes") if (text := node.text("", tag))}),
+        FrozenMap({tag: text for tag in ("height", "age", "notes") if (text := node.text("", tag))}),
         tuple(warnings),
     )
 
@@ -127,7 +127,7 @@ def _scaler(node: Node) -> ScalerSetup:
     return ScalerSetup(
         order,
         tuple(measurements),
-        MappingProxyType(factors),
+        FrozenMap(factors),
         path_of(node, "marker_file"),
         _range(node),
         node.flag("preserve_mass_distribution", False),
@@ -150,7 +150,7 @@ def _measurement(node: Node) -> Measurement:
             raise body.bad(f"'axes' is '{axes}'", "expected some of X, Y and Z")
         if axes:
             bodies[body.name] = axes
-    return Measurement(node.name, tuple(pairs), MappingProxyType(bodies))
+    return Measurement(node.name, tuple(pairs), FrozenMap(bodies))
 
 
 def _factors(node: Node) -> tuple[str, Array]:

@@ -7,13 +7,13 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from types import MappingProxyType
 from typing import Literal
 
 from lxml import etree
 
 from myomorph.io.osim.document import Node, read_document
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 
 UNASSIGNED = ("", "Unassigned", "NULL")
 OUTPUTS = (".osim", ".mot", ".sto", ".xml")
@@ -85,7 +85,7 @@ def tasks_of(node: Node) -> IkTasks:
     """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such set."""
     found = _task_set(node)
     if found is None:
-        return IkTasks(MappingProxyType({}))
+        return IkTasks(FrozenMap({}))
     weights: dict[str, float] = {}
     aims = []
     for element in found.iter("IKMarkerTask", "IKCoordinateTask"):
@@ -101,7 +101,7 @@ def tasks_of(node: Node) -> IkTasks:
             weights[task.name] = weight
         else:
             aims.append(_aim(task, weight))
-    return IkTasks(MappingProxyType(weights), tuple(aims))
+    return IkTasks(FrozenMap(weights), tuple(aims))
 
 
 def _task_set(node: Node) -> etree._Element | None:

@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from lxml import etree
@@ -24,6 +23,7 @@ from myomorph.io.osim.setup_parts import (
     with_included,
 )
 from myomorph.model.errors import BadFile, listing
+from myomorph.model.frozen_map import FrozenMap
 
 IK_TOOLS = ("InverseKinematicsTool", "IKTool")
 MISSPELT = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
@@ -131,7 +131,7 @@ class Analysis:
     name: str
     step: int
     static_optimization: StaticOptimizationSettings | None = None
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     forces: Path | None = None
 
     def flag(self, option: str, default: bool) -> bool:
@@ -273,7 +273,7 @@ def _analysis(node: Node) -> Analysis:
         )
     options = {str(one.tag): (one.text or "").strip() for one in node.element if not len(one)}
     forces = path_of(node, "forces_file")
-    return Analysis(node.kind, node.name or node.kind, int(step), static, MappingProxyType(options), forces)
+    return Analysis(node.kind, node.name or node.kind, int(step), static, FrozenMap(options), forces)
 
 
 def _range(node: Node) -> tuple[float, float]:

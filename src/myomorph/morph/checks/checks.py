@@ -7,11 +7,11 @@ grown to the target's size.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import spearmanr
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import (
     CoordinatePair,
@@ -84,7 +84,7 @@ def check_morph(
     ]
     told(1.0)
     return MorphChecks(
-        tuple(sorted(deep, key=lambda one: -one.increase)), arms, MappingProxyType(order), folded,
+        tuple(sorted(deep, key=lambda one: -one.increase)), arms, FrozenMap(order), folded,
         tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))), options, tuple(notes),
     )  # fmt: skip
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -17,8 +16,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
@@ -39,6 +39,7 @@ class PointMap(Protocol):
         ...
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
     """Points of one bone and the same points of another.
@@ -200,7 +201,7 @@ class BoneMap:
     source: Surface | None = None
     target: Surface | None = None
     features: FeaturePoints | None = None
-    measures: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
 
 

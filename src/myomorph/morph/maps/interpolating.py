@@ -25,6 +25,7 @@ RADIAL_PAIRS = 500_000
 """Pairs of points and features at a time."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class RadialMap:
     """y = matrix x + offset + sum_i c_i phi(|x - x_i|), phi(r) = r or r^3.
@@ -152,6 +153,7 @@ AT_FEATURE = 1e-12
 """A point this near to a feature, as a share of the bone, is at it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SubspaceMap:
     """Every feature carries a transform; a point goes where they send it, each counting by its distance.

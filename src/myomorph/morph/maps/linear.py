@@ -22,6 +22,7 @@ MIRRORED = 0.3
 """Share of the residual that a mirrored fit leaves where one side was taken for the other."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Similarity:
     """y = scale rotation x + translation.
@@ -172,6 +173,7 @@ FOLDS = 24
 """Parts in which many features are left out in turn."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class AffineMap:
     """y = matrix x + offset.

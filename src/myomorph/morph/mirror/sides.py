@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import mirror_names, other_side
@@ -21,6 +21,7 @@ SNAP = 1e-6
 """A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Reflection:
     """x -> x - 2 (n . x - d) n, in the plane n . x = d.
@@ -250,7 +251,7 @@ def _signs(model: Model, planes: Mapping[str, Reflection], middle: Collection[st
     for coupler in model.couplers:
         if votes.get(coupler.dependent) == {True} and all(name in odd for name in coupler.independents):
             odd.add(coupler.dependent)
-    return MappingProxyType({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
+    return FrozenMap({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
 
 
 def _names(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import (
     Basis,
@@ -141,7 +141,7 @@ def map_bone(
         source=source,
         target=target,
         features=features,
-        measures=MappingProxyType(measures),
+        measures=FrozenMap(measures),
         notes=tuple(dict.fromkeys(notes)),
     )
 

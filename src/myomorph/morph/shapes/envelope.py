@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface, face_crosses, signed_volume
@@ -58,7 +58,7 @@ class Envelope:
     owner: np.ndarray
     spacing: float
     surface: Surface
-    soft_tissue: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    soft_tissue: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     @property
     def volume(self) -> float:
@@ -190,7 +190,7 @@ def grow_envelope(
         owner[within],
         grid.spacing,
         _surface(values, grid, level),
-        MappingProxyType({name: level * one for name, one in share.items()}),
+        FrozenMap({name: level * one for name, one in share.items()}),
     )
 
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
@@ -34,9 +34,10 @@ Box: TypeAlias = Mapping[str, tuple[float, float]]
 
 
 def _none() -> Mapping[str, Any]:
-    return MappingProxyType({})
+    return FrozenMap({})
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class AnatomicalFrame:
     """Directions of the anatomy in the frames of bodies.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
 from myomorph.model.paths import PassiveTorque
@@ -210,7 +210,7 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
     )
     rebuilt = tuple(one for _, one in found)
     notes = tuple(note for joint, one in found for note in _warnings(joint, one, carriers))
-    return TransferredJoints(skeleton, MappingProxyType(travel), rebuilt, notes)
+    return TransferredJoints(skeleton, FrozenMap(travel), rebuilt, notes)
 
 
 def _defaults(model: Model) -> dict[str, float]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Kept, Marker, Model, index_of
 from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWrap
 from myomorph.model.scale import taut_ligaments
@@ -122,7 +122,7 @@ def morph_model(
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
-        bones=MappingProxyType(found),
+        bones=FrozenMap(found),
         points=points,
         joints=joints.rebuilt,
         muscles=changes,
@@ -231,13 +231,13 @@ def graft_muscles(
     return Morph(
         source=source,
         model=replace(moved, muscles=grown, ligaments=taut),
-        bones=MappingProxyType(found),
+        bones=FrozenMap(found),
         points=points,
         joints=(),
         muscles=changes,
         options=options,
         notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
-        left_out=MappingProxyType(left_out),
+        left_out=FrozenMap(left_out),
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
@@ -136,7 +136,7 @@ def _with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
         muscle,
         optimal_fiber_length=growth.slope * muscle.optimal_fiber_length,
         tendon_slack_length=growth.slope * muscle.tendon_slack_length + growth.shift,
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
     )
 
 
@@ -171,7 +171,7 @@ def _with_force(muscle: Muscle, ratio: float, fiber: float) -> Muscle:
         muscle,
         max_isometric_force=muscle.max_isometric_force * ratio,
         viscosity=muscle.viscosity * ratio / fiber,
-        parameters=MappingProxyType(parameters),
+        parameters=FrozenMap(parameters),
     )
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.morphed import Morph
@@ -47,7 +47,7 @@ def morph_page(
         version=made.version,
         notes=(*notes, *_assumed(morph)),
         sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
-        steps=(Step("morph", MappingProxyType({name: _printed(value) for name, value in made.options.items()})),),
+        steps=(Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()})),),
         warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
     )
     sections = morphing_sections(morph, checks)

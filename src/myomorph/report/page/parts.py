@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.report.page.quantity import Quantity
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Verdict:
     detail : a clause that explains the value
     """
 
-    quantity: str
+    quantity: Quantity
     value: float
     unit: str
     limit: float | None
@@ -139,7 +141,7 @@ class Step:
     """
 
     name: str
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     seconds: float | None = None
     frames: int | None = None
 

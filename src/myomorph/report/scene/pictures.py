@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.scene.image import ACTIVATION, activation_color, base64_text, png
 from myomorph.report.scene.raster import Canvas, View
 from myomorph.report.scene.scene import Scene
@@ -20,7 +20,7 @@ BONE = (0.93, 0.89, 0.80)
 FORCE = (0.10, 0.58, 0.46)
 MUSCLE, UNKNOWN = (0.72, 0.24, 0.24), (0.55, 0.52, 0.52)
 SHRINK = 2
-VIEWS: Mapping[str, float] = MappingProxyType({"side": 0.0, "oblique": 40.0, "front": 90.0, "left": 180.0})
+VIEWS: Mapping[str, float] = FrozenMap({"side": 0.0, "oblique": 40.0, "front": 90.0, "left": 180.0})
 """From where a picture is taken, as the angle [deg] from the subject's right side towards its front."""
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 from myomorph.analysis.conditions import Condition
 from myomorph.analysis.groups import Comparison
+from myomorph.model.frozen_map import FrozenMap
 
 TrialState = Literal["done", "failed", "left out"]
 
@@ -44,7 +44,7 @@ class TrialLine:
     steps: tuple[str, ...] = ()
     frames: int = 0
     reason: str = ""
-    judged: Mapping[str, Judged] = field(default_factory=lambda: MappingProxyType({}))
+    judged: Mapping[str, Judged] = field(default_factory=lambda: FrozenMap({}))
     warnings: int = 0
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.report.page.parts import Verdict
@@ -20,7 +20,7 @@ from myomorph.report.page.quantity import Quantity
 from myomorph.report.trial.given import ReportInput, Situation
 from myomorph.report.trial.tables import judged_residual
 
-SITUATIONS: Mapping[Situation, str] = MappingProxyType(
+SITUATIONS: Mapping[Situation, str] = FrozenMap(
     {
         "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
         "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch "

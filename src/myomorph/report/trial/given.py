@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from myomorph.analysis.phases import Phase
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces, Contacts
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.surface import Surface
@@ -98,9 +98,9 @@ class Recorded:
     """
 
     subject: str = ""
-    facts: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     emg: Emg | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[ForcePlate, ...] = ()
     events: tuple[Event, ...] | None = None
     truth: Truth | None = None
@@ -217,7 +217,7 @@ class ReportInput:
 
     head: PageHead
     model: Model | None = None
-    surfaces: Mapping[str, Surface] = field(default_factory=lambda: MappingProxyType({}))
+    surfaces: Mapping[str, Surface] = field(default_factory=lambda: FrozenMap({}))
     recorded: Recorded = field(default_factory=Recorded)
     kinematics: Kinematics = field(default_factory=Kinematics)
     dynamics: Dynamics = field(default_factory=Dynamics)

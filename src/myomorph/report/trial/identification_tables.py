@@ -7,12 +7,12 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.segments import Segment, segments_of
 from myomorph.report.trial.identified import COMPONENTS, IdentificationInput, WrenchCheck
@@ -41,7 +41,7 @@ def _empty(cell: Cell) -> bool:
     return cell is None or (isinstance(cell, float) and not np.isfinite(cell))
 
 
-ATHLETES: Mapping[str, float] = MappingProxyType(
+ATHLETES: Mapping[str, float] = FrozenMap(
     {
         "Head": 6.9, "Body": 45.9, "Upper arm": 2.7, "Lower arm": 1.6, "Hand": 0.6, "Thigh": 11.0, "Shank": 5.1,
         "Foot": 1.1, "Upper body": 30.2, "Lower body": 18.7,
@@ -52,7 +52,7 @@ ATHLETES: Mapping[str, float] = MappingProxyType(
 "Body" is a misprint there: its two parts sum to 48.9, and only with 48.9 do all segments sum to 100.
 """
 
-_PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+_PARTS: Mapping[str, tuple[str, ...]] = FrozenMap(
     {
         "Head": ("head",),
         "Body": ("upper_trunk", "lower_trunk"),

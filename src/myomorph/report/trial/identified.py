@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.identify.subject import Identification
 from myomorph.identify.validation import CrossValidation
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
@@ -25,6 +25,7 @@ UNITS = ("N·m",) * 3 + ("N",) * 3
 """Of the components."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class IdentifiedBase:
     """The base parameters of [D] eq. 3.2 as they were estimated.
@@ -72,6 +73,7 @@ class LinkCheck:
     reason: str = ""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class WrenchCheck:
     """The base wrench on a motion that identification did not see, [D] figure 3.3.
@@ -96,7 +98,7 @@ class WrenchCheck:
         object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
         object.__setattr__(self, "measured", frozen_array(self.measured, shape))
         predicted = {name: frozen_array(one, shape) for name, one in self.predicted.items()}
-        object.__setattr__(self, "predicted", MappingProxyType(predicted))
+        object.__setattr__(self, "predicted", FrozenMap(predicted))
 
     @property
     def errors(self) -> Mapping[str, Array]:
@@ -143,12 +145,13 @@ class CalibratedBody:
     """
 
     lengths: tuple[LengthFound, ...] = ()
-    markers: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    markers: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     errors: tuple[TrialError, ...] = ()
     frames: int = 0
     notes: tuple[str, ...] = ()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class IdentificationInput:
     """Everything the report shows of one identified body; a part appears where it is given.
@@ -179,22 +182,22 @@ class IdentificationInput:
     """
 
     model: Model
-    segments: Mapping[str, Segment] = field(default_factory=lambda: MappingProxyType({}))
-    parameters: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
+    parameters: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
     chosen: str = ""
     share: Array = field(default_factory=lambda: np.zeros(0))
     base: IdentifiedBase | None = None
-    from_shape: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    misfit: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    from_shape: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
+    misfit: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
     held_out: Array | None = None
     never_shown: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
     checks: tuple[LinkCheck, ...] = ()
-    left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: Mapping[str, int] = field(default_factory=lambda: FrozenMap({}))
     frames: int = 0
     validation: tuple[WrenchCheck, ...] = ()
     calibration: CalibratedBody | None = None
-    surfaces: Mapping[str, Surface] = field(default_factory=lambda: MappingProxyType({}))
+    surfaces: Mapping[str, Surface] = field(default_factory=lambda: FrozenMap({}))
     pose: Motion | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
@@ -202,7 +205,7 @@ class IdentificationInput:
     def __post_init__(self) -> None:
         bodies = len(self.model.bodies)
         given = {name: frozen_array(one, (bodies, 10)) for name, one in self.parameters.items()}
-        object.__setattr__(self, "parameters", MappingProxyType(given))
+        object.__setattr__(self, "parameters", FrozenMap(given))
         if len(self.share) not in (0, bodies):
             raise BadData(f"expected the share of {bodies} links, but got {len(self.share)}")
         object.__setattr__(self, "share", frozen_array(self.share, (-1,)))
@@ -213,7 +216,7 @@ class IdentificationInput:
         return {name: one[:, 0] for name, one in self.parameters.items()}
 
 
-NOTHING: Mapping[str, Surface] = MappingProxyType({})
+NOTHING: Mapping[str, Surface] = FrozenMap({})
 
 
 def identification_input(

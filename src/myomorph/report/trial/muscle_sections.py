@@ -16,6 +16,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
+from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few
 
@@ -141,9 +142,8 @@ GAITS = ("", "gait")
 """Presets in which strides are looked for."""
 
 
-def analysed_lengths(prepared: Prepared) -> LengthAnalysis | None:
+def analysed_lengths(given: ReportInput) -> LengthAnalysis | None:
     """Lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-    given = prepared.given
     model, motion, lengths = given.model, given.kinematics.motion, given.muscles.lengths
     if lengths is None or model is None or motion is None or given.analysis.preset not in GAITS:
         return None
@@ -153,7 +153,7 @@ def analysed_lengths(prepared: Prepared) -> LengthAnalysis | None:
 
 def length_cycle_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths over the stride, right and left together."""
-    analysis = analysed_lengths(prepared)
+    analysis = analysed_lengths(prepared.given)
     if analysis is None:
         return None
     ranges = analysis.ranges

@@ -10,12 +10,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 from myomorph.model.errors import listing
+from myomorph.model.frozen_map import FrozenMap
 
-UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+UNITS: Mapping[str, Mapping[str, float]] = FrozenMap(
     {
         "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
         "height": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254},
@@ -33,12 +33,12 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )
 """Units that a heading may name, the first of each meant where it names none."""
 
-LARGEST: Mapping[str, float] = MappingProxyType({"mass": 700.0, "height": 3.0, "chest": 3.0, "age": 130.0})
+LARGEST: Mapping[str, float] = FrozenMap({"mass": 700.0, "height": 3.0, "chest": 3.0, "age": 130.0})
 """Beyond these [kg, m, m, years] a value is in another unit than its heading says."""
 
 TEXTS = ("subject", "model", "sex", "group")
 COLUMNS = ("subject", "model", "mass", "height", "chest", "sex", "age", "group")
-SEXES: Mapping[str, Literal["female", "male"]] = MappingProxyType(
+SEXES: Mapping[str, Literal["female", "male"]] = FrozenMap(
     {"female": "female", "f": "female", "male": "male", "m": "male"}
 )
 HEADING = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])])?\s*$")
@@ -100,6 +100,8 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     found: dict[str, Measures] = {}
     if "subject" not in {name for name, _ in columns}:
         return found
+    if len(filled) == 1:
+        remarks.append(f"{where}: has a line of names, but no line of a subject")
     for number, row in filled[1:]:
         one = _line(row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems)
         if one is not None and one.subject in found:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from myomorph.model.errors import BadFile, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.study_file import checked, existing, read_tables, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
@@ -60,14 +60,14 @@ class Plan:
     path: Path
     trials: tuple[TrialFiles, ...]
     steps: tuple[tuple[str, ...], ...]
-    settings: Settings = field(default_factory=lambda: MappingProxyType({}))
+    settings: Settings = field(default_factory=lambda: FrozenMap({}))
     remarks: tuple[str, ...] = ()
-    subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: MappingProxyType({}))
+    subjects: Mapping[str, SubjectFiles] = field(default_factory=lambda: FrozenMap({}))
     together: tuple[Together, ...] = ()
     groups: GroupPlan | None = None
     conditions: Conditions = field(default_factory=Conditions)
     excluded: tuple[Excluded, ...] = ()
-    own: Mapping[Key, Settings] = field(default_factory=lambda: MappingProxyType({}))
+    own: Mapping[Key, Settings] = field(default_factory=lambda: FrozenMap({}))
 
     def settings_of(self, subject: str, trial: str = "") -> Settings:
         """Settings of the steps of a trial, or of the steps on a subject."""
@@ -196,14 +196,14 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         path,
         tuple(trials),
         tuple(found.steps),
-        MappingProxyType(settings),
+        FrozenMap(settings),
         tuple(dict.fromkeys((*notes.notices, *notes.remarks, *notes.found))),
         found.subjects,
         together,
         groups,
         conditions,
         tuple(exclusions.found),
-        MappingProxyType(found.own),
+        FrozenMap(found.own),
     )
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from myomorph.model.errors import listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, matching
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
@@ -183,7 +183,7 @@ def subject_trials(
         measured=table.measured,
         mass=table.mass,
         time=table.time,
-        labels=MappingProxyType(dict(table.labels)),
+        labels=FrozenMap(dict(table.labels)),
     )
     check_time(table.time, f"{where}: time", problems)
     for trial, markers in _recordings(table, folder, where, problems):
@@ -225,12 +225,12 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
     return replace(
         whole,
         loads=loads,
-        bodies=MappingProxyType(dict(trial.bodies)),
+        bodies=FrozenMap(dict(trial.bodies)),
         plates=tuple(trial.plates),
         emg=_companion(whole, folder, trial.emg, "emg", notes),
         contacts=contacts_file(trial.contacts, folder, where, notes) if trial.contacts else whole.contacts,
         measured=trial.measured or whole.measured,
-        phases=MappingProxyType(dict(trial.phases)),
+        phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
         condition=trial.condition,
     )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from myomorph import __version__
+from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -90,8 +91,6 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     model = inputs.open_model(files.model) if model is None else model
     warnings = list(model.warnings)
     if files.marker_set is not None:
-        from myomorph.study.trial.inputs import with_marker_set
-
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
         options = replace(options, marker_weights=_weights(files.tasks, model))
@@ -276,3 +275,13 @@ def calibration_page(calibrated: Calibrated) -> str:
             ),
         )
     )
+
+
+def with_marker_set(model: Model, path: Path | None) -> Model:
+    """The model with the markers of a file; they replace those of the same names, and come last."""
+    if path is None:
+        return model
+    with inputs.about(path):
+        new = read_marker_set(path, model)
+    names = {one.name for one in new}
+    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))

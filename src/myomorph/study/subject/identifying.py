@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,6 +14,7 @@ from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
 from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -23,7 +22,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import plain_settings, with_settings
+from myomorph.store.settings import SettingGroup
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.subject_files import (
     BodyOptions,
@@ -46,27 +45,12 @@ LIGHTEST, HEAVIEST = 1e-3, 1e4
 
 
 @dataclass(frozen=True)
-class IdentifyOptions:
+class IdentifyOptions(SettingGroup):
     """All that identification may be told, each part in its own place."""
 
     recording: RecordingOptions = field(default_factory=RecordingOptions)
     identification: IdentificationOptions = field(default_factory=IdentificationOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
-
-    @staticmethod
-    def of(given: Mapping[str, Any]) -> IdentifyOptions:
-        """Options from settings of a command line or a study file."""
-        return IdentifyOptions(
-            with_settings(RecordingOptions(), given),
-            with_settings(IdentificationOptions(), given),
-            with_settings(BodyOptions(), given),
-        )
-
-    @property
-    def plain(self) -> dict[str, object]:
-        """The settings as plain values."""
-        parts = (self.recording, self.identification, self.body)
-        return {name: value for part in parts for name, value in plain_settings(part).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +166,8 @@ def identify_subject(
         for one, motion in zip(used, motions, strict=True)
         if motion.held_out
     }
-    made = provenance_of("identify", sources, {"mass": mass, **options.plain})
-    return Identified(found, MappingProxyType(validation), made)
+    made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
+    return Identified(found, FrozenMap(validation), made)
 
 
 def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
@@ -263,7 +247,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
                 warnings=found.notes,
             ),
             recorded=Recorded(
-                subject, MappingProxyType({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
+                subject, FrozenMap({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
             ),
             model=found.model,
             surfaces=surfaces,

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.transfer.model import morph_model
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
-from myomorph.store.settings import plain_settings, with_settings
+from myomorph.store.settings import SettingGroup
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
@@ -40,25 +39,12 @@ from myomorph.study.trial.trial_files import Settings
 
 
 @dataclass(frozen=True)
-class MorphSettings:
+class MorphSettings(SettingGroup):
     """What the steps of a morph are told: how bones are matched, how space is mapped, what is made of muscles."""
 
     match: MatchOptions = field(default_factory=MatchOptions)
     map: MapOptions = field(default_factory=MapOptions)
     morph: MorphOptions = field(default_factory=MorphOptions)
-
-    @staticmethod
-    def of(given: Mapping[str, Any]) -> MorphSettings:
-        """From the command line's or a study file's settings."""
-        return MorphSettings(
-            with_settings(MatchOptions(), given),
-            with_settings(MapOptions(), given),
-            with_settings(MorphOptions(), given),
-        )
-
-    def plain(self) -> dict[str, object]:
-        """As plain values, for provenance."""
-        return plain_settings(self.match) | plain_settings(self.map) | plain_settings(self.morph)
 
 
 @dataclass(frozen=True, eq=False)

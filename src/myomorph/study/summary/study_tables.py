@@ -41,11 +41,11 @@ from myomorph.study.trial.tidy import (
     QUALITY_COLUMNS,
     VALUE_COLUMNS,
     VALUES,
-    Value,
     read_curves,
     read_quality,
     read_values,
 )
+from myomorph.study.trial.trial_inputs import Value
 
 SMALL, LARGE = 10.0, 25.0
 """An angle that stays within the first on one side of zero and passes the second on the other bends one way [deg]."""

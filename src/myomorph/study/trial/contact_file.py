@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -15,6 +14,7 @@ from myomorph.contact.sites import body_sites
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.report.trial.given import Situation
 from myomorph.store.settings import Measured
@@ -49,8 +49,8 @@ class ContactPlan:
 
     feet: bool = True
     sites: tuple[Site, ...] = ()
-    when: Mapping[str, When] = field(default_factory=lambda: MappingProxyType({}))
-    surfaces: Mapping[str, float | None] = field(default_factory=lambda: MappingProxyType({}))
+    when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
+    surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
     told: Contacts | None = None
     sound: SoundPlan | None = None
     measured: Measured = "exact"
@@ -143,8 +143,8 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     return ContactPlan(
         found.feet,
         tuple(sites),
-        MappingProxyType({one.name: _when(one) for one in found.site}),
-        MappingProxyType(_surfaces(found)),
+        FrozenMap({one.name: _when(one) for one in found.site}),
+        FrozenMap(_surfaces(found)),
         told,
         sound,
         measured or found.measured,

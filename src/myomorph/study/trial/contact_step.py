@@ -19,7 +19,7 @@ from myomorph.contact.states import (
     preferred_directions,
     strengths,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import GROUND, Model
@@ -47,6 +47,7 @@ class ContactSetting:
     notes: tuple[str, ...] = ()
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Measurements:
     """What a recording tells of contacts beside the motion.

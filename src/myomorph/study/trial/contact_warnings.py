@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
+from myomorph.model.arrays import read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
 from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
 from myomorph.store.progress import progress
@@ -25,6 +26,7 @@ LARGE = 250
 """Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ContactWarnings:
     """Doubts about a solution.
@@ -114,4 +116,4 @@ def interval_table(intervals: Sequence[ContactIntervals]) -> Table:
         for ending in ("", "_low", "_high")
     )
     values = np.stack(parts, axis=3).reshape(len(time), -1)
-    return Table(time, names, values, facts=MappingProxyType({"name": "What the data leave open of contact forces"}))
+    return Table(time, names, values, facts=FrozenMap({"name": "What the data leave open of contact forces"}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +11,10 @@ import numpy as np
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.formats import read_model, read_trial
-from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.segments import feet_of
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
-from myomorph.study.trial import inputs
 
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
@@ -287,7 +284,7 @@ def read_loads(
         from myomorph.io.loads import read_external_loads
 
         with about(path):
-            wrenches = read_external_loads(path, poses=_poses_by(model, motion))
+            wrenches = read_external_loads(path, poses=PosesBy(model, motion))
     elif ending == ".toml":
         from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
 
@@ -332,7 +329,7 @@ def force_table(path: str | Path, bodies: Mapping[str, str]) -> Wrenches:
     return Wrenches(table.time, tuple(bodies), tuple(bodies.values()), force, point, free)
 
 
-class _poses_by:
+class PosesBy:
     """Poses of bodies in ground at any time of a motion, for loads that are given in moving frames."""
 
     def __init__(self, model: Model, motion: Motion):
@@ -370,61 +367,3 @@ def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tu
     if end < first or start > last:
         raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
     return start, end
-
-
-def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
-    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
-
-    Raises
-    ------
-    BadData
-        where there are fewer plates than bodies
-    """
-    from myomorph.contact.plates import wrenches_from_plates
-
-    if len(bodies) > len(trial.plates):
-        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
-        raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
-    used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
-    wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
-    return replace(wrenches, bodies=tuple(body for _, body in used))
-
-
-def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
-    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
-
-    Raises
-    ------
-    BadData
-        where the model has no foot
-    """
-    from myomorph.contact.assign import assign_bodies
-    from myomorph.contact.plates import wrenches_from_plates
-
-    feet = feet_of(model)
-    if not feet:
-        raise BadData(
-            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
-        )
-    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
-    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
-    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
-    wrenches = replace(wrenches, **parts)
-    poses = _poses_by(model, motion)
-    places = {}
-    for foot in feet:
-        rotations, origins = poses(foot, wrenches.time)
-        # Heel and ball: twice the way from the body's origin to its mass center.
-        ahead = 2.0 * rotations @ model.body(foot).mass_center
-        places[foot] = np.stack([origins, origins + ahead], axis=1)
-    return assign_bodies(wrenches, places).wrenches
-
-
-def with_marker_set(model: Model, path: Path | None) -> Model:
-    """The model with the markers of a file; they replace those of the same names, and come last."""
-    if path is None:
-        return model
-    with inputs.about(path):
-        new = read_marker_set(path, model)
-    names = {one.name for one in new}
-    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))

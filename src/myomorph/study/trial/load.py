@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from myomorph.model.errors import BadFile, MissingPackage
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
@@ -152,4 +152,4 @@ def load(folder: str | Path) -> Mapping[str, TrialResult]:
         found[name] = TrialResult(path, stored.provenance, stored.facts, stored)
     if not found:
         raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
-    return MappingProxyType(found)
+    return FrozenMap(found)

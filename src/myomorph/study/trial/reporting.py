@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -26,7 +26,6 @@ from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.muscle_sections import analysed_lengths
-from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
@@ -113,9 +112,7 @@ def _write(
 
 def _write_length_tables(home: Path, given: ReportInput) -> None:
     """Muscle lengths of every stride, and what each muscle does in one, where the motion is a walk."""
-    if given.muscles.lengths is None:
-        return
-    analysis = analysed_lengths(prepare(given))
+    analysis = analysed_lengths(given)
     if analysis is not None and analysis.ranges:
         with written(home / LENGTH_CURVES) as stream:
             stream.write(curves_table(analysis))
@@ -206,7 +203,7 @@ def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | 
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
-        facts=MappingProxyType({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
+        facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(found),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
         plates=store.get_plates(found),

@@ -22,7 +22,7 @@ from myomorph.contact.strokes import (
     striking_sites,
     velocity_change,
 )
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -53,6 +53,7 @@ class SoundTable(Strict):
     pulse: float = Field(default=0.008, gt=0.0)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SoundPlan:
     """A recording of strokes.

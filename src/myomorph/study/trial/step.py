@@ -6,7 +6,7 @@ settings of study files, `--help`, expected times, tables of values and the repo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -24,7 +24,8 @@ from myomorph.study.trial.trial_inputs import ByType, OptionSet, TrialInputs
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import ReportInput
-    from myomorph.study.trial.trial_inputs import Signals
+    from myomorph.study.trial.trial_inputs import Signals, Value
+    from myomorph.study.trial.trial_strides import TrialStrides
 
 Result = TypeVar("Result")
 
@@ -78,6 +79,9 @@ class Step(StepHead, Generic[Result]):
     hashed : values of options that its result depends on; by default all of `options`
     show : adds what a result file has of this step to what the report shows
     signals : what it has over time, for tables of values and curves; from the file, the model and the mass [kg]
+    numbers : what it comes to in numbers, for tables of values; from the file, the model and the strides, None where it
+        is no walk
+    numbers_last : they come after the statistics of the signals of all steps
     large : variables that are not read back, since nothing in a study or a page needs them
     tables : folder of its tables in that of the trial, "" for that of the trial itself
     outcome : adds what the result tells of a trial to its outcome
@@ -93,6 +97,8 @@ class Step(StepHead, Generic[Result]):
     hashed: Callable[[TrialInputs], Sequence[object]] | None = None
     show: Callable[[ReportInput, Stored], ReportInput] = lambda given, stored: given
     signals: Callable[[Stored, Model, float], Sequence[Signals]] = lambda stored, model, mass: ()
+    numbers: Callable[[Stored, Model, TrialStrides | None], Iterable[Value]] = lambda stored, model, strides: ()
+    numbers_last: bool = False
     large: tuple[str, ...] = ()
     tables: str = ""
     outcome: Callable[[Outcome, Result], Outcome] | None = None

@@ -6,7 +6,6 @@ import csv
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,15 +17,14 @@ from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, Stored, file_name, read_result
 from myomorph.study.trial.reporting import report_input
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_inputs import LOADED, Signals, TrialInputs, statistics_of
-from myomorph.study.trial.trial_strides import PARAMETERS, TrialStrides, by_side
+from myomorph.study.trial.trial_inputs import LOADED, Signals, TrialInputs, Value, statistics_of
+from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
 OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
@@ -35,15 +33,6 @@ UNUSED = ("moment_arm", "coordinate_velocity", "coordinate_acceleration", "muscl
 """Variables of results that no value comes from."""
 VALUE_COLUMNS = ("step", "quantity", "value", "unit")
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
-
-
-class Value(NamedTuple):
-    """One number of a trial: the step it comes from, what it is, and its unit."""
-
-    step: str
-    quantity: str
-    value: float
-    unit: str
 
 
 def write_trial_values(trial: TrialInputs, outcome: Outcome, found: Stored | None = None) -> None:
@@ -108,21 +97,10 @@ def trial_values(
     Of every signal its extremes and mean over the trial; where there are strides also those of each stride, as the
     mean over the strides.
     """
-    yield Value("ik", "frames", float(len(found.time)), "1")
-    if len(found.time):
-        yield Value("ik", "duration", float(found.time[-1] - found.time[0]), "s")
-    fit = store.get_fit(found)
-    if fit is not None and np.isfinite(fit.errors).any():
-        yield Value("ik", "marker error, RMS", float(np.sqrt(np.nanmean(fit.errors**2))), "m")
-        yield Value("ik", "marker error, largest", float(np.nanmax(fit.errors)), "m")
-        yield Value("ik", "frames not converged", float((fit.seen & ~np.asarray(fit.converged, bool)).sum()), "1")
-    if strides is not None:
-        yield from _stride_values(strides)
-    torques = store.get_torques(found)
-    root = None if torques is None else residuals(model, torques)
-    for name, values, unit in zip(("force", "moment"), root or (), ("N", "N m"), strict=False):
-        yield Value("id", f"residual {name}, largest", float(np.nanmax(values)), unit)
-        yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
+    steps = [step_of(name) for name in STEPS]
+    for step in steps:
+        if not step.numbers_last:
+            yield from step.numbers(found, model, strides)
     for signal, own in zip(signals, cycles, strict=True):
         whole = statistics_of(signal.series.values)
         each = {} if own is None or strides is None else statistics_of(own.values, axis=1)
@@ -133,32 +111,9 @@ def trial_values(
             for what in signal.statistics if means else ():
                 quantity = f"{name}{signal.endings[k]}, {what} {IN_STRIDE}"
                 yield Value(signal.step, quantity, float(means[what][k]), signal.units[k])
-    yield from _tension_values(found, model)
-
-
-def _stride_values(strides: TrialStrides) -> Iterator[Value]:
-    for limb in strides.limbs:
-        own = strides.of(limb)
-        yield Value("ik", f"strides, {limb}", float(len(own)), "1")
-        for label, attribute in PARAMETERS:
-            name, _, unit = label.partition(" [")
-            values = np.array([getattr(one, attribute) for one in own])
-            if np.isfinite(values).any():
-                yield Value("ik", f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
-
-
-def _tension_values(found: Stored, model: Model) -> Iterator[Value]:
-    if "tension_status" not in found.values:
-        return
-    yield Value("tension", "frames not optimal", float((found.values["tension_status"] != 0).sum()), "1")
-    forces = found.values.get("actuator_force")
-    if forces is None or not forces.size:
-        return
-    largest = statistics_of(np.abs(forces))["maximum"]
-    for k, name in enumerate(found.names.get("actuator_coordinate", ())):
-        if name in model.coordinate_names:
-            unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
-            yield Value("tension", f"{name}_reserve, largest", float(largest[k]), unit)
+    for step in steps:
+        if step.numbers_last:
+            yield from step.numbers(found, model, strides)
 
 
 def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:

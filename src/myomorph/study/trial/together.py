@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from myomorph.model.errors import BadData, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
@@ -98,7 +98,7 @@ def together_of(
             problems.append(f"{where}: {error}")
         path = existing(folder, one.motion, f"{where}: motion of '{one.name}'", problems)
         objects.append((one, path or folder))
-    return Together(table.name, MappingProxyType(dict(table.trials)), contacts, table.measured, tuple(objects))
+    return Together(table.name, FrozenMap(dict(table.trials)), contacts, table.measured, tuple(objects))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
         ),
         sources=(*sources, *contact_sources(files)),
         warnings=tuple(text for one in trials for text in one.warnings),
-        parts=MappingProxyType({name: one.source for name, one in parts.items()}),
+        parts=FrozenMap({name: one.source for name, one in parts.items()}),
     )
     return joined, Poses(recorded, notes=notes)
 
@@ -184,7 +184,7 @@ def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str,
     """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
     given = {name: one.trial.emg for name, one in parts.items() if one.trial.emg is not None}
     if not given:
-        return None, MappingProxyType({})
+        return None, FrozenMap({})
     time = next(iter(given.values())).time
     columns = {
         name: Emg(time, one.names, np.array([np.interp(time, one.time, column) for column in one.values.T]).T)
@@ -196,7 +196,7 @@ def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str,
         for name in given
         for channel, muscles in parts[name].trial.emg_muscles.items()
     }
-    return Emg(joined.time, joined.names, joined.values), MappingProxyType(channels)
+    return Emg(joined.time, joined.names, joined.values), FrozenMap(channels)
 
 
 class _JoinedLoads:

@@ -1,19 +1,22 @@
-"""The files of one recording, opened into what the steps trial."""
+"""The files of one recording, opened into what the steps take."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion
+from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
@@ -63,25 +66,25 @@ class TrialFiles:
     markers: Path | None = None
     motion: Path | None = None
     loads: Path | None = None
-    bodies: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[str, ...] = ()
     emg: Path | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_reference: tuple[Path, ...] = ()
     emg_side: Side = ""
     tasks: Path | None = None
     actuators: Path | None = None
     contacts: str = ""
     measured: Measured | None = None
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
-    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     condition: str = ""
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
-    """Read the files of a recording and make of them what the steps trial.
+    """Read the files of a recording and make of them what the steps take.
 
     Parameters
     ----------
@@ -117,13 +120,61 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     )
     assumed: tuple[str, ...] = ()
     if files.loads is None and files.plates:
-        wrenches = inputs.recorded_wrenches(recording, files.plates)
+        wrenches = recorded_wrenches(recording, files.plates)
         trial = replace(trial, loads=lambda motion: wrenches)
     elif files.loads is None and recording.plates and feet_of(model):
         assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=lambda motion: inputs.assigned_wrenches(recording, model, motion))
+        trial = replace(trial, loads=partial(assigned_wrenches, recording, model))
     notes = TrialNotes(_real(files, trial), assumed)
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
+
+
+def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
+    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
+
+    Raises
+    ------
+    BadData
+        where there are fewer plates than bodies
+    """
+    from myomorph.contact.plates import wrenches_from_plates
+
+    if len(bodies) > len(trial.plates):
+        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
+        raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
+    used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
+    wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
+    return replace(wrenches, bodies=tuple(body for _, body in used))
+
+
+def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
+    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
+
+    Raises
+    ------
+    BadData
+        where the model has no foot
+    """
+    from myomorph.contact.assign import assign_bodies
+    from myomorph.contact.plates import wrenches_from_plates
+
+    feet = feet_of(model)
+    if not feet:
+        raise BadData(
+            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
+        )
+    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
+    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
+    wrenches = replace(wrenches, **parts)
+    poses = inputs.PosesBy(model, motion)
+    places = {}
+    for foot in feet:
+        rotations, origins = poses(foot, wrenches.time)
+        # Heel and ball: twice the way from the body's origin to its mass center.
+        ahead = 2.0 * rotations @ model.body(foot).mass_center
+        places[foot] = np.stack([origins, origins + ahead], axis=1)
+    return assign_bodies(wrenches, places).wrenches
 
 
 def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
@@ -213,7 +264,9 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         options=options.having(
             kinematics_options(files, options[InverseKinematicsOptions], model), *tension_parts(files, options)
         ),
-        loads=_file_loads(files, model),
+        loads=None
+        if files.loads is None
+        else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         mass=files.mass,
@@ -253,13 +306,6 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     return [file_source("load table", table) for table in tables]
 
 
-def _file_loads(files: TrialFiles, model: Model) -> Any:
-    if files.loads is None:
-        return None
-    path, bodies, markers = files.loads, files.bodies, files.markers
-    return lambda motion: inputs.read_loads(path, model, motion, bodies, markers)
-
-
 def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
     """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
@@ -293,24 +339,6 @@ def with_tasks(
             aims[aim.coordinate] = CoordinateTask(aim.weight, value)
     only = bool(tasks.marker_weights)
     return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
-
-
-def task_values(tasks: IkTasks, path: Path | None, model: Model, source: Path) -> Motion | None:
-    """The motion that coordinate tasks trial their values from; None where none does, whatever file is named.
-
-    Raises
-    ------
-    BadData
-        where a task takes its value from a file, but none is named
-    """
-    wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]
-    if not wanted:
-        return None
-    if path is None:
-        raise BadData(
-            f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
-        )
-    return inputs.read_motion(path, model)
 
 
 def options_of(settings: Settings) -> OptionSet:

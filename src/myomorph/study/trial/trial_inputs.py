@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
@@ -21,7 +21,7 @@ from myomorph.store.settings import ReportOptions
 if TYPE_CHECKING:
     from myomorph.study.trial.contact_file import ContactPlan
 
-Value = TypeVar("Value")
+Held = TypeVar("Held")
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
@@ -36,11 +36,11 @@ class ByType:
     def __iter__(self) -> Iterator[Any]:
         return iter(self._values.values())
 
-    def get(self, kind: type[Value]) -> Value | None:
+    def get(self, kind: type[Held]) -> Held | None:
         """The value of a type, or None."""
         return self._values.get(kind)  # type: ignore[return-value]
 
-    def __getitem__(self, kind: type[Value]) -> Value:
+    def __getitem__(self, kind: type[Held]) -> Held:
         """The value of a type; raises `KeyError` where there is none."""
         return self._values[kind]  # type: ignore[return-value]
 
@@ -56,7 +56,7 @@ class ByType:
 class OptionSet(ByType):
     """Options of the steps: values of their option dataclasses."""
 
-    def __getitem__(self, kind: type[Value]) -> Value:
+    def __getitem__(self, kind: type[Held]) -> Held:
         """The options of a kind, its defaults where nothing was said."""
         found = self.get(kind)
         return kind() if found is None else found
@@ -78,6 +78,7 @@ class TrialNotes:
     root: str = ""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TrialInputs:
     """One recording of one subject with all that the steps need, whatever files or programs it came from.
@@ -110,7 +111,7 @@ class TrialInputs:
     markers: Markers | None = None
     loads: Callable[[Motion], Wrenches] | None = None
     emg: Emg | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     events: tuple[Event, ...] = ()
     plates: tuple[ForcePlate, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))
@@ -118,9 +119,9 @@ class TrialInputs:
     time: tuple[float, float] | None = None
     contacts: ContactPlan | None = None
     actuators: tuple[Actuator, ...] | None = None
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
-    truth: Mapping[str, Series] = field(default_factory=lambda: MappingProxyType({}))
-    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: MappingProxyType({}))
+    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
+    truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
+    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))
     notes: TrialNotes = field(default_factory=TrialNotes)
     sources: tuple[Source, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -153,6 +154,16 @@ class TrialInputs:
             writer.fact(name, text)
 
 
+class Value(NamedTuple):
+    """One number of a trial: the step it comes from, what it is, and its unit."""
+
+    step: str
+    quantity: str
+    value: float
+    unit: str
+
+
+@read_only
 @dataclass(frozen=True, eq=False)
 class Signals:
     """Columns of one kind.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Limb, Stride, Strides, feet_move, find_strides, walking_limbs, walking_points
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Series
@@ -21,6 +21,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
+from myomorph.study.trial.trial_inputs import Value
 
 ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
 PHASE = "phase, "
@@ -56,6 +57,17 @@ class TrialStrides:
     def count(self) -> int:
         """Of the limb that has most."""
         return max((len(self.of(limb)) for limb in self.limbs), default=0)
+
+    def numbers(self, step: str) -> Iterator[Value]:
+        """How many there are of each limb, and the means of their parameters, as found by a step."""
+        for limb in self.limbs:
+            own = self.of(limb)
+            yield Value(step, f"strides, {limb}", float(len(own)), "1")
+            for label, attribute in PARAMETERS:
+                name, _, unit = label.partition(" [")
+                values = np.array([getattr(one, attribute) for one in own])
+                if np.isfinite(values).any():
+                    yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
 
 
 def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
@@ -289,6 +301,6 @@ class StridePlan:
     """
 
     trunk: str = ""
-    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    limbs: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     direction: tuple[float, float, float] | None = None
     belt: float | None = None

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND
@@ -59,6 +59,7 @@ class ContactOptions:
             raise BadData(f"window {self.window}, sweeps {self.sweeps} of contacts: expected 1 or more")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ContactTask:
     """Contacts whose forces are to be found.

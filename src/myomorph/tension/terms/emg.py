@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.tension.terms.term import Penalties, Term, Unknowns
@@ -16,6 +16,7 @@ STIFFNESS = 1e4
 """Cost of passing the slack of an equality, of the excess squared, in units of the effort a^2 of one muscle."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class EmgTarget(Term):
     """Activations known from EMG, at the motion's times: k dist(a, [l, h])^2.

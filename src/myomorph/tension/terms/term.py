@@ -250,8 +250,8 @@ class Smoothing:
 
     def links(self, begin: int, end: int) -> Links:
         """Links of the frames begin ... end - 1."""
-        scale = np.ascontiguousarray(self.scale[begin:end])
-        stiffness = np.ascontiguousarray(self.stiffness[begin : end - 1])
+        # Copies: read-only arrays would compile the solver once more.
+        scale, stiffness = self.scale[begin:end].copy(), self.stiffness[begin : end - 1].copy()
         return Links(self.first, scale, np.zeros_like(scale), stiffness, self.over, self.sweeps, self.tolerance)
 
 
@@ -313,7 +313,7 @@ class IntervalPenalties:
     def __getitem__(self, frames: slice | NDArray[np.int64]) -> Array:
         """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if all are alike."""
         if not len(self.columns):
-            return self.base[None]
+            return self.base[None].copy()  # read-only arrays would compile the solver once more
         changing = self.values[frames]
         found = np.repeat(self.base[None], len(changing), axis=0)
         found[:, :, self.columns] = changing

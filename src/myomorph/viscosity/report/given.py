@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
@@ -205,7 +205,7 @@ class SpecimenReport:
     """
 
     name: str
-    row: Row = field(default_factory=lambda: MappingProxyType({}))
+    row: Row = field(default_factory=lambda: FrozenMap({}))
     without: ShownCondition | None = None
     intact: ShownCondition | None = None
     muscles: MuscleViscosity | None = None
@@ -214,8 +214,8 @@ class SpecimenReport:
     cutoff: CutoffScan | None = None
     arms: ArmSpread | None = None
     calibration: tuple[Residual, ...] = ()
-    truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    paper: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     scans: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     failure: str = ""

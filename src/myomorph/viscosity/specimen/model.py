@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Wrenches
@@ -247,7 +247,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         held_coordinates=tuple(one.name for one in held),
         axes=AXES if names.joint == "ball" else joint.coordinates,
         axis_vectors=frozen_array(vectors),
-        muscles=MappingProxyType(muscles),
+        muscles=FrozenMap(muscles),
         notes=(*notes, *changed),
     )
 

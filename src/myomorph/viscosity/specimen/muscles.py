@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import constant
 from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
@@ -69,7 +69,7 @@ def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
     lacking = [[strand for muscle in family for strand in muscle if strand not in known] for family in STRANDS]
     for family, missing in zip(STRANDS, lacking, strict=True):
         if not missing:
-            return MappingProxyType(dict(zip(FIGURE_1, family, strict=True)))
+            return FrozenMap(dict(zip(FIGURE_1, family, strict=True)))
     fewest = min(lacking, key=len)
     raise BadModel(
         f"model '{model.name}' does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's "

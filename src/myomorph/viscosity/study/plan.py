@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field, create_model
 
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.settings import plain_settings, settings_of, with_settings
 from myomorph.store.study_file import (
     Strict,
@@ -148,13 +148,13 @@ class SpecimenFiles:
     first: str | None = None
     bones: tuple[str, ...] = ()
     joint: Literal["ball", "hinge"] = "ball"
-    muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    pcsa: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
+    pcsa: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     tare: Path | None = None
     plate: PlateFiles | None = None
     ct: tuple[ScanFiles, ...] = ()
-    truth: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    paper: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    paper: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     up: Literal["x", "y", "z"] | None = None
 
 
@@ -173,7 +173,7 @@ class ViscosityPlan:
     name: str
     path: Path | None
     specimens: tuple[SpecimenFiles, ...]
-    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: FrozenMap({}))
     real: tuple[str, ...] = ()
     simulated: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
@@ -220,7 +220,7 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         found.study.name,
         path,
         tuple(specimens),
-        MappingProxyType(settings),
+        FrozenMap(settings),
         tuple(found.study.real),
         tuple(found.study.simulated),
         tuple(found.study.assumed),
@@ -257,13 +257,13 @@ def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list
         given.first_body,
         tuple(given.bones),
         given.joint,
-        MappingProxyType({name: tuple(strands) for name, strands in given.muscles.items()}),
-        MappingProxyType(dict(given.pcsa)),
+        FrozenMap({name: tuple(strands) for name, strands in given.muscles.items()}),
+        FrozenMap(dict(given.pcsa)),
         existing(folder, given.tare, f"{where}: tare", problems),
         None if given.plate is None else _plate(given.plate, folder, f"{where}: plate", problems),
         tuple(_scans(given.ct, folder, f"{where}: ct", problems)),
-        MappingProxyType(dict(given.truth)),
-        MappingProxyType(dict(given.paper)),
+        FrozenMap(dict(given.truth)),
+        FrozenMap(dict(given.paper)),
         given.up,
     )
 
@@ -326,7 +326,7 @@ def fixed_plan(
     first: str | None = None,
     muscle_mass: float | None = None,
     time: tuple[float, float] | None = None,
-    settings: Mapping[str, Any] = MappingProxyType({}),
+    settings: Mapping[str, Any] = FrozenMap({}),
 ) -> ViscosityPlan:
     """The plan of one specimen whose files are given by hand.
 
@@ -358,7 +358,7 @@ def fixed_plan(
         model.stem, model, conditions["without"], conditions["with"], muscle_mass, base=base, first=first
     )
     tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
-    return ViscosityPlan(model.stem, None, (specimen,), MappingProxyType(tables), remarks=remarks)
+    return ViscosityPlan(model.stem, None, (specimen,), FrozenMap(tables), remarks=remarks)
 
 
 def _given(

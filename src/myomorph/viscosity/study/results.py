@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.model.series import Table
 from myomorph.report.trial.identified import COMPONENTS
@@ -224,7 +224,7 @@ def _plain(value: object) -> Any:
 def _value(found: dict[str, Any]) -> Any:
     kind = found.pop(KIND, None)
     if kind is None:
-        return MappingProxyType(found["of"]) if set(found) == {"of"} else found
+        return FrozenMap(found["of"]) if set(found) == {"of"} else found
     if kind == ARRAY:
         if found.get("whole"):
             return np.array(found["values"])

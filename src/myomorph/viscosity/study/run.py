@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 from myomorph import __version__
 from myomorph.io.osim.write import write_osim
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance, Source
 from myomorph.report.page.parts import Note, SourceFile, Step
 from myomorph.store.outcome import Outcome, failed
@@ -120,7 +120,7 @@ def viscosity_input(
     """What the report shows of a study."""
     sources = dict.fromkeys(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
     steps = tuple(
-        Step(table, MappingProxyType({name: _told(value) for name, value in own.items()}))
+        Step(table, FrozenMap({name: _told(value) for name, value in own.items()}))
         for table, own in options.plain.items()
     )
     return ViscosityInput(plan.name, reports, head_notes(plan), tuple(sources), steps, made.date, __version__)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.charts.axis import number
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.report.given import (
@@ -95,7 +95,7 @@ def _held_out(name: str, compared: PassiveComparison) -> HeldOutSwing:
     predicted = {"viscosity": shown.viscous_angles}
     if compared.chosen.name != "viscosity":
         predicted[compared.chosen.name] = shown.chosen_angles
-    return HeldOutSwing(name, shown.measured.time, shown.axes, shown.measured_angles, MappingProxyType(predicted))
+    return HeldOutSwing(name, shown.measured.time, shown.axes, shown.measured_angles, FrozenMap(predicted))
 
 
 def with_cutoffs(
@@ -120,7 +120,7 @@ def with_cutoffs(
         values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
     shown = {name: one for name, one in values.items() if np.isfinite(one).any()}
     cutoffs = np.array(SCANNED)
-    return replace(report, cutoff=CutoffScan(cutoffs, cutoff, MappingProxyType(shown), reason)) if shown else report
+    return replace(report, cutoff=CutoffScan(cutoffs, cutoff, FrozenMap(shown), reason)) if shown else report
 
 
 def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: MomentArmOptions) -> SpecimenReport:

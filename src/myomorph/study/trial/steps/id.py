@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.io.sto import write_sto
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.report.trial.given import Dynamics, ReportInput
+from myomorph.report.trial.tables import residuals
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
+
+if TYPE_CHECKING:
+    from myomorph.study.trial.trial_strides import TrialStrides
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +94,7 @@ def torque_table(torques: Series, model: Model) -> Table:
     """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`, `pelvis_tx_force`."""
     endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
     names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
-    facts = MappingProxyType({"name": "Inverse Dynamics Generalized Forces"})
+    facts = FrozenMap({"name": "Inverse Dynamics Generalized Forces"})
     return Table(torques.time, names, torques.values, facts=facts)
 
 
@@ -137,6 +142,15 @@ def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]
     return (replace(made, factor=made.factor / model.weight),)
 
 
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Residuals at a free root."""
+    torques = store.get_torques(stored)
+    root = None if torques is None else residuals(model, torques)
+    for name, values, unit in zip(("force", "moment"), root or (), ("N", "N m"), strict=False):
+        yield Value("id", f"residual {name}, largest", float(np.nanmax(values)), unit)
+        yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
+
+
 STEP = Step(
     name="id",
     title="inverse dynamics",
@@ -147,4 +161,5 @@ STEP = Step(
     read=_read,
     show=_show,
     signals=_signals,
+    numbers=_numbers,
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +21,10 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value
+
+if TYPE_CHECKING:
+    from myomorph.study.trial.trial_strides import TrialStrides
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +118,20 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     return (Signals("ik", series, ("",) * count, units, EXTREMES, "joint angle [°]", np.ones(count), drawn),)
 
 
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Frames, marker errors and strides."""
+    yield Value("ik", "frames", float(len(stored.time)), "1")
+    if len(stored.time):
+        yield Value("ik", "duration", float(stored.time[-1] - stored.time[0]), "s")
+    fit = store.get_fit(stored)
+    if fit is not None and np.isfinite(fit.errors).any():
+        yield Value("ik", "marker error, RMS", float(np.sqrt(np.nanmean(fit.errors**2))), "m")
+        yield Value("ik", "marker error, largest", float(np.nanmax(fit.errors)), "m")
+        yield Value("ik", "frames not converged", float((fit.seen & ~np.asarray(fit.converged, bool)).sum()), "1")
+    if strides is not None:
+        yield from strides.numbers("ik")
+
+
 def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
     """Frames and marker errors."""
     outcome, fit = replace(outcome, frames=len(poses.recorded)), poses.fit
@@ -135,6 +153,7 @@ STEP = Step(
     read=_read,
     show=_show,
     signals=_signals,
+    numbers=_numbers,
     outcome=_outcome,
     outcome_variables=(
         *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),

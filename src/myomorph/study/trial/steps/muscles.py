@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from myomorph.io.sto import write_sto
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table
@@ -34,6 +34,7 @@ BLOCK = 512
 """Frames that are in memory at a time."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Crossings:
     """The pairs of a muscle and a coordinate that can have a moment arm, and how to fill them.
@@ -193,7 +194,7 @@ def _arm_tables(motion: Motion, crossing: list[tuple[str, str]], arms: Any, fold
 
 
 def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:
-    write_sto(Table(motion.time, names, values, facts=MappingProxyType({"name": title})), path)
+    write_sto(Table(motion.time, names, values, facts=FrozenMap({"name": title})), path)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.emg_delay import USUAL, EmgCalibration
@@ -36,7 +39,7 @@ from myomorph.study.trial.contact_warnings import (
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, all_drawn
+from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
@@ -44,6 +47,9 @@ from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
+
+if TYPE_CHECKING:
+    from myomorph.study.trial.trial_strides import TrialStrides
 
 OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
@@ -233,7 +239,7 @@ def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, 
         ("reserves", tension.reserve_names, tension.reserves),
     )
     for name, columns, values in tables:
-        facts = MappingProxyType({"name": f"Muscle tensions: {name}"})
+        facts = FrozenMap({"name": f"Muscle tensions: {name}"})
         write_sto(Table(tension.time, columns, values, facts=facts), output.folder / f"{name}.sto")
 
 
@@ -332,6 +338,21 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     )
 
 
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Frames without an optimum, and the largest reserve of each coordinate."""
+    if "tension_status" not in stored.values:
+        return
+    yield Value("tension", "frames not optimal", float((stored.values["tension_status"] != 0).sum()), "1")
+    forces = stored.values.get("actuator_force")
+    if forces is None or not forces.size:
+        return
+    largest = statistics_of(np.abs(forces))["maximum"]
+    for k, name in enumerate(stored.names.get("actuator_coordinate", ())):
+        if name in model.coordinate_names:
+            unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
+            yield Value("tension", f"{name}_reserve, largest", float(largest[k]), unit)
+
+
 STEP = Step(
     name="tension",
     title="muscle tensions",
@@ -348,4 +369,6 @@ STEP = Step(
     read=_read,
     show=_show,
     signals=_signals,
+    numbers=_numbers,
+    numbers_last=True,
 )
