@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.analysis.phases import side_of
 from myomorph.analysis.selection import Pair, muscle_rows
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
@@ -119,6 +119,7 @@ def force_figures(
     return found
 
 
+@read_only
 @dataclass(frozen=True)
 class Ground:
     """The ground seen from above: its two axes, the second turned over where they and the vertical are left-handed.
