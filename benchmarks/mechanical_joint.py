@@ -8,7 +8,7 @@ noise and on its own clock. [S] names this experiment as the check that it lacks
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -23,7 +23,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertia_matrices
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import axis_rotation
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
@@ -40,6 +40,11 @@ from myomorph.simulate.laboratory import (
 )
 from myomorph.viscosity.swings.motion import angular_motion, continuous
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+
+
+def on_true_clock(wrenches: Wrenches, noise: Noise) -> Wrenches:
+    """What a plate measured, at the true times of its samples."""
+    return replace(wrenches, time=(wrenches.time - noise.offset) / (1.0 + noise.drift))
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
@@ -219,7 +224,7 @@ class VirtualJoint:
         assert motion.velocities is not None
         assert motion.accelerations is not None
         turns, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
-        found = resample_wrenches(self.noise.on_true_clock(trial.wrenches), time, cutoff)
+        found = resample_wrenches(on_true_clock(trial.wrenches, self.noise), time, cutoff)
         force = found.forces[:, 0]
         moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
         wrench = np.concatenate([moment, force], axis=1)

@@ -13,6 +13,11 @@ MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
 AXES = ("x", "y", "z")
 
 
+def published_row(specimen: PublishedSpecimen) -> dict[str, Estimate]:
+    """The quantities of a printed row; their intervals are unknown."""
+    return {name: Estimate(value, np.nan, np.nan) for name, value in specimen.values.items()}
+
+
 def recording(name: str = "swing1", frames: int = 900, seed: int = 0) -> SwingRecording:
     """Numbers of the right shapes, with three swings of 300 frames."""
     random = np.random.default_rng(seed)

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable

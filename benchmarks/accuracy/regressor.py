@@ -13,7 +13,9 @@ import pinocchio as pin
 
 from benchmarks.cases import FORCE_CASES, ForceCase, data_folder
 from benchmarks.speed.identify import RATE, other_masses, simulated
-from myomorph.identify.base import BaseFit, BaseOptions, Recording, base_parameters, fit_base
+from myomorph.identify.base import BaseFit, BaseOptions, fit_base
+from myomorph.identify.base_parameters import base_parameters
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.null_space import held_values, numerical_null_space, random_states, tree_null_space
 from myomorph.identify.sequential import SequentialFit
 from myomorph.io.formats import read_model
@@ -220,7 +222,7 @@ def _dense(model: Model, batch: BaseFit, given: Recording) -> np.ndarray:
 
 
 def _folded(model: Model, batch: BaseFit, given: Recording) -> SequentialFit:
-    fit = SequentialFit.start(model, batch.base, batch.sigma)
+    fit = SequentialFit(model, batch.base, batch.sigma)
     rows = base_regressor(model, given.motion)
     wrench = base_wrench(model, given.motion, given.wrenches)
     for one, measured in zip(rows, wrench, strict=True):

@@ -17,7 +17,9 @@ import numpy as np
 
 from benchmarks.cases import data_folder
 from benchmarks.speed.size import MEGABYTE, peak, resident
-from myomorph.identify.base import Recording, base_parameters, fit_base
+from myomorph.identify.base import fit_base
+from myomorph.identify.base_parameters import base_parameters
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.sequential import SequentialFit
 from myomorph.io.formats import read_model
 from myomorph.model.functions import linear
@@ -80,7 +82,7 @@ def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
 
 def recursion(model: Model, base, given: Recording, frames: int) -> tuple[float, float]:
     """Frames folded in a second, by the clock and by the processor; the regressor's rows are there already."""
-    fit = SequentialFit.start(model, base, NOISE)
+    fit = SequentialFit(model, base, NOISE)
     wrench = np.concatenate([given.wrenches.torques[:, 0], given.wrenches.forces[:, 0]], axis=1)
     seconds = busy = 0.0
     for block in regressor_blocks(model, given.motion, np.zeros(3), 500):

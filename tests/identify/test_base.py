@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from figaroh_base import figaroh_combination
 
-from myomorph.identify.base import BaseOptions, Recording, base_parameters, fit_base, tree_null_space
-from myomorph.identify.base_parameters import base_sizes, held_in, parameter_sizes
-from myomorph.identify.null_space import clusters, held_values, numerical_null_space, random_states
+from myomorph.identify.base import BaseOptions, fit_base
+from myomorph.identify.base_parameters import base_parameters, base_sizes, held_in, parameter_sizes
+from myomorph.identify.least_squares import Recording
+from myomorph.identify.null_space import clusters, held_values, numerical_null_space, random_states, tree_null_space
 from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.functions import linear, polynomial

@@ -4,7 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.identify.base import BaseOptions, Recording, fit_base
+from myomorph.identify.base import BaseOptions, fit_base
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.online import OnlineIdentification, OnlineOptions, total_wrench
 from myomorph.identify.recordings import NO_FORCE, NO_MOTION
 from myomorph.model.errors import BadData

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from test_base import other_body, recorded, simulated
 
-from myomorph.identify.base import BaseOptions, Recording, base_parameters, fit_base
+from myomorph.identify.base import BaseOptions, fit_base
+from myomorph.identify.base_parameters import base_parameters
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.sequential import SequentialFit
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
@@ -50,7 +52,7 @@ def test_equals_the_batch_on_real_data(data, files):
     motion = differentiate(motion_from_table(read_sto(motion_file), model), 6.0)
     given = Recording(motion, resample_wrenches(read_external_loads(loads), motion.time, 6.0))
     batch = fit_base(model, [given], options=OPTIONS)
-    fit = SequentialFit.start(model, batch.base, SIGMA)
+    fit = SequentialFit(model, batch.base, SIGMA)
     run(fit, model, given)
     state = fit.state()
     assert state.frames == batch.frames
@@ -72,7 +74,7 @@ def arm():
 
 def test_truth_is_recovered_and_predicted(arm):
     truth = other_body(arm)
-    fit = SequentialFit.start(arm, sigma=0.5)
+    fit = SequentialFit(arm, sigma=0.5)
     errors = run(fit, arm, recorded(arm, simulated(arm, 1500), truth, noise=0.5))
     state = fit.state()
     assert np.mean(np.abs(state.estimate - fit.base.of(truth)) < 3.0 * state.sd) > 0.95
@@ -85,7 +87,7 @@ def test_truth_is_recovered_and_predicted(arm):
 
 
 def test_what_is_known_only_grows(arm):
-    fit = SequentialFit.start(arm, sigma=0.5)
+    fit = SequentialFit(arm, sigma=0.5)
     nothing = fit.state()
     np.testing.assert_allclose(nothing.levels, 0.0, atol=1e-9)
     np.testing.assert_allclose(nothing.estimate, fit.base.of(inertial_parameters(arm)))
@@ -111,7 +113,7 @@ def test_forgetting_follows_a_body_that_changes(arm):
     motions = simulated(arm, 1500), simulated(arm, 600, seed=1)
     found = {}
     for forgetting in (1.0, 0.99):
-        fit = SequentialFit.start(arm, sigma=0.5, forgetting=forgetting)
+        fit = SequentialFit(arm, sigma=0.5, forgetting=forgetting)
         for motion, truth in zip(motions, (before, after), strict=True):
             run(fit, arm, recorded(arm, motion, truth, noise=0.5))
         found[forgetting] = fit.state().estimate[0]
@@ -124,7 +126,7 @@ def test_forgetting_weighs_frames_by_their_age(arm):
     """With the factor 0.98 the information is that of frames whose noise has grown by 0.98^(-T/2)."""
     given = recorded(arm, simulated(arm, 50), other_body(arm), noise=0.5)
     rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
-    fit = SequentialFit.start(arm, sigma=0.5, forgetting=0.98)
+    fit = SequentialFit(arm, sigma=0.5, forgetting=0.98)
     run(fit, arm, given)
     A, b = fit.rows()
     weight = 0.98 ** np.arange(49, -1, -1.0)
@@ -138,7 +140,7 @@ def test_forgetting_weighs_frames_by_their_age(arm):
 def test_a_movement_that_is_proposed_shows_more_than_the_others(arm):
     """All but one joint have moved: that one is proposed, its body is known worst, and moving it helps most."""
     still = arm.joints[-1].coordinates[0]
-    fit = SequentialFit.start(arm, sigma=0.5)
+    fit = SequentialFit(arm, sigma=0.5)
     run(fit, arm, recorded(arm, simulated(arm, 800, hold={still: 0.0}), other_body(arm), noise=0.5))
     first = fit.propose()[0]
     assert first.coordinate == still
@@ -151,7 +153,7 @@ def test_a_movement_that_is_proposed_shows_more_than_the_others(arm):
 
 def test_bodies_without_parameters_of_their_own_have_their_parents_level(data):
     model = read_model(data("hamner-run-subject04/unscaled_generic.osim"))
-    fit = SequentialFit.start(model)
+    fit = SequentialFit(model)
     state = fit.state()
     assert set(state.link_levels) == set(model.body_names)
     assert state.link_levels["toes_r"] == state.link_levels["calcn_r"]
@@ -163,7 +165,7 @@ def test_frames_with_something_missing_are_left_out(arm):
     rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
     wrench[3] = np.nan
     rows[5] = np.nan
-    fit = SequentialFit.start(arm, sigma=0.5)
+    fit = SequentialFit(arm, sigma=0.5)
     errors = np.array([fit.update(rows[i], wrench[i]) for i in range(10)])
     assert np.flatnonzero(np.isnan(errors).any(axis=1)).tolist() == [3, 5]
     assert (fit.frames, fit.left_out) == (8, 2)
@@ -172,9 +174,9 @@ def test_frames_with_something_missing_are_left_out(arm):
 
 def test_bad_settings_are_named(arm):
     with pytest.raises(BadData, match="noise"):
-        SequentialFit.start(arm, sigma=0.0)
+        SequentialFit(arm, sigma=0.0)
     with pytest.raises(BadData, match="forgetting"):
-        SequentialFit.start(arm, forgetting=1.5)
+        SequentialFit(arm, forgetting=1.5)
     other = replace(
         arm,
         bodies=tuple(replace(body, name=f"other_{body.name}") for body in arm.bodies),
@@ -184,4 +186,4 @@ def test_bad_settings_are_named(arm):
         ),
     )
     with pytest.raises(BadData, match="another model"):
-        SequentialFit.start(arm, base_parameters(other))
+        SequentialFit(arm, base_parameters(other))

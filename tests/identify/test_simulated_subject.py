@@ -22,8 +22,8 @@ from benchmarks.simulated_subject import (
 )
 from benchmarks.simulated_truth import frames_between, joint_distances, moved, predicted
 
-from myomorph.identify.base import Recording as Measured
 from myomorph.identify.base import fit_base
+from myomorph.identify.least_squares import Recording as Measured
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Marker

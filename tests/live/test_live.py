@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from myomorph.identify.base import BaseOptions, Recording, fit_base
+from myomorph.identify.base import BaseOptions, fit_base
+from myomorph.identify.least_squares import Recording
 from myomorph.identify.online import OnlineOptions, OnlineState, total_wrench
 from myomorph.identify.recordings import NO_FORCE
 from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of

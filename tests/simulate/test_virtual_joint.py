@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint
+from benchmarks.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint, on_true_clock
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -106,7 +106,7 @@ def test_noise_and_clock_are_as_stated() -> None:
     assert np.std(loud.markers.values - still.markers.values) == pytest.approx(4e-4, rel=0.03)
     assert np.std(loud.wrenches.forces - still.wrenches.forces) == pytest.approx(0.5, rel=0.03)
     assert np.std(loud.wrenches.torques - still.wrenches.torques) == pytest.approx(0.05, rel=0.03)
-    true = noise.on_true_clock(still.wrenches)
+    true = on_true_clock(still.wrenches, noise)
     force = CubicSpline(still.exact.time, still.exact.wrench[:, 3:])(true.time)
     assert np.abs(force - still.wrenches.forces[:, 0]).max() < 1e-9
     assert still.wrenches.time[0] == pytest.approx(0.02, abs=6e-4)

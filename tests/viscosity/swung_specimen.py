@@ -16,7 +16,7 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.simulate.limb import with_clusters
 from myomorph.viscosity.specimen.bodies import moved_parameters
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, exactly, published_row, specimen_row
-from swing_cohort import specimens
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, specimen_row
+from swing_cohort import published_row, specimens
 
 
 @pytest.mark.parametrize("name", ["joint_viscosity", "total_viscosity", "muscle_viscosity", "estimated_muscle_mass"])
@@ -41,7 +41,10 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
 
 
 def test_what_a_specimen_lacks_is_not_counted():
-    lines = {one.quantity.name: one for one in cohort([{"mass_with": exactly(2.0)}, {"com_with": exactly(0.4)}, {}])}
+    lines = {
+        one.quantity.name: one
+        for one in cohort([{"mass_with": Estimate(2.0, 2.0, 2.0)}, {"com_with": Estimate(0.4, 0.4, 0.4)}, {}])
+    }
     assert {name: one.count for name, one in lines.items()} == {"mass_with": 1, "com_with": 1}
     assert lines["mass_with"].sd == 0.0
     assert lines["mass_with"].low == lines["mass_with"].high == 2.0

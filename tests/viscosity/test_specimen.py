@@ -25,7 +25,7 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.marker_clusters import TRIANGLE, with_clusters
+from myomorph.simulate.limb import TRIANGLE, with_clusters
 from myomorph.viscosity.specimen.bodies import moved_parameters
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
 from myomorph.viscosity.specimen.muscles import FIGURE_1, fig1_muscles

@@ -16,7 +16,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.simulate.limb import with_clusters
 from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track

@@ -26,14 +26,14 @@ from myomorph.viscosity.report.given import (
     specimen_report,
 )
 from myomorph.viscosity.report.page import viscosity_page
-from myomorph.viscosity.report.tables import published, scientific, table_section, truth_grid, with_interval
+from myomorph.viscosity.report.tables import scientific, table_section, truth_grid, with_interval
 from swing_cohort import AXES, specimens
 
 
 @pytest.fixture(scope="module")
 def reports():
     return tuple(
-        replace(specimen_report(one), truth=published(printed), paper=published(printed))
+        replace(specimen_report(one), truth=printed.values, paper=printed.values)
         for one, printed in zip(specimens(), SPECIMENS, strict=True)
     )
 

@@ -9,14 +9,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from myomorph.model.arrays import Array
-from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, published_row
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort
 
 Row = dict[str, object]
 
 
 def measure() -> Iterator[Row]:
     """A row a column of the tables: printed mean and SD, ours, and whether rounding of the inputs explains the rest."""
-    lines = {one.quantity.name: one for one in cohort([published_row(one) for one in SPECIMENS])}
+    known = [{name: Estimate(one, np.nan, np.nan) for name, one in row.values.items()} for row in SPECIMENS]
+    lines = {one.quantity.name: one for one in cohort(known)}
     for quantity in QUANTITIES:
         line = lines[quantity.name]
         values = np.array([getattr(one, quantity.name) for one in SPECIMENS])

@@ -34,8 +34,7 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
     `slip` is added to what the wires hold [rad].
     """
     from myomorph.simulate.laboratory import Noise, measured_markers
-    from myomorph.simulate.limb import HeldLimb
-    from myomorph.simulate.marker_clusters import with_clusters
+    from myomorph.simulate.limb import HeldLimb, with_clusters
     from myomorph.simulate.shoulder import HELD
     from myomorph.viscosity.specimen.model import SwingTrial
 

@@ -22,7 +22,7 @@ from myomorph.simulate.laboratory import (
 from myomorph.simulate.limb import specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.store.progress import progress
-from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
+from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.run import SpecimenOutcome, run_viscosity
 from myomorph.viscosity.trust.moment_arms import OFFSET
@@ -114,7 +114,7 @@ removed = ["{place.name}/without_*.{ending}"]
 intact = ["{place.name}/with_*.{ending}"]
 {more}measured_muscle_mass = {made.published.measured_muscle_mass}
 truth = {{ {_pairs(truth_of(made))} }}
-paper = {{ {_pairs(paper_of(made.published))} }}
+paper = {{ {_pairs(made.published.values)} }}
 """
 
 
@@ -146,12 +146,6 @@ def truth_of(made: VirtualSpecimen) -> dict[str, float]:
         "muscle_viscosity": made.muscle_viscosity,
         "estimated_muscle_mass": made.intact.mass - made.without.mass,
     }
-
-
-def paper_of(row: PublishedSpecimen) -> dict[str, float]:
-    """The same quantities as [S] prints them."""
-    names = (*(one for one in PublishedSpecimen.__dataclass_fields__ if one != "name"),)
-    return {name: float(getattr(row, name)) for name in names}
 
 
 def _pairs(values: dict[str, float]) -> str:

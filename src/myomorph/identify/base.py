@@ -13,7 +13,6 @@ from myomorph.identify.base_parameters import (
     base_sizes,
     held_in,
     link_levels,
-    parameter_sizes,
 )
 from myomorph.identify.least_squares import (
     Recording,
@@ -26,24 +25,11 @@ from myomorph.identify.least_squares import (
     residuals,
     solve,
 )
-from myomorph.identify.null_space import tree_null_space
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-
-__all__ = [
-    "BaseFit",
-    "BaseOptions",
-    "BaseParameters",
-    "Recording",
-    "Tare",
-    "base_parameters",
-    "fit_base",
-    "parameter_sizes",
-    "tree_null_space",
-]
 
 
 @dataclass(frozen=True)
@@ -221,6 +207,7 @@ def fit_base(
     R, z = chosen.without(n)
     rank, condition = rank_and_condition(R, options.rank_tolerance)
     own = levels(R, mean, sizes)
+    square = float(model.gravity @ model.gravity)
     return BaseFit(
         base=base,
         estimate=estimate,
@@ -239,15 +226,10 @@ def fit_base(
         left_out=rows.left_out,
         residual_rms=tare.rms_with if options.tare else tare.rms_without,
         wrench_rms=rows.wrench_rms,
-        carried_mass=_carried_mass(rows, model),
+        carried_mass=-float(rows.mean_force @ model.gravity) / square if square > 0.0 else float("nan"),
         tare=tare,
         options=options,
     )
-
-
-def _carried_mass(rows: Rows, model: Model) -> float:
-    square = float(model.gravity @ model.gravity)
-    return -float(rows.mean_force @ model.gravity) / square if square > 0.0 else float("nan")
 
 
 def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Array:

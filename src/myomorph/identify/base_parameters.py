@@ -72,8 +72,7 @@ class BaseParameters:
 
     def of(self, parameters: Array) -> Array:
         """(n,) base parameters of inertial parameters (bodies, 10)."""
-        values: Array = self.combination @ np.asarray(parameters).ravel()
-        return values
+        return self.combination @ np.asarray(parameters).ravel()
 
     def describe(self, i: int, most: int | None = None) -> str:
         """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it short."""
@@ -92,9 +91,7 @@ class BaseParameters:
         return f"{self.bodies[column // 10]} {PARAMETERS[column % 10]}"
 
 
-def base_parameters(
-    model: Model, fixed: bool = False, held: Mapping[str, float] | None = None, tolerance: float = TOLERANCE
-) -> BaseParameters:
+def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float] | None = None) -> BaseParameters:
     """The base parameters of a model, from its tree and checked on random states.
 
     The null space of the tree (`tree_null_space`) goes first; what is then still dependent on random
@@ -105,7 +102,6 @@ def base_parameters(
     fixed : the base does not move, as on a force plate that it is bolted to: its joint to the ground
         stands at its default or held value
     held : coordinates that do not move, with their values [rad or m]; by default the locked ones
-    tolerance : relative tolerance of the rank on random states, columns scaled to length 1
 
     Raises
     ------
@@ -118,7 +114,7 @@ def base_parameters(
     tree = tree_null_space(model, still)
     size = 10 * len(model.bodies)
     left = np.setdiff1d(np.arange(size), tree.dependent)
-    rest = numerical_null_space(model, still, left, tolerance)
+    rest = numerical_null_space(model, still, left)
     whole = NullSpace(np.hstack([tree.vectors, rest.vectors]), np.concatenate([tree.dependent, rest.dependent]))
     columns = np.setdiff1d(np.arange(size), whole.dependent)
     if not len(columns):
@@ -139,20 +135,20 @@ def base_parameters(
         held=still,
         tree_count=size - tree.vectors.shape[1],
         rank=len(columns),
-        tared=_tared(model, still, columns, tolerance) if len(rest.dependent) else np.zeros((len(columns), 0)),
+        tared=_tared(model, still, columns) if len(rest.dependent) else np.zeros((len(columns), 0)),
     )
     names = tuple(bare.describe(i, most=3) for i in range(len(bare)))
     return BaseParameters(**{**bare.__dict__, "names": names})
 
 
-def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray, tolerance: float) -> Array:
+def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Array:
     """(n, k) combinations whose wrench about a point of the ground never changes."""
     rows = base_regressor(model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3))
     rows = (rows - rows.mean(axis=0))[:, :, columns].reshape(-1, len(columns))
     scale = SCALE[columns % 10]
     R, order = qr(rows * scale, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
-    rank = int(np.sum(diagonal > tolerance * diagonal[0])) if diagonal[0] > 0.0 else 0
+    rank = int(np.sum(diagonal > TOLERANCE * diagonal[0])) if diagonal[0] > 0.0 else 0
     vectors = np.zeros((len(columns), len(columns) - rank))
     vectors[order[:rank]] = -np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
     vectors[order[rank:]] = np.eye(len(columns) - rank)
@@ -219,5 +215,4 @@ def parameter_sizes(model: Model) -> Array:
 
 def base_sizes(model: Model, base: BaseParameters) -> Array:
     """(n,) how large the base parameters are, the root of the sum of squares of what they lump together."""
-    sizes: Array = np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))
-    return sizes
+    return np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))

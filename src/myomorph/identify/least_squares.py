@@ -181,8 +181,7 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
 
 def row_lengths_of_inverse(R: Array) -> Array:
     """(k,) standard deviations of unknowns whose information is R^T R."""
-    lengths: Array = np.linalg.norm(solve_triangular(R, np.eye(len(R))), axis=1)
-    return lengths
+    return np.linalg.norm(solve_triangular(R, np.eye(len(R))), axis=1)
 
 
 def levels(R: Array, mean: Array, sizes: Array) -> Array:
@@ -191,8 +190,7 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
     var is the variance with data, had the mean been right to within the sizes before.
     """
     whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
-    share: Array = np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
-    return share
+    return np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
 
 
 @read_only
@@ -242,8 +240,7 @@ class Rows:
     @property
     def wrench_rms(self) -> Array:
         """(6,) of what was measured [N m], [N]."""
-        rms: Array = np.sqrt(np.square(self.factors[:, :, -1]).sum(axis=1) / self.frames)
-        return rms
+        return np.sqrt(np.square(self.factors[:, :, -1]).sum(axis=1) / self.frames)
 
     @property
     def mean_force(self) -> Array:
@@ -257,8 +254,7 @@ class Rows:
         x = np.zeros(self.factors.shape[2])
         x[: len(solution)] = solution
         x[-1] = -1.0
-        rms: Array = np.sqrt(np.square(self.factors @ x).sum(axis=1) / self.frames)
-        return rms
+        return np.sqrt(np.square(self.factors @ x).sum(axis=1) / self.frames)
 
 
 def gather(
@@ -345,8 +341,7 @@ def correlation_times(left: Sequence[Array]) -> Array:
     rho = covariance / np.maximum(covariance[0], 1e-300)
     sums = rho[: 2 * pairs].reshape(pairs, 2, 6).sum(axis=1)
     positive = np.cumprod(sums > 0.0, axis=0)
-    times: Array = np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0)
-    return times
+    return np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0)
 
 
 def _measured(model: Model, recording: Recording) -> Array:

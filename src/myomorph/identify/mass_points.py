@@ -147,8 +147,7 @@ def prior_variances(points: MassPoints, options: MassPointOptions | None = None)
         a = a * change
         if np.abs(change - 1.0).max() < 0.01:
             break
-    variances: Array = options.mass_sd**2 * reference * (W @ a)
-    return variances
+    return options.mass_sd**2 * reference * (W @ a)
 
 
 def solve_mass_points(
@@ -296,8 +295,7 @@ class _Problem:
                 factor = linalg.cho_factor(H + ridge * np.eye(len(H)), lower=True, check_finite=False)
             except linalg.LinAlgError:
                 continue
-            direction: Array = scale * linalg.cho_solve(factor, scale * left, check_finite=False)
-            return direction
+            return scale * linalg.cho_solve(factor, scale * left, check_finite=False)
         raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
 
     def _step(self, y: Array, s: Array, soft: Array, direction: Array, ds: Array) -> float:

@@ -69,8 +69,7 @@ class OnlineState:
     @property
     def error(self) -> Array:
         """(6,) error of the predicted base wrench of late over what was measured, each row."""
-        share: Array = self.fit.innovation_rms / np.maximum(self.fit.wrench_rms, 1e-9)
-        return share
+        return self.fit.innovation_rms / np.maximum(self.fit.wrench_rms, 1e-9)
 
 
 class OnlineIdentification:
@@ -100,7 +99,7 @@ class OnlineIdentification:
         # Filtered frames repeat each other: each counts for less.
         self.sigma = np.repeat(self.options.noise, 3) * np.sqrt(self.filter.frames_per_sample)
         self.base: BaseParameters = base_parameters(model, held=held)
-        self.fit = SequentialFit.start(model, self.base, self.sigma, self.options.forgetting)
+        self.fit = SequentialFit(model, self.base, self.sigma, self.options.forgetting)
         self._motion = MovingWindow(self.filter, len(model.coordinates))
         self._force = MovingWindow(self.force_filter, 6)
         self._forces: deque[tuple[float, Array]] = deque(maxlen=int(2 * PATIENCE * force_rate) + 2)
@@ -143,7 +142,7 @@ class OnlineIdentification:
         """Do everything once without effect, so that nothing is compiled when the first frame comes."""
         still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
         rows = next(regressor_blocks(self.model, still)).rows[0]
-        scratch = SequentialFit.start(self.model, self.base, self.sigma)
+        scratch = SequentialFit(self.model, self.base, self.sigma)
         scratch.update(rows, rows @ self._parameters)
         scratch.state()
         self.fit.propose()
@@ -194,8 +193,7 @@ class OnlineIdentification:
             return None
         after, other = forces[1]
         share = (time - before) / (after - before)
-        mixed: Array = (1.0 - share) * wrench + share * other
-        return mixed
+        return (1.0 - share) * wrench + share * other
 
     def _fold(self, time: float, filtered: Array, wrench: Array) -> None:
         if not np.isfinite(filtered).all():

@@ -105,20 +105,14 @@ def solve_pseudo_inertia(
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)
-    if _keeps(problem, free):
-        return problem.fit(free, status="closed form", converged=True, residual=0.0, iterations=0)
-    limits = _limits(problem, mass)
+    # Changes that keep every inequality are the optimum with them too.
+    if (1.0 + np.linalg.eigvalsh(_symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin).all():
+        return problem.fit(free)
     for residuals in (False, True):
-        found = _solve(problem, limits, residuals)
+        found = _solve(problem, mass, residuals)
         if str(found.status) == "Solved":
             break
-    return problem.fit(
-        np.array(found.x)[: problem.A.shape[1]],
-        status=str(found.status),
-        converged=str(found.status) == "Solved",
-        residual=max(found.r_prim, found.r_dual),
-        iterations=found.iterations,
-    )
+    return problem.fit(np.array(found.x)[: problem.A.shape[1]], found)
 
 
 def solve_ridge(
@@ -131,7 +125,7 @@ def solve_ridge(
 ) -> PseudoInertiaFit:
     """The same problem without the inequalities: least squares that may give parameters no body can have."""
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
-    return problem.fit(_least_squares(problem, mass), status="closed form", converged=True, residual=0.0, iterations=0)
+    return problem.fit(_least_squares(problem, mass))
 
 
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
@@ -201,8 +195,8 @@ class _Changes:
             0.0 if mass is None else mass - reference[:, 0].sum(), options,
         )  # fmt: skip
 
-    def fit(self, x: Array, *, status: str, converged: bool, residual: float, iterations: int) -> PseudoInertiaFit:
-        """The fit of changes x (10 moved links,)."""
+    def fit(self, x: Array, found: clarabel.DefaultSolution | None = None) -> PseudoInertiaFit:
+        """The fit of changes x (10 moved links,), and how the solver found them where it was needed."""
         changes = x.reshape(-1, 10)
         parameters = self.reference.copy()
         parameters[self.moved] += np.einsum("lij,lj->li", self.basis, changes)
@@ -217,58 +211,35 @@ class _Changes:
             misfit_before=float(misses[1] @ misses[1]),
             smallest=smallest,
             kept=kept,
-            status=status,
-            converged=converged,
-            residual=float(residual),
-            iterations=int(iterations),
+            status="closed form" if found is None else str(found.status),
+            converged=found is None or str(found.status) == "Solved",
+            residual=0.0 if found is None else float(max(found.r_prim, found.r_dual)),
+            iterations=0 if found is None else int(found.iterations),
             options=self.options,
         )
 
 
-@read_only
-@dataclass(frozen=True, eq=False)
-class _Limits:
-    """right - rows x in the cones, x the changes."""
-
-    rows: sparse.csr_array
-    right: Array
-    cones: list
-
-
-def _limits(problem: _Changes, mass: float | None) -> _Limits:
-    """The total mass and the inequalities of the pseudo-inertias, in this order."""
-    rows, right, cones = [], [], []
-    if mass is not None:
-        rows.append(sparse.csr_array(problem.total[None]))
-        right.append(np.array([problem.lacking]))
-        cones.append(clarabel.ZeroConeT(1))
-    links = len(problem.moved)
-    rows.append(sparse.csr_array(-sparse.eye_array(10 * links)))
-    right.append(np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links))
-    cones += [clarabel.PSDTriangleConeT(4)] * links
-    return _Limits(sparse.csr_array(sparse.vstack(rows)), np.concatenate(right), cones)
-
-
-def _solve(problem: _Changes, limits: _Limits, residuals: bool) -> clarabel.DefaultSolution:
-    """The conic program by Clarabel.
+def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.DefaultSolution:
+    """The conic program by Clarabel: right - rows x in the cones, those of the total mass and the pseudo-inertias.
 
     With `residuals` the rows' misses are variables of their own, which squares no condition number but
     takes ten times longer: for measurements that no body near the reference can meet.
     """
-    n = problem.A.shape[1]
+    n, links = problem.A.shape[1], len(problem.moved)
+    rows, cones = -sparse.eye_array(n), [clarabel.PSDTriangleConeT(4)] * links
+    right = np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links)
+    if mass is not None:
+        rows, cones = sparse.vstack([sparse.csr_array(problem.total[None]), rows]), [clarabel.ZeroConeT(1), *cones]
+        right = np.append(problem.lacking, right)
     if residuals:
         A, b = problem.A, problem.b
         if len(A) > n:
             Q, A = np.linalg.qr(A)
             b = Q.T @ b
-        rows = len(A)
-        misses = sparse.hstack([sparse.csr_array(A), -sparse.eye_array(rows)])
-        limits = _Limits(
-            sparse.vstack([misses, sparse.hstack([limits.rows, sparse.csr_array((len(limits.right), rows))])]),
-            np.concatenate([b, limits.right]),
-            [clarabel.ZeroConeT(rows), *limits.cones],
-        )
-        H, linear = sparse.block_diag([problem.prior, sparse.eye_array(rows)]), np.zeros(n + rows)
+        misses = sparse.hstack([sparse.csr_array(A), -sparse.eye_array(len(A))])
+        rows = sparse.vstack([misses, sparse.hstack([rows, sparse.csr_array((len(right), len(A)))])])
+        right, cones = np.concatenate([b, right]), [clarabel.ZeroConeT(len(A)), *cones]
+        H, linear = sparse.block_diag([problem.prior, sparse.eye_array(len(A))]), np.zeros(n + len(A))
     else:
         full = problem.A.T @ problem.A + problem.prior
         scale = 1.0 / np.diagonal(full).mean()
@@ -277,7 +248,7 @@ def _solve(problem: _Changes, limits: _Limits, residuals: bool) -> clarabel.Defa
     settings.verbose = False
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
     return clarabel.DefaultSolver(
-        sparse.csc_matrix(sparse.triu(H)), linear, sparse.csc_matrix(limits.rows), limits.right, limits.cones, settings
+        sparse.csc_matrix(sparse.triu(H)), linear, sparse.csc_matrix(rows), right, cones, settings
     ).solve()
 
 
@@ -296,12 +267,6 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
     return x
 
 
-def _keeps(problem: _Changes, x: Array) -> bool:
-    """Whether changes keep every inequality, so that they are the optimum with it too."""
-    least = 1.0 + np.linalg.eigvalsh(_symmetric(x.reshape(-1, 10)))[:, 0]
-    return bool((least >= problem.options.margin).all())
-
-
 def _symmetric(entries: Array) -> Array:
     """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
@@ -312,5 +277,4 @@ def _symmetric(entries: Array) -> Array:
 
 def _basis(L: Array) -> Array:
     """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
-    columns: Array = parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T
-    return columns
+    return parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T

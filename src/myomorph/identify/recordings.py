@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.identify.base import Recording
+from myomorph.identify.least_squares import Recording
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -184,16 +185,17 @@ def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
     return cut(motion, float(motion.time[within][0]), float(motion.time[within][-1]))
 
 
+def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
+    """Reason -> frames of all recordings left out for it."""
+    return sum((Counter(one.left_out) for one in recordings), Counter[str]())
+
+
 def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
     """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
     options = options or RecordingOptions()
     seconds = sum(float(one.use.sum()) * _step(one.recording.motion.time) for one in recordings)
     if seconds < options.min_duration:
-        counts: dict[str, int] = {}
-        for one in recordings:
-            for reason, count in one.left_out.items():
-                counts[reason] = counts.get(reason, 0) + count
-        total = sum(one.frames for one in recordings)
+        counts, total = all_left_out(recordings), sum(one.frames for one in recordings)
         raise BadData(
             f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of {total} frames "
             f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
@@ -217,8 +219,7 @@ def _up(model: Model, wrench: Array) -> Array:
     size = float(np.linalg.norm(model.gravity))
     if size == 0.0:
         raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
-    up: Array = -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
-    return up
+    return -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
 
 
 def _lacking(wrenches: Wrenches) -> np.ndarray:
@@ -226,8 +227,7 @@ def _lacking(wrenches: Wrenches) -> np.ndarray:
     known = np.isfinite(wrenches.forces).all(axis=2) & np.isfinite(wrenches.torques).all(axis=2)
     unplaced = ~np.isfinite(wrenches.points).all(axis=2)
     loaded = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2) > UNLOADED
-    lacking: np.ndarray = (~known | (loaded & unplaced)).any(axis=1)
-    return lacking
+    return (~known | (loaded & unplaced)).any(axis=1)
 
 
 def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
@@ -247,8 +247,7 @@ def _near(time: Array, places: Array, margin: float) -> np.ndarray:
         return np.zeros(len(time), bool)
     after = np.searchsorted(places, time).clip(max=len(places) - 1)
     nearest = np.minimum(np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time))
-    near: np.ndarray = nearest <= margin + 0.5 * _step(time)
-    return near
+    return nearest <= margin + 0.5 * _step(time)
 
 
 def _ends(motion: Motion, wrenches: Wrenches) -> Array:
@@ -295,8 +294,7 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
     share = np.where(known, lacking / weight, 0.0)
     counted = uniform_filter1d(known.astype(np.float64), frames)
     mean = uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
-    found: np.ndarray = binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
-    return found
+    return binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
 
 
 def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
@@ -304,8 +302,7 @@ def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     carried = uniform_filter1d(np.where(known, measured, 0.0), frames)
     share = np.where(known, carried / np.maximum(uniform_filter1d(np.where(known, needed, 1.0), frames), 1.0), -np.inf)
-    best: np.ndarray = known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
-    return best
+    return known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
 
 
 def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:

@@ -34,6 +34,12 @@ NOISE = (2.0, 2.0, 2.0, 5.0, 5.0, 5.0)
 _SWING = (0.5, 0.1)
 """Half amplitude of a movement that is proposed, of angles [rad] and lengths [m]."""
 
+PRIOR = 100.0
+"""Standard deviation of a weak prior about the model, in multiples of the sizes (as in `BaseOptions`)."""
+
+MEMORY = 200
+"""Frames over which errors of prediction are averaged."""
+
 _PHASES = 6
 _SAMPLES = 20
 """Independent samples that a proposed movement is counted as, about two seconds of it."""
@@ -114,24 +120,23 @@ class SequentialFit:
     A frame's six rows are turned into the triangular factor by Householder reflections, which is the
     batch's QR decomposition continued: both end in the same numbers. `update` changes this object.
 
+    Parameters
+    ----------
+    base : by default the model's, its locked coordinates at rest
+    sigma : (6,) or one number, noise of the rows of the base wrench [N m], [N]. Where successive frames
+        are not independent (filtered, sampled fast), times the root of the frames that make one sample
+    forgetting : below 1, frames T ago weigh forgetting^T: for bodies or plates that change
+
     Attributes
     ----------
     base : what is estimated
     sizes : (n,) how large each base parameter is in the model
-    sigma : (6,) noise of a row [N m], [N]
-    forgetting : weight of a frame's information relative to the next one's, at most 1
-    prior : standard deviation of a weak prior about the model, in multiples of the sizes (as in `BaseOptions`)
     """
 
     def __init__(
-        self,
-        model: Model,
-        base: BaseParameters,
-        sigma: Array,
-        forgetting: float = 1.0,
-        prior: float = 100.0,
-        memory: int = 200,
+        self, model: Model, base: BaseParameters | None = None, sigma: ArrayLike = NOISE, forgetting: float = 1.0
     ):
+        base = base or base_parameters(model)
         sigma = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (6,))
         if not (np.isfinite(sigma).all() and (sigma > 0.0).all()):
             raise BadData(f"the noise of the base wrench is {sigma.tolist()}: expected six positive numbers")
@@ -141,12 +146,11 @@ class SequentialFit:
             raise BadData("the base parameters are of another model")
         self.model, self.base = model, base
         self.sizes = base_sizes(model, base)
-        self.sigma, self.forgetting, self.prior = frozen_array(sigma), forgetting, prior
+        self.sigma, self.forgetting = frozen_array(sigma), forgetting
         self._mean = base.of(inertial_parameters(model))
         n = len(base)
         self._factor = np.zeros((n, n + 1))
         self._rows = np.empty((6, n + 1))
-        self._memory = memory
         self._estimate = self._mean.copy()
         self._due = 0
         self.frames = self.left_out = 0
@@ -154,27 +158,6 @@ class SequentialFit:
         self._errors, self._measured = np.zeros(6), np.zeros(6)
         self._last = np.zeros((6, n))
         self._swings: _Swings | None = None
-
-    @classmethod
-    def start(
-        cls,
-        model: Model,
-        base: BaseParameters | None = None,
-        sigma: ArrayLike = NOISE,
-        forgetting: float = 1.0,
-        prior: float = 100.0,
-    ) -> SequentialFit:
-        """Begin without data.
-
-        Parameters
-        ----------
-        base : by default the model's, its locked coordinates at rest
-        sigma : (6,) or one number, noise of the rows of the base wrench [N m], [N]. Where successive frames
-            are not independent (filtered, sampled fast), times the root of the frames that make one sample
-        forgetting : below 1, frames T ago weigh forgetting^T: for bodies or plates that change
-        prior : as in `BaseOptions`
-        """
-        return cls(model, base or base_parameters(model), np.asarray(sigma, dtype=np.float64), forgetting, prior)
 
     def update(self, rows: Array, wrench: Array) -> Array:
         """Fold in one frame; returns the error of the wrench predicted before, (6,) [N m], [N].
@@ -200,7 +183,7 @@ class SequentialFit:
         fold(self._factor, self._rows)
         self.frames += 1
         self._last = own
-        keep = min(1.0 - 1.0 / self._memory, self.frames / (self.frames + 1.0))
+        keep = min(1.0 - 1.0 / MEMORY, self.frames / (self.frames + 1.0))
         self._weight = keep * self._weight + 1.0
         self._errors = keep * self._errors + error**2
         self._measured = keep * self._measured + wrench**2
@@ -210,7 +193,7 @@ class SequentialFit:
 
     def _solve(self) -> Array:
         """Refresh the estimate; returns the triangular factor with the prior."""
-        R, z = with_prior(self._factor, self._mean, self.prior * self.sizes)
+        R, z = with_prior(self._factor, self._mean, PRIOR * self.sizes)
         self._estimate = solve_triangular(R, z)
         self._due = self.frames + 1 + min(self.frames // 10, 100)
         return R
@@ -242,41 +225,33 @@ class SequentialFit:
             wrench_rms=frozen_array(np.sqrt(self._measured / weight)),
         )
 
-    def _spread(self) -> Array:
-        """(n, n) root of the covariance, had the model's parameters been right to within their sizes."""
-        R, _ = with_prior(self._factor, self._mean, self.sizes)
-        root: Array = solve_triangular(R, np.eye(len(R)))
-        return root
-
-    def propose(self, pose: ArrayLike | None = None, most: int = 3) -> tuple[Proposal, ...]:
+    def propose(self, most: int = 3) -> tuple[Proposal, ...]:
         """The coordinates whose movement would show most of what is not known yet, the best first.
 
         The information of a slow swing of each coordinate alone, log det(I + Y_B P Y_B^T / sigma^2) with the
-        covariance P so far. The joints of the base to the ground are not proposed.
-
-        Parameters
-        ----------
-        pose : (coordinates,) the pose to swing about; the model's default. Taken at the first call only
+        covariance P so far, had the model's parameters been right to within their sizes. The swings are about the
+        model's default pose. The joints of the base to the ground are not proposed.
         """
         if self._swings is None:
-            self._swings = self._prepare(pose)
+            self._swings = self._prepare()
         swings = self._swings
         if not swings.coordinates:
             return ()
-        spread = swings.rows @ self._spread()
+        R, _ = with_prior(self._factor, self._mean, self.sizes)
+        spread = swings.rows @ solve_triangular(R, np.eye(len(R)))
         size = spread.shape[1]
         information = np.eye(size) + (_SAMPLES / _PHASES) * spread @ spread.transpose(0, 2, 1)
         gains = np.linalg.slogdet(information)[1] / 2.0
         best = np.argsort(-gains)[:most]
         return tuple(Proposal(swings.coordinates[i], swings.bodies[i], float(gains[i])) for i in best)
 
-    def _prepare(self, pose: ArrayLike | None) -> _Swings:
+    def _prepare(self) -> _Swings:
         tree = compile_tree(self.model)
         names = self.model.coordinate_names
         bodies = {name: joint.child for joint in self.model.joints for name in joint.coordinates}
         roots = root_coordinates(self.model)
         moving = [j for j in tree.independent if names[j] not in roots and names[j] not in self.base.held]
-        rest = np.array(tree.defaults if pose is None else pose, dtype=np.float64)
+        rest = np.array(tree.defaults, dtype=np.float64)
         for name, value in self.base.held.items():
             rest[names.index(name)] = value
         phase = 2.0 * np.pi * np.arange(_PHASES) / _PHASES

@@ -19,7 +19,7 @@ from myomorph.identify.pseudo_inertia import (
     possible_reference,
     solve_pseudo_inertia,
 )
-from myomorph.identify.recordings import RecordingOptions, Usable, check_excited
+from myomorph.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
 from myomorph.identify.validation import Consistency, Inside, Parts, consistency, held_out, parts_of
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -123,11 +123,7 @@ class Identification:
     @property
     def left_out(self) -> Mapping[str, int]:
         """Reason -> frames of all recordings left out for it."""
-        counts: dict[str, int] = {}
-        for one in self.recordings:
-            for reason, count in one.left_out.items():
-                counts[reason] = counts.get(reason, 0) + count
-        return FrozenMap(counts)
+        return FrozenMap(dict(all_left_out(self.recordings)))
 
 
 def identify(
@@ -206,7 +202,7 @@ def identify(
     chosen = f"identified, {first}" if options.method == "points" else CONIC
     found = {name: solved[name].parameters for name in dict.fromkeys((chosen, *solved))}
     found |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
-    floor = tried[best]
+    floor, names = tried[best], model.body_names
     return Identification(
         model=with_inertial_parameters(model, found[chosen]),
         chosen=chosen,
@@ -221,11 +217,13 @@ def identify(
         ),
         points=points[first],
         shares=shares_of_data(_thinned(points[first]), rows[0], mass, best),
-        consistency=FrozenMap({name: _checked(model, one, points[first], inside) for name, one in found.items()}),
+        consistency=FrozenMap(
+            {name: consistency(names, one, inside=inside, points=points[first]) for name, one in found.items()}
+        ),
         recordings=tuple(recordings),
         notes=(
             *(f"{name}: not proven to be the optimum" for name, one in solved.items() if not one.converged),
-            *_far_from_shape(model.body_names, found[chosen][:, 0], shape[:, 0], best),
+            *_far_from_shape(names, found[chosen][:, 0], shape[:, 0], best),
             *_no_gain(floor, parts.rms(found[GENERIC])),
             *(note for one in recordings for note in one.notes),
         ),
@@ -363,14 +361,13 @@ def shares_of_data(points: MassPoints, A: Array, mass: float, mass_sd: float) ->
     links = len(points.links.names)
     variances = prior_variances(points, MassPointOptions(mass_sd=mass_sd))
     moments = point_moments(points.points)
-    # Columns of `spread` are parameters of unit masses times the points' standard deviations.
-    spread = np.empty((links, 10, len(moments)))
+    # Parameters of unit masses times the points' standard deviations.
+    columns = np.empty((links, 10, len(moments)))
     for i in range(links):
-        shares = np.asarray(points.weights[:, [i]].todense()).ravel()
-        spread[i] = (points.places[i] @ moments.T) * (shares * np.sqrt(variances))
-    columns = spread.reshape(10 * links, -1)
-    covariance = columns @ columns.T
-    known = np.vstack([np.zeros(10 * links)])
+        columns[i] = (points.places[i] @ moments.T) * (points.weights[:, [i]].toarray().ravel() * np.sqrt(variances))
+    flat = columns.reshape(10 * links, -1)
+    covariance = flat @ flat.T
+    known = np.zeros((1, 10 * links))
     known[0, ::10] = 1.0 / (1e-6 * mass)
     prior = _conditioned(covariance, known)
     posterior = _conditioned(prior, A)
@@ -383,7 +380,3 @@ def _conditioned(covariance: Array, rows: Array) -> Array:
     """Covariance after measuring `rows` x with unit noise."""
     crossed = rows @ covariance
     return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)
-
-
-def _checked(model: Model, parameters: Array, points: MassPoints, inside: Inside | None) -> Consistency:
-    return consistency(model.body_names, parameters, links=points.links, inside=inside, points=points)

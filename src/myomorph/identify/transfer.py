@@ -252,15 +252,9 @@ def _with_masses(
     turn[:3, :3] = rotation
     given = turn @ ground_pseudo_inertias(lower, lower_pose) @ turn.T
     own = ground_pseudo_inertias(higher, higher_pose)
-    heavy = [
-        {region for body, region in table.items() if model.body(body).mass > 0.0}
-        for model, table in ((lower, regions[0]), (higher, regions[1]))
-    ]
-    common = heavy[0] & heavy[1]
-    members = [
-        [_counted(table[name], common) for name in model.body_names]
-        for model, table in ((lower, regions[0]), (higher, regions[1]))
-    ]
+    both = tuple(zip((lower, higher), regions, strict=True))
+    heavy = [{region for body, region in table.items() if model.body(body).mass > 0.0} for model, table in both]
+    members = [[_counted(table[name], heavy[0] & heavy[1]) for name in model.body_names] for model, table in both]
     found = own.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
@@ -270,7 +264,22 @@ def _with_masses(
             found[ours], note = spread(own[ours], target), ""
         except BadData as error:
             found[ours], note = spread_mass(own[ours], target), f"only mass and mass center: {error}"
-        matches.append(_matched(region, lower, higher, theirs, ours, target, own, found, note))
+        total = found[ours].sum(axis=0)
+        heavy_ours = ours[own[ours, 3, 3] > 0.0]
+        before, after = (table[heavy_ours, :3, 3] / table[heavy_ours, 3, 3, None] for table in (own, found))
+        matches.append(
+            MassMatch(
+                region,
+                tuple(lower.body_names[i] for i in theirs),
+                tuple(higher.body_names[i] for i in ours),
+                float(target[3, 3]),
+                float(abs(total[3, 3] - target[3, 3])),
+                float(np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3])),
+                float(np.abs(total[:3, :3] - target[:3, :3]).max()),
+                float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
+                note,
+            )
+        )
     back = np.linalg.inv(frames_in_ground(higher, higher_pose))
     parameters = parameters_of(back @ found @ np.swapaxes(back, 1, 2))
     massless = inertial_parameters(higher)[:, 0] == 0.0
@@ -286,34 +295,6 @@ def _counted(region: Region, common: set[Region]) -> Region:
     if one is None:
         raise BadData(f"the {region} has no mass in one of the models, and nothing it hangs on has")
     return one
-
-
-def _matched(
-    region: Region,
-    lower: Model,
-    higher: Model,
-    theirs: np.ndarray,
-    ours: np.ndarray,
-    target: Array,
-    own: Array,
-    found: Array,
-    note: str,
-) -> MassMatch:
-    total = found[ours].sum(axis=0)
-    masses = own[ours, 3, 3] > 0.0
-    before, after = (table[ours][masses][:, :3, 3] / table[ours][masses][:, 3, 3, None] for table in (own, found))
-    center = float(np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3]))
-    return MassMatch(
-        region,
-        tuple(lower.body_names[i] for i in theirs),
-        tuple(higher.body_names[i] for i in ours),
-        float(target[3, 3]),
-        float(abs(total[3, 3] - target[3, 3])),
-        center,
-        float(np.abs(total[:3, :3] - target[:3, :3]).max()),
-        float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
-        note,
-    )
 
 
 def _markers(

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from myomorph.identify.base import Recording
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.body.points import Links, MassPoints
-from myomorph.identify.least_squares import absorb
+from myomorph.identify.least_squares import Recording, absorb
 from myomorph.model.arrays import Array, checked_array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
@@ -60,8 +59,7 @@ class Parts:
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
         x = np.append(self.base.of(parameters), -1.0)
         squares = np.square(self.factors[chosen] @ x).sum(axis=(0, 2))
-        result: Array = np.sqrt(squares / self.frames[chosen].sum())
-        return result
+        return np.sqrt(squares / self.frames[chosen].sum())
 
     def rows(self, noise: Array, parts: Sequence[int] | None = None) -> tuple[Array, Array]:
         """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""
@@ -70,8 +68,7 @@ class Parts:
         for part in chosen:
             for kind, size in enumerate(noise):
                 # A vector of three components has three times the variance of one.
-                scaled = self.factors[part, kind] * (np.sqrt(3.0) / size)
-                factor = absorb(factor, scaled)
+                factor = absorb(factor, self.factors[part, kind] * (np.sqrt(3.0) / size))
         return factor[:-1, :-1] @ self.base.combination, np.array(factor[:-1, -1])
 
 
@@ -117,11 +114,8 @@ def held_out(parts: Parts, fit: Callable[[Sequence[int]], Array]) -> Array:
     ----------
     fit : parameters (bodies, 10) from the numbers of the parts to fit
     """
-    squares = np.empty((len(parts), 2))
-    for part in range(len(parts)):
-        others = [one for one in range(len(parts)) if one != part]
-        squares[part] = np.square(parts.rms(fit(others), [part]))
-    return squares
+    every = range(len(parts))
+    return np.square([parts.rms(fit([one for one in every if one != part]), [part]) for part in every])
 
 
 @read_only
@@ -202,14 +196,12 @@ def cross_validate(
     if use is not None:
         measured[~np.asarray(use)] = np.nan
     parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
-    blocks = [np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)]
-    predicted = np.concatenate(blocks)
-    weight = one.mass * float(np.linalg.norm(one.gravity))
+    predicted = np.concatenate([np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)])
     return CrossValidation(
         motion.time,
         frozen_array(measured),
         FrozenMap({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
-        weight,
+        one.mass * float(np.linalg.norm(one.gravity)),
     )
 
 

@@ -57,25 +57,6 @@ class Drives:
     stiffness: float = 120.0
 
 
-@read_only
-@dataclass(frozen=True, eq=False)
-class Wanted:
-    """What the fighters intend at an instant.
-
-    Attributes
-    ----------
-    accelerations : (nv,)
-    standing : corners of soles on the mat: number of the body, point in it (3,), and where it came down (3,) [m]
-    lapel : (3,) force on tori's hand [N]
-    sleeve : pull [N]
-    """
-
-    accelerations: Array
-    standing: Sequence[tuple[int, Array, Array]]
-    lapel: Array
-    sleeve: float
-
-
 class Controller:
     """Activations of both fighters from the state, instant by instant.
 
@@ -94,26 +75,36 @@ class Controller:
             start = compiled.jnt_dofadr[j]
             self._scale[start : start + 6] = self.drives.root
 
-    def activations(self, data: Any, wanted: Wanted) -> Array:
-        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date."""
+    def activations(
+        self, data: Any, wanted: Array, standing: Sequence[tuple[int, Array, Array]], lapel: Array, pull: float
+    ) -> Array:
+        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date.
+
+        Parameters
+        ----------
+        wanted : (nv,) accelerations
+        standing : corners of soles on the mat: number of the body, point in it (3,), and where it came down (3,) [m]
+        lapel : (3,) intended force on tori's hand [N]
+        pull : intended at the sleeve [N]
+        """
         m, drives = self._m, self.drives
-        soles = [jacobian(m, data, body, point) for body, point, _ in wanted.standing]
+        soles = [jacobian(m, data, body, point) for body, point, _ in standing]
         feet = np.vstack([J for J, _ in soles]) if soles else np.zeros((0, m.nv))
         grip, gap = _between(m, data, "tori_grip_r", "lapel")
         B, b = self._accelerations(data, feet, grip)
         aims = _Aims(B, b)
-        aims.add(np.eye(m.nv), wanted.accelerations, self._scale)
+        aims.add(np.eye(m.nv), wanted, self._scale)
         if soles:
-            missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, wanted.standing, strict=True)])
+            missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, standing, strict=True)])
             aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, drives.foot)
         aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, drives.lapel)
-        sleeve, longer, rate = self._sleeve(data, wanted.sleeve)
+        sleeve, longer, rate = self._sleeve(data, pull)
         aims.add(sleeve[None], np.array([_STIFF * longer - _RATE * rate]), drives.sleeve)
         muscles = slice(0, m.nu)
         effort = drives.effort * self._weight * (0.05 + np.abs(self._before - self._tone))
         aims.pull(muscles, self._tone, effort)
         aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
-        aims.pull(slice(-3, None), wanted.lapel, drives.pull**-2)
+        aims.pull(slice(-3, None), lapel, drives.pull**-2)
         found = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
         self._before = np.clip(found[muscles], 0.0, 1.0)
         return self._before
@@ -287,7 +278,7 @@ def simulate_bout(
             stiff = controller.drives.stiffness
             aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(k * STEP)
-            chosen = controller.activations(data, Wanted(aim, standing, np.array([lapel, 0.0, 0.0]), sleeve))
+            chosen = controller.activations(data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve)
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
         found["time"][k], found["qpos"][k], found["activations"][k] = k * STEP, data.qpos, activation

@@ -85,14 +85,12 @@ class BodyTruth:
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) of the source's frame in the target's [m]."""
         placed = self.field.apply(self.pose.apply(np.asarray(points, dtype=np.float64)))
-        back: Array = (placed - self.origin) @ self.pose.rotation
-        return back
+        return (placed - self.origin) @ self.pose.rotation
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the deformed points."""
         R = self.pose.rotation
-        slopes: Array = R.T @ self.field.jacobian(self.pose.apply(np.asarray(points, dtype=np.float64))) @ R
-        return slopes
+        return R.T @ self.field.jacobian(self.pose.apply(np.asarray(points, dtype=np.float64))) @ R
 
 
 def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str, BodyTruth]]:

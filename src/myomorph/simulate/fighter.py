@@ -45,50 +45,21 @@ class Segment:
 
 
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+LUMBAR = (("lumbar_flexion", Z), ("lumbar_bending", X), ("lumbar_rotation", Y))
+HIP = (("hip_flexion", Z), ("hip_adduction", X), ("hip_rotation", Y))
+ANKLE = (("ankle_angle", Z), ("subtalar_angle", X))
+SHOULDER = (("arm_flex", Z), ("arm_add", X), ("arm_rot", Y))
+ELBOW = (("elbow_flex", Z),)
 MIDDLE = (
     Segment("pelvis", "", (0.0, 0.0, 0.0), (), 0.112, (-0.01, 0.05, 0.0), (0.08, 0.09, 0.15)),
-    Segment(
-        "torso",
-        "pelvis",
-        (-0.03, 0.12, 0.0),
-        (("lumbar_flexion", Z), ("lumbar_bending", X), ("lumbar_rotation", Y)),
-        0.392,
-        (0.02, 0.27, 0.0),
-        (0.09, 0.26, 0.15),
-    ),
+    Segment("torso", "pelvis", (-0.03, 0.12, 0.0), LUMBAR, 0.392, (0.02, 0.27, 0.0), (0.09, 0.26, 0.15)),
 )
 SIDED = (
-    Segment(
-        "thigh",
-        "pelvis",
-        (0.0, 0.0, 0.09),
-        (("hip_flexion", Z), ("hip_adduction", X), ("hip_rotation", Y)),
-        0.142,
-        (0.0, -0.17, 0.0),
-        (0.06, 0.21, 0.06),
-    ),
+    Segment("thigh", "pelvis", (0.0, 0.0, 0.09), HIP, 0.142, (0.0, -0.17, 0.0), (0.06, 0.21, 0.06)),
     Segment("shank", "thigh", (0.0, -0.42, 0.0), (("knee_angle", Z),), 0.043, (0.0, -0.18, 0.0), (0.04, 0.2, 0.04)),
-    Segment(
-        "foot",
-        "shank",
-        (0.0, -0.42, 0.0),
-        (("ankle_angle", Z), ("subtalar_angle", X)),
-        0.014,
-        (0.05, -0.04, 0.0),
-        (0.12, 0.03, 0.04),
-    ),
-    Segment(
-        "upperarm",
-        "torso",
-        (0.03, 0.38, 0.18),
-        (("arm_flex", Z), ("arm_add", X), ("arm_rot", Y)),
-        0.027,
-        (0.0, -0.14, 0.0),
-        (0.04, 0.14, 0.04),
-    ),
-    Segment(
-        "forearm", "upperarm", (0.0, -0.28, 0.0), (("elbow_flex", Z),), 0.022, (0.0, -0.15, 0.0), (0.03, 0.17, 0.03)
-    ),
+    Segment("foot", "shank", (0.0, -0.42, 0.0), ANKLE, 0.014, (0.05, -0.04, 0.0), (0.12, 0.03, 0.04)),
+    Segment("upperarm", "torso", (0.03, 0.38, 0.18), SHOULDER, 0.027, (0.0, -0.14, 0.0), (0.04, 0.14, 0.04)),
+    Segment("forearm", "upperarm", (0.0, -0.28, 0.0), ELBOW, 0.022, (0.0, -0.15, 0.0), (0.03, 0.17, 0.03)),
 )
 GRIP = (0.0, -0.32, 0.0)
 """Middle of the fist in the forearm [m]."""
@@ -286,10 +257,7 @@ def _inertial(one: Segment, build: Build) -> str:
 def _geoms(one: Segment, prefix: str, s: float) -> list[str]:
     """What is seen of a segment, and what of a foot stands on the mat."""
     shown = [(one.center, one.size), *([HEAD] if one.name == "torso" else [])]
-    geoms = [
-        f'<geom class="shown" pos="{_text(s * np.array(at))}" size="{_text(s * np.array(size))}"/>'
-        for at, size in shown
-    ]
+    geoms = [f'<geom class="shown" pos="{_text(s * np.array(a))}" size="{_text(s * np.array(b))}"/>' for a, b in shown]
     if one.name.startswith("foot"):
         for k, at in sole_points(one.name[-1]).items():
             geoms.append(f'<geom name="{prefix}{one.name}_{k}" class="sole" pos="{_text(s * at + (0.0, BALL, 0.0))}"/>')
@@ -344,15 +312,14 @@ FLOOR = (
 
 def compile_pair(builds: Mapping[str, Build]) -> Any:
     """Both fighters face to face, tori gripping uke's lapel and sleeve."""
-    fragments = []
-    for part, place, turn in zip(PARTS, (0.0, APART), (0.0, np.pi), strict=True):
-        fragments.append(fighter_mjcf(f"{part}_", builds[part], (place, builds[part].size * LEG, 0.0), turn))
+    fragments = [
+        fighter_mjcf(f"{part}_", builds[part], (place, builds[part].size * LEG, 0.0), turn)
+        for part, place, turn in zip(PARTS, (0.0, APART), (0.0, np.pi), strict=True)
+    ]
     s = builds["uke"].size
-    trees = "".join(tree for tree, _, _ in fragments)
+    trees, tendons, actuators = ("".join(texts) for texts in zip(*fragments, strict=True))
     trees = _with_site(trees, "uke_torso", "lapel", s * LAPEL)
     trees = _with_site(trees, "uke_forearm_r", "cuff", s * CUFF)
-    tendons = "".join(one for _, one, _ in fragments)
-    actuators = "".join(one for _, _, one in fragments)
     sleeve = (
         f'<spatial name="sleeve" stiffness="{SLEEVE_STIFFNESS}" damping="{SLEEVE_DAMPING}" '
         f'springlength="0 {SLEEVE_LENGTH}"><site site="tori_grip_l"/><site site="cuff"/></spatial>'
@@ -374,7 +341,7 @@ def fighter_text(part: str, build: Build) -> str:
 
 def _with_site(tree: str, body: str, name: str, place: Array) -> str:
     start = tree.index(">", tree.index(f'<body name="{body}"')) + 1
-    return f'{tree[:start]}<site name="{name}" pos="{" ".join(map(repr, map(float, place)))}"/>{tree[start:]}'
+    return f'{tree[:start]}<site name="{name}" pos="{_text(place)}"/>{tree[start:]}'
 
 
 def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict[str, Build]:
@@ -383,10 +350,6 @@ def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(compiled, data)
     lengths = {compiled.actuator(i).name: float(data.actuator_length[i]) for i in range(compiled.nu)}
-    return {
-        part: replace(
-            build,
-            paths={name[len(part) + 1 :]: one for name, one in lengths.items() if name.startswith(f"{part}_")},
-        )
-        for part, build in builds.items()
-    }
+    paths = {part: {name[len(part) + 1 :]: one for name, one in lengths.items() if name.startswith(f"{part}_")}
+             for part in builds}  # fmt: skip
+    return {part: replace(build, paths=paths[part]) for part, build in builds.items()}

@@ -10,7 +10,6 @@ one plate between both feet.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -89,18 +88,14 @@ class JumpStudy:
     source: str
 
 
-def jump_study(recording: str | Path | None = None) -> JumpStudy:
+def jump_study() -> JumpStudy:
     """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions.
-
-    Parameters
-    ----------
-    recording : the C3D file; by default the one in the installed package `biomdp`
 
     Raises
     ------
     BadData : the packages `biomdp` or `myo-sim` are not installed, or the recording lacks what it needs
     """
-    path = Path(recording) if recording is not None else recording_path()
+    path = recording_path()
     trial = force_plates(read_c3d(path)).rotated(LAB_TO_GROUND)
     if trial.markers is None or not trial.plates or trial.analog is None:
         raise BadData(f"{path}: expected markers, force plates and analog channels")
@@ -108,42 +103,32 @@ def jump_study(recording: str | Path | None = None) -> JumpStudy:
     quiet = cut(trial.markers, *QUIET)
     mass = standing_mass(trial, model)
     model, factors = fitted_model(model, quiet, mass)
-    markers = with_mirrored(trial.markers)
     model = calibrated(model, quiet)
     wrenches, share = shared_wrenches(trial)
     events = events_of(trial)
     channels = [trial.analog.names.index(name) for name in EMG_CHANNELS]
     units = tuple(trial.analog.units[i] for i in channels)
-    analog = Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units)
+    weights = {name: MIRRORED_WEIGHT if "mirrored" in name else 1.0 for name in model.marker_names}
     return JumpStudy(
         model=model,
         trial=trial,
-        markers=markers,
-        marker_weights=_weights(model),
+        markers=with_mirrored(trial.markers),
+        marker_weights=weights | {SHOULDER: SHOULDER_WEIGHT},
         wrenches=wrenches,
-        analog=analog,
+        analog=Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units),
         events=events,
         mass=mass,
         factors=factors,
         window=WINDOW,
         cutoff=CUTOFF,
         share=share,
-        real=_real(mass),
+        real=(
+            "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
+            "and right shoulder at 200 Hz, force plates and EMG at 2000 Hz.",
+            f"The mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
+        ),
         assumed=_assumed(factors, share, trial, events),
         source=str(path),
-    )
-
-
-def _weights(model: Model) -> dict[str, float]:
-    weights = {name: MIRRORED_WEIGHT if "mirrored" in name else 1.0 for name in model.marker_names}
-    return weights | {SHOULDER: SHOULDER_WEIGHT}
-
-
-def _real(mass: float) -> tuple[str, ...]:
-    return (
-        "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
-        "and right shoulder at 200 Hz, force plates and EMG at 2000 Hz.",
-        f"The mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
     )
 
 

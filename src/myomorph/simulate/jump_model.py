@@ -82,8 +82,7 @@ def middle_plane(markers: Markers) -> tuple[Array, Array]:
 
 def mirrored(vectors: Array, side: Array) -> Array:
     """Vectors (frames, 3) mirrored in planes through the origin with unit normals `side`."""
-    image: Array = vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
-    return image
+    return vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
 
 
 def mirrored_name(name: str) -> str:
@@ -204,7 +203,12 @@ def leg_model() -> Model:
     root = model.joints[0]
     start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
     joint, coordinates = _pelvis_joint(root.child, start)
-    held = tuple(_held(coordinate) for coordinate in model.coordinates[6:])
+    held = [
+        replace(one, locked=True, default=0.0) if one.name in LOCKED
+        else replace(one, clamped=False) if one.name in FREED
+        else one
+        for one in model.coordinates[6:]
+    ]  # fmt: skip
     return replace(
         model,
         bodies=(*model.bodies, girdle),
@@ -212,12 +216,6 @@ def leg_model() -> Model:
         coordinates=(*coordinates, *held, lift),
         gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
     )
-
-
-def _held(coordinate: Coordinate) -> Coordinate:
-    if coordinate.name in LOCKED:
-        return replace(coordinate, locked=True, default=0.0)
-    return replace(coordinate, clamped=False) if coordinate.name in FREED else coordinate
 
 
 def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
@@ -254,8 +252,7 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
     poses = forward_kinematics(tree, tree.defaults[None])
 
     def place(body: str) -> Array:
-        origin: Array = poses.origins[0, tree.body_index[body]]
-        return origin
+        return poses.origins[0, tree.body_index[body]]
 
     def ratio(one: str, other: str, marker: str, other_marker: str) -> float:
         recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
@@ -284,7 +281,7 @@ def calibrated(model: Model, quiet: Markers) -> Model:
     tree = compile_tree(model)
     neutral = forward_kinematics(tree, tree.defaults[None])
     talus, calcn = (neutral.origins[0, tree.body_index[name]] for name in ("talus_r", "calcn_r"))
-    still = _mean_frame(quiet)
+    still = Markers(quiet.time[:1], quiet.names, quiet.values.mean(axis=0)[None])
     values = still.values.copy()
     for name in ("Right_TalonInf", "Right_Meta"):
         values[0, still.names.index(name), 1] = still["RAJC"][0, 1] - (talus - calcn)[1]
@@ -301,10 +298,6 @@ def calibrated(model: Model, quiet: Markers) -> Model:
         if one.name in LEG_MARKERS
     )
     return model.with_markers((*placed, *left))
-
-
-def _mean_frame(markers: Markers) -> Markers:
-    return Markers(markers.time[:1], markers.names, markers.values.mean(axis=0)[None])
 
 
 def _upright(model: Model, motion: Motion) -> Motion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +58,6 @@ class Noise:
     lever: float = 0.2
     offset: float = 0.0
     drift: float = 0.0
-
-    def on_true_clock(self, wrenches: Wrenches) -> Wrenches:
-        """What the plate measured, at the true times of its samples."""
-        return replace(wrenches, time=(wrenches.time - self.offset) / (1.0 + self.drift))
 
 
 @read_only
@@ -141,13 +137,7 @@ def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
 
 def matrices(quaternions: Array) -> Array:
     """(frames, 3, 3) of unit quaternions (frames, 4), w first."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
 
 
 def measured_markers(
@@ -340,14 +330,8 @@ def _ends(bone: Surface) -> Array:
     away = bone.vertices - bone.vertices.mean(axis=0)
     axes = np.linalg.svd(away, full_matrices=False)[2]
     along = away @ axes.T
-    rows = [
-        along[:, 0].argmax(),
-        along[:, 0].argmin(),
-        along[:, 1].argmax(),
-        along[:, 1].argmin(),
-        along[:, 2].argmax(),
-    ]
-    return bone.vertices[rows]
+    rows = np.column_stack([along.argmax(axis=0), along.argmin(axis=0)]).ravel()
+    return bone.vertices[rows[:5]]
 
 
 def _write_stl(vertices: Array, faces: np.ndarray, path: Path) -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Joint, Model
+from myomorph.model.model import Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
@@ -166,6 +166,7 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
     on_base = "".join(inside.pop(specimen.base, []))
     on_limb = "".join(one for parts in inside.values() for one in parts)
     tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
+    speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
     return f"""<mujoco model="virtual specimen">
   <option gravity="{words(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
@@ -181,13 +182,8 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
       </body>
     </body>
   </worldbody>
-  {f"<tendon>{tendons}</tendon>" if tendons else ""}{_sensors(specimen.model, muscle)}
+  {f"<tendon>{tendons}</tendon>" if tendons else ""}{SENSORS.format(body="limb").replace("</sensor>", speeds)}
 </mujoco>"""
-
-
-def _sensors(model: Model, muscle: float) -> str:
-    speeds = [f'<tendonvel name="{one.name}" tendon="{one.name}"/>' for one in model.muscles if muscle > 0.0]
-    return SENSORS.format(body="limb").replace("</sensor>", "".join(speeds) + "</sensor>")
 
 
 def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict[str, list[str]], dict[str, str]]:
@@ -252,10 +248,8 @@ def specimen_mjcf(specimen: Specimen) -> str:
 
     def body(name: str) -> str:
         pose, freedoms = (specimen.stand, "") if name == specimen.base else _joint(joints[name])
-        below = "".join(body(child) for child in children[name])
-        return (
-            f'<body name="{name}" {_pose(pose)}>{freedoms}{inertial(rows[name])}{"".join(inside[name])}{below}</body>\n'
-        )
+        parts = (freedoms, inertial(rows[name]), *inside[name], *(body(child) for child in children[name]))
+        return f'<body name="{name}" {_pose(pose)}>{"".join(parts)}</body>\n'
 
     tendons = [f'<spatial name="{name}_tendon">{path}</spatial>\n' for name, path in paths.items()]
     actuators = [
@@ -288,3 +282,50 @@ def _joint(joint: Joint) -> tuple[Transform, str]:
         anchor = f'pos="{words(back.apply(axis.origin))}" axis="{words(back.rotation @ axis.vector)}"'
         parts.append(f'<joint name="{axis.coordinates[0]}" type="hinge" {anchor}/>')
     return pose, "".join(parts)
+
+
+TRIANGLE = np.array([[50.0, 0.0], [10.0, 28.0], [-30.0, -25.0]]) / 50.0
+"""Three markers around a pin, in units of the longest arm; no two sides are alike, so that labels can be told."""
+
+PIN = 0.06
+"""Distance of a cluster from its bone's line [m]."""
+
+
+def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
+    """The specimen with three made markers, "<bone>_1" to "_3", on every bone and no others.
+
+    A cluster stands on a pin at the middle of its bone, beside the line from joint to joint.
+
+    Parameters
+    ----------
+    arm : distance of a cluster's farthest marker from its pin [m]; the others are at 0.6 and 0.8 of it
+    """
+    markers: list[Marker] = []
+    for bone in specimen.model.body_names:
+        start, end = _line(specimen, bone)
+        along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+        aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+        aside /= np.linalg.norm(aside)
+        pin = 0.5 * (start + end) + PIN * aside
+        places = pin + arm * TRIANGLE @ np.array([along, np.cross(aside, along)])
+        markers += [Marker(f"{bone}_{i + 1}", bone, place) for i, place in enumerate(places)]
+    return replace(specimen, model=specimen.model.with_markers(tuple(markers)))
+
+
+def _line(specimen: Specimen, bone: str) -> tuple[Array, Array]:
+    """Two points of a bone in its own frame: its joint, and the farther of next joint and mass center [m]."""
+    model = specimen.model
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.defaults[None])
+    b = tree.body_index[bone]
+    if bone == specimen.base:
+        start = specimen.center
+    else:
+        start = next(one for one in model.joints if one.child == bone).child_frame.translation
+    ends = [np.asarray(model.body(bone).mass_center)]
+    for joint in model.joints:
+        if joint.parent == bone and bone != specimen.base:
+            place = poses.origins[0, tree.body_index[joint.child]] - poses.origins[0, b]
+            ends.append(poses.rotations[0, b].T @ place)
+    end = max(ends, key=lambda one: float(np.linalg.norm(one - start)))
+    return (start, end) if np.linalg.norm(end - start) > 1e-3 else (start, start + np.array([0.0, 0.05, 0.0]))

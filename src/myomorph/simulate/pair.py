@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -144,48 +144,31 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
     with silent_mujoco():
-        setting = _setting(options, random)
-        run = simulate_bout(setting.compiled, setting.builds, setting.plan, setting.weight, setting.tone, options.until)
+        compiled, builds, believed, plan, weight, tone = _setting(options, random)
+        run = simulate_bout(compiled, builds, plan, weight, tone, options.until)
         strayed = float(run.strayed[round(SETTLING / STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
                 f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
                 "another seed"
             )
-        models, known = (
-            {part: fighter_model(part, builds[part]) for part in PARTS} for builds in (setting.builds, setting.believed)
-        )
-    truth = _truth(setting.compiled, models, run, options, cutoff)
-    return _recorded(setting.believed, known, truth, options, random)
+        models, known = ({part: fighter_model(part, own[part]) for part in PARTS} for own in (builds, believed))
+    truth = _truth(compiled, models, run, options, cutoff)
+    return _recorded(believed, known, truth, options, random)
 
 
 def pair_model(options: PairOptions | None = None) -> Model:
     """Both fighters as the laboratory knows them, without a bout."""
     options = options or PairOptions()
     with silent_mujoco():
-        believed = _setting(options, np.random.default_rng(options.seed)).believed
+        believed = _setting(options, np.random.default_rng(options.seed))[2]
         return join_models({part: fighter_model(part, believed[part]) for part in PARTS})
 
 
-class _Setting(NamedTuple):
-    """All that is drawn before a bout.
-
-    Attributes
-    ----------
-    compiled : mujoco.MjModel of the pair
-    believed : the builds with strengths as the laboratory takes them
-    weight, tone : (muscles,) of the fighters' criterion
-    """
-
-    compiled: Any
-    builds: Mapping[str, Build]
-    believed: Mapping[str, Build]
-    plan: Plan
-    weight: Array
-    tone: Array
-
-
-def _setting(options: PairOptions, random: np.random.Generator) -> _Setting:
+def _setting(
+    options: PairOptions, random: np.random.Generator
+) -> tuple[Any, dict[str, Build], dict[str, Build], Plan, Array, Array]:
+    """The pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and tone (muscles,)."""
     builds = {
         part: Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)) for part in PARTS
     }
@@ -196,7 +179,7 @@ def _setting(options: PairOptions, random: np.random.Generator) -> _Setting:
     weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
     tone = random.uniform(*options.tone, compiled.nu)
     believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
-    return _Setting(compiled, builds, believed, plan, weight, tone)
+    return compiled, builds, believed, plan, weight, tone
 
 
 def fighter_model(part: str, build: Build) -> Model:

@@ -22,8 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_scaled_muscles
-from myomorph.simulate.marker_clusters import with_clusters
+from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
 from myomorph.store.progress import silent_mujoco
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
@@ -157,31 +156,22 @@ def virtual_specimen(
     bare = limb.parameters(row.mass_without, row.com_without)
     whole = limb.with_flesh(bare, row.mass_with, row.com_with)
     starts = [_release(random) for _ in range(trials)]
-    fit = _sized(limb, row, whole, starts, seconds, full_size)
-    swings = _swings(fit.limb, whole, row.joint_viscosity, fit.muscle, starts, seconds)
-    bare_swings = _swings(fit.limb, bare, row.joint_viscosity, 0.0, starts, seconds)
+    limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
+    swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds)
+    bare_swings = _swings(limb, bare, row.joint_viscosity, 0.0, starts, seconds)
     arm = _mean_square_arm(swings)
-    total = row.joint_viscosity + fit.muscle * arm
+    total = row.joint_viscosity + muscle * arm
     return VirtualSpecimen(
         row,
-        fit.limb.specimen,
-        VirtualCondition(bare, row.joint_viscosity, _recorded(fit.limb, bare_swings, "without", noise, random)),
-        VirtualCondition(whole, total, _recorded(fit.limb, swings, "with", noise, random)),
+        limb.specimen,
+        VirtualCondition(bare, row.joint_viscosity, _recorded(limb, bare_swings, "without", noise, random)),
+        VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)),
         row.joint_viscosity,
-        fit.muscle,
-        fit.factor,
-        float(np.sqrt(arm / len(fit.limb.specimen.model.muscles))),
+        muscle,
+        factor,
+        float(np.sqrt(arm / len(limb.specimen.model.muscles))),
         noise,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Sized:
-    """A limb whose muscles give the total viscosity that they should."""
-
-    limb: HeldLimb
-    factor: float
-    muscle: float
 
 
 def _sized(
@@ -191,8 +181,11 @@ def _sized(
     starts: Sequence[tuple[Array, Array]],
     seconds: float,
     full_size: bool,
-) -> _Sized:
-    """Scale of the muscles, or their viscosity, by fixed point: the swing that weighs the arms depends on it too."""
+) -> tuple[HeldLimb, float, float]:
+    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is sought.
+
+    By fixed point: the swing that weighs the arms depends on them too.
+    """
     excess = row.total_viscosity - row.joint_viscosity
     factor, muscle = (1.0, excess / USUAL_ARM**2) if full_size else (0.1, row.muscle_viscosity)
     for _ in range(12):
@@ -202,7 +195,7 @@ def _sized(
         if abs(change - 1.0) < TIGHT:
             break
         factor, muscle = (1.0, muscle * change) if full_size else (factor * float(np.sqrt(change)), muscle)
-    return _Sized(made, factor, muscle)
+    return made, factor, muscle
 
 
 def _mean_square_arm(swings: Sequence[Sampled]) -> float:

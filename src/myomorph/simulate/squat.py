@@ -41,23 +41,9 @@ KEPT_FREE = (
 )  # fmt: skip
 STANDING = FrozenMap({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
 """The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
-SQUAT = FrozenMap(
-    {
-        "root_rx": 14.0,
-        "hip_flexion_r": 55.0,
-        "hip_flexion_l": 55.0,
-        "hip_adduction_r": -5.0,
-        "hip_adduction_l": -5.0,
-        "knee_angle_r": 65.0,
-        "knee_angle_l": 65.0,
-        "ankle_angle_r": 22.0,
-        "ankle_angle_l": 22.0,
-        "shoulder_elv_r": 40.0,
-        "shoulder_elv_l": 40.0,
-        "elbow_flexion_r": 50.0,
-        "elbow_flexion_l": 50.0,
-    }
-)
+_BENT = {"hip_flexion": 55.0, "hip_adduction": -5.0, "knee_angle": 65.0, "ankle_angle": 22.0,
+         "shoulder_elv": 40.0, "elbow_flexion": 50.0}  # fmt: skip
+SQUAT = FrozenMap({"root_rx": 14.0} | {f"{name}_{side}": one for name, one in _BENT.items() for side in "rl"})
 """The lowest pose, the coordinates' differences from the highest [deg]."""
 SOLE = 0.012
 """Height of the heel bones' origins above their lowest point [m]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -44,6 +44,11 @@ class PublishedSpecimen:
     muscle_viscosity: float
     estimated_muscle_mass: float
     measured_muscle_mass: float
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What is printed, by quantity."""
+        return {one.name: float(getattr(self, one.name)) for one in fields(self) if one.name != "name"}
 
 
 SPECIMENS = (
@@ -125,19 +130,8 @@ def specimen_row(found: SpecimenViscosity) -> Row:
         known["muscle_viscosity"] = found.muscles.common
     known["estimated_muscle_mass"] = found.muscle_mass
     if found.measured_muscle_mass is not None:
-        known["measured_muscle_mass"] = exactly(found.measured_muscle_mass)
+        known["measured_muscle_mass"] = Estimate(*[found.measured_muscle_mass] * 3)
     return FrozenMap({name: one for name, one in known.items() if one is not None})
-
-
-def published_row(specimen: PublishedSpecimen) -> Row:
-    """The quantities of a printed row; their intervals are unknown."""
-    values = {one.name: float(getattr(specimen, one.name)) for one in QUANTITIES}
-    return FrozenMap({name: Estimate(value, np.nan, np.nan) for name, value in values.items()})
-
-
-def exactly(value: float) -> Estimate:
-    """A value that was not estimated."""
-    return Estimate(value, value, value)
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:

@@ -159,8 +159,7 @@ def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
         E = angular_velocities(np.arctan2(-Q[:, 1, 2], Q[:, 2, 2]), np.arcsin(np.clip(Q[:, 0, 2], -0.999, 0.999)))
         rates = np.linalg.solve(E, (turned @ first)[:, :, None])[:, :, 0]
         damped = np.linalg.solve(np.swapaxes(E, 1, 2), (np.exp(x[6:]) * rates)[:, :, None])[:, :, 0]
-        missing: Array = ((damped - torque @ first) / scale).ravel()
-        return missing
+        return ((damped - torque @ first) / scale).ravel()
 
     return lost
 

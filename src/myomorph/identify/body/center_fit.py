@@ -157,10 +157,6 @@ def _started(coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, 
     return replace(coordinate, clamped=False, default=float(np.clip(coordinate.default, low + edge, high - edge)))
 
 
-def _share(limits: tuple[float, float], share: float) -> float:
-    return limits[0] + share * (limits[1] - limits[0])
-
-
 class CenterFit:
     """Factors and a pose of the higher model that bring its joint centers to those of the lower.
 
@@ -254,33 +250,32 @@ class CenterFit:
             if not ball or not below or self._off(model, best, below) < OFF:
                 continue
             for shares in product((0.25, 0.75), repeat=len(ball)):
-                tried = tuple(
-                    replace(one, default=_share(one.range, shares[ball.index(one.name)])) if one.name in ball else one
-                    for one in self._started
-                )
-                other = self._posed(model, tried)
+                ends = zip(ball.items(), shares, strict=True)
+                at = {name: low + share * (high - low) for (name, (low, high)), share in ends}
+                other = self._posed(model, self._starts(at))
                 if self._off(model, other, below) < 0.9 * self._off(model, best, below):
                     best = other
-                    found = {name: float(best[name][0]) for name in ball}
-                    self._started = tuple(
-                        replace(one, default=found.get(one.name, one.default)) for one in self._started
-                    )
+                    self._started = self._starts({name: float(best[name][0]) for name in ball})
         return best
 
-    def _ball(self, model: Model, region: Region) -> list[str]:
-        """The two or three rotations by which a thigh or an upper arm turns, if they are as few."""
+    def _starts(self, defaults: Mapping[str, float]) -> tuple[Coordinate, ...]:
+        """The coordinates that the search starts with, some of them from other values."""
+        return tuple(replace(one, default=defaults.get(one.name, one.default)) for one in self._started)
+
+    def _ball(self, model: Model, region: Region) -> dict[str, tuple[float, float]]:
+        """The two or three rotations by which a thigh or an upper arm turns, if they are as few, and their ranges."""
         if region.name not in ("thigh", "upper_arm"):
-            return []
+            return {}
         own = {name for joint in model.joints if self._regions[joint.child] == region for name in joint.coordinates}
-        found = [
-            one.name
+        found = {
+            one.name: one.range
             for one in model.coordinates
             if one.name in own
             and one.name not in model.dependent_coordinates
             and np.isfinite(np.ptp(one.range))
             and one.motion == "rotational"
-        ]
-        return found if 2 <= len(found) <= 3 else []
+        }
+        return found if 2 <= len(found) <= 3 else {}
 
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
         """Largest distance of some centers from the lower model's [m]."""

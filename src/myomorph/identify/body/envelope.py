@@ -203,11 +203,7 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
     """Grid points in ground inside a solid; the grid is finer in bodies that would have hardly any."""
-    finest = (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0)
-    return _inside(solid, rotation, origin, min(spacing, finest))
-
-
-def _inside(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
+    spacing = min(spacing, (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0))
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)
         return fill(Skin(placed, watertight=True), spacing)
@@ -218,5 +214,4 @@ def _inside(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Arr
         for c, r in zip(center, reach, strict=True)
     ]
     x = (np.stack(np.meshgrid(*spans, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5) * spacing
-    found: Array = x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]
-    return found
+    return x[np.square((x - center) @ np.linalg.inv(axes).T).sum(axis=1) <= 1.0]

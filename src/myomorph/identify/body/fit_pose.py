@@ -204,8 +204,7 @@ def _default_places(model: Model, markers: list[Marker]) -> Array:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))[:1])
     bodies = np.array([tree.body_index[marker.body] for marker in markers])
-    places: Array = poses.points(bodies, np.array([marker.location for marker in markers]))[0]
-    return places
+    return poses.points(bodies, np.array([marker.location for marker in markers]))[0]
 
 
 def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:

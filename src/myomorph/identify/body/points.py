@@ -93,8 +93,7 @@ class MassPoints:
     def parameters(self, masses: Array) -> Array:
         """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses (points,) [kg]."""
         moments = self.weights.T @ (point_moments(self.points) * np.asarray(masses)[:, None])
-        result: Array = np.einsum("lij,lj->li", self.places, moments)
-        return result
+        return np.einsum("lij,lj->li", self.places, moments)
 
 
 def point_moments(points: Array) -> Array:
@@ -128,13 +127,10 @@ def links_of(model: Model, pose: Motion) -> Links:
     A link's bones go from its own joint to the joints of its children, and from its joint through its mass
     center as far again beyond it, which is where a trunk holds a head that is no link of its own.
     """
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    rotations, origins = poses.rotations[0, 1:], poses.origins[0, 1:]
+    frames = frames_in_ground(model, pose)
+    rotations, origins = frames[:, :3, :3], frames[:, :3, 3]
     number = {name: i for i, name in enumerate(model.body_names)}
-    centers = np.array([origins[i] + rotations[i] @ body.mass_center for i, body in enumerate(model.bodies)]).reshape(
-        -1, 3
-    )
+    centers = np.array([origins[i] + rotations[i] @ body.mass_center for i, body in enumerate(model.bodies)])
     joints = {}
     for joint in model.joints:
         i = number[joint.child]
@@ -148,7 +144,7 @@ def links_of(model: Model, pose: Motion) -> Links:
         names=model.body_names,
         rotations=frozen_array(rotations),
         origins=frozen_array(origins),
-        centers=frozen_array(centers),
+        centers=frozen_array(centers.reshape(-1, 3)),
         bones=frozen_array(np.array([(start, end) for _, start, end in pieces]).reshape(-1, 2, 3)),
         bone_links=np.array([i for i, _, _ in pieces], np.int64),
     )
@@ -190,8 +186,7 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     found = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
     if not len(found):
         raise BadData(f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing")
-    points: Array = (found + low + 0.5) * spacing
-    return points
+    return (found + low + 0.5) * spacing
 
 
 def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray:
@@ -204,12 +199,7 @@ def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray
     return passed
 
 
-def reference_masses(
-    points: Array,
-    mass: float,
-    regions: Sequence[str] | np.ndarray | None = None,
-    densities: Mapping[str, float] | None = None,
-) -> Array:
+def reference_masses(points: Array, mass: float, regions: Sequence[str] | np.ndarray | None = None) -> Array:
     """Masses (points,) that points on a regular grid have before anything is measured, rho_ref [kg].
 
     M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
@@ -217,8 +207,7 @@ def reference_masses(
     Parameters
     ----------
     mass : of the whole body [kg]
-    regions : (points,) name of the region of each point
-    densities : by region [kg/m^3], such as `DENSITIES`
+    regions : (points,) name of the region of each point, one of `DENSITIES`
 
     Raises
     ------
@@ -228,16 +217,12 @@ def reference_masses(
         raise BadData(f"a mass of {mass:g} kg: expected above 0")
     if regions is None:
         return np.full(len(points), mass / len(points))
-    densities = DENSITIES if densities is None else densities
     names, owner = np.unique(np.asarray(regions), return_inverse=True)
     for name in names:
-        if name not in densities:
-            raise UnknownName("region", str(name), tuple(densities), "the table of densities")
-    density = np.array([densities[name] for name in names])
-    if not (density > 0.0).all():
-        raise BadData("a region's density is not above 0")
-    result: Array = density[owner]
-    return result * (mass / result.sum())
+        if name not in DENSITIES:
+            raise UnknownName("region", str(name), tuple(DENSITIES), "the table of densities")
+    density = np.array([DENSITIES[name] for name in names])[owner]
+    return density * (mass / density.sum())
 
 
 def frames_in_ground(model: Model, pose: Motion) -> Array:

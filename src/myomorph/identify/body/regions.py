@@ -17,8 +17,6 @@ from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.sides import split_side
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 CENTER_OF = {
     "thigh": "hip", "shank": "knee", "talus": "ankle", "foot": "subtalar", "toes": "toes", "torso": "lumbar",
@@ -170,13 +168,9 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
 
 def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    numbers = {key: tree.body_index[one.joint.child] for key, one in centers.items()}
-    return {
-        key: poses.rotations[0, numbers[key]] @ one.location + poses.origins[0, numbers[key]]
-        for key, one in centers.items()
-    }
+    frames = dict(zip(model.body_names, frames_in_ground(model, pose), strict=True))
+    found = {key: (frames[one.joint.child], one.location) for key, one in centers.items()}
+    return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in found.items()}
 
 
 def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
@@ -186,18 +180,14 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     axis = next((one for one in center.joint.axes if one.kind == "rotation" and one.function.arity), None)
     if axis is None:
         return None
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
-    inner = poses.rotations[0, tree.body_index[center.joint.parent]]
-    turned: Array = inner @ center.joint.parent_frame.rotation @ axis.vector
-    return turned
+    inner = frames_in_ground(model, pose)[model.body_names.index(center.joint.parent), :3, :3]
+    return inner @ center.joint.parent_frame.rotation @ axis.vector
 
 
 def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
     """(bodies, 4, 4) pseudo-inertia of every body about the ground's origin, in ground."""
     frames = frames_in_ground(model, pose)
-    result: Array = frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
-    return result
+    return frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
 
 
 def spread(own: Array, target: Array) -> Array:
@@ -243,8 +233,7 @@ def _moved(own: Array, total: Array, target: Array, linear: Array) -> Array:
     A = np.eye(4)
     A[:3, :3] = linear
     A[:3, 3] = target[:3, 3] / target[3, 3] - linear @ (total[:3, 3] / total[3, 3])
-    result: Array = growth * (A @ own @ A.T)
-    return result
+    return growth * (A @ own @ A.T)
 
 
 def _moments(pseudo: Array) -> Array:
@@ -263,5 +252,4 @@ def _moments(pseudo: Array) -> Array:
 def _root(matrix: Array) -> Array:
     """Square root of a positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    root: Array = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return root
+    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

@@ -132,7 +132,8 @@ def body_shape(
         reached=FrozenMap(reached),
         traits=FrozenMap(traits),
         notes=(
-            f"statistical shape (anny), {_person(sex, age)}, volume times {DENSITY:g} kg/m^3 is its mass",
+            f"statistical shape (anny), {sex or 'half female, half male (no sex given)'}, {age:g} years, volume times "
+            f"{DENSITY:g} kg/m^3 is its mass",
             *_out_of_reach(measured, reached),
             *skin.notes,
         ),
@@ -225,15 +226,10 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
         raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")
 
 
-def _person(sex: str | None, age: float) -> str:
-    return f"{sex or 'half female, half male (no sex given)'}, {age:g} years"
-
-
 def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
     """(vertices,) share of the bones whose names start so."""
     columns = [i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)]
-    result: Array = np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
-    return result
+    return np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
 
 
 def _trunk(body: StatisticalBody) -> np.ndarray:
@@ -334,5 +330,4 @@ def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) ->
     hits = igl.ray_mesh_intersect(np.array(start), np.array(direction), vertices, faces.astype(np.int64))
     if not hits:
         return start
-    result: Array = start + hits[0][1] * direction
-    return result
+    return start + hits[0][1] * direction

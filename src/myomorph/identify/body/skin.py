@@ -73,8 +73,10 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     vertices, faces = np.array(surface.vertices), np.array(surface.faces)
     _check_units(vertices, faces, height)
     notes: list[str] = []
-    faces = _with_area(faces, notes)
-    faces = _one_body(vertices, faces, notes)
+    kept = distinct_faces(faces)
+    if len(kept) < len(faces):
+        notes.append(f"{len(faces) - len(kept)} faces without area or given twice are left out")
+    faces = _one_body(vertices, kept, notes)
     vertices, faces = _closed(vertices, faces, notes)
     used, compact = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], compact.reshape(-1, 3)
@@ -102,8 +104,7 @@ def inside(skin: Skin, points: Array) -> np.ndarray:
     By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and self-crossing
     surfaces have too.
     """
-    result: np.ndarray = winding_numbers(skin, points) > 0.5
-    return result
+    return winding_numbers(skin, points) > 0.5
 
 
 def winding_numbers(skin: Skin, points: Array) -> Array:
@@ -157,13 +158,6 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         factor = dict(UNITS).get(guess)
         remedy = f"divide its coordinates by {factor:g}" if factor else "give it in meters"
         raise BadData(f"the skin is {longest:.4g} long, as a body in {guess}: expected meters; {remedy}")
-
-
-def _with_area(faces: np.ndarray, notes: list[str]) -> np.ndarray:
-    kept = distinct_faces(faces)
-    if len(kept) < len(faces):
-        notes.append(f"{len(faces) - len(kept)} faces without area or given twice are left out")
-    return kept
 
 
 def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:

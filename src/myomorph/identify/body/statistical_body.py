@@ -83,8 +83,7 @@ class StatisticalBody:
             value = traits.get(trait, 0.0)
             shares |= {f"{trait} incr": max(value, 0.0), f"{trait} decr": max(-value, 0.0)}
         coefficients = np.array([np.prod([shares[kind] for kind in label]) for label in self.labels])
-        result: Array = self.template + (coefficients @ self.shapes).reshape(-1, 3)
-        return result
+        return self.template + (coefficients @ self.shapes).reshape(-1, 3)
 
 
 def age_shares(age: float) -> dict[str, float]:

@@ -108,8 +108,7 @@ def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
     masses = np.array([body.mass for body in model.bodies])
     inertia = np.array([np.trace(body.inertia) for body in model.bodies])
     gyration = np.sqrt(np.divide(0.5 * inertia, masses, out=np.zeros_like(masses), where=masses > 0.0))
-    found: np.ndarray = (masses > 1e-6 * masses.sum()) & (masses >= density * gyration**3)
-    return found
+    return (masses > 1e-6 * masses.sum()) & (masses >= density * gyration**3)
 
 
 def _taking(links: Links, taking: ArrayLike | None) -> np.ndarray:

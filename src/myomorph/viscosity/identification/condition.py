@@ -64,8 +64,7 @@ class Influences:
         inner, outer = _variance(self.blocks) / self.parted, _variance(self.trials)
         ratio = np.divide(outer, inner, out=np.zeros_like(outer), where=inner > 0.0)
         most = stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
-        found: np.ndarray = ratio > most
-        return found
+        return ratio > most
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """(count, estimates) of the bootstrap."""
@@ -79,8 +78,7 @@ class Influences:
             freedom = _freedom(parts)
             heavy = np.sqrt(factor * freedom / stats.chi2.ppf(chance, freedom))
             found.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
-        drawn: Array = self.values + np.where(self.by_trial, found[1], found[0])
-        return drawn
+        return self.values + np.where(self.by_trial, found[1], found[0])
 
 
 def _variance(parts: Array) -> Array:

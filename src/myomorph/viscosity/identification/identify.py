@@ -195,25 +195,22 @@ def identify_specimen(
     UnknownName : `pcsa` lacks a muscle
     """
     options = options or ViscosityOptions()
+    given = {"without": without, "with": intact}
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
-        bare, full = pool.map(lambda given: _solved(given, options), (without, intact))
-        notes = [
-            f"{STATES[condition]}: {problem}"
-            for condition, problem in (("without", bare), ("with", full))
-            if isinstance(problem, str)
-        ]
-        if isinstance(bare, str) and isinstance(full, str):
+        tried = dict(zip(given, pool.map(lambda one: _solved(one, options), given.values()), strict=True))
+        notes = [f"{STATES[key]}: {problem}" for key, problem in tried.items() if isinstance(problem, str)]
+        solved = {key: one for key, one in tried.items() if not isinstance(one, str)}
+        if not solved:
             raise BadData(f"specimen '{name}': " + "; ".join(notes))
-        without_muscles = None if isinstance(bare, str) else _condition(bare, without, options, 0)
-        with_muscles = None if isinstance(full, str) else _condition(full, intact, options, 1)
+        found = {key: _condition(one, given[key], options, int(key == "with")) for key, one in solved.items()}
         muscles = mass = None
-        if not isinstance(bare, str) and not isinstance(full, str):
+        if len(solved) == len(given):
+            bare, full = solved["without"], solved["with"]
             mass = _muscle_mass(bare, full, options)
             muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
-    for condition, solved in (("without", bare), ("with", full)):
-        if not isinstance(solved, str):
-            notes += [f"{STATES[condition]}: {warning}" for warning in _warnings(solved)]
-    return SpecimenViscosity(name, without_muscles, with_muscles, muscles, mass, measured_muscle_mass, tuple(notes))
+    notes += [f"{STATES[key]}: {warning}" for key, one in solved.items() for warning in _warnings(one)]
+    conditions = found.get("without"), found.get("with")
+    return SpecimenViscosity(name, *conditions, muscles, mass, measured_muscle_mass, tuple(notes))
 
 
 def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
@@ -283,7 +280,8 @@ def _muscles(
     def joint(one: Solution) -> Array:
         return np.full(len(one.joint.axes), one.joint.one) if options.subtract == "one" else one.joint.axes
 
-    problem = muscle_problem(full.torque(full.whole), joint(bare.whole))
+    whole = full.torque(full.whole)
+    problem = muscle_problem(whole, joint(bare.whole))
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
     blocks = np.stack([torque_problem(one, phi, options.stiffness) for one in full.sums.torque])
@@ -294,10 +292,8 @@ def _muscles(
         one = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
         return np.array([one.common, one.by_pcsa, *one.by_muscle])
 
-    whole = full.torque(full.whole)
-    others = [values(whole, one) for one in bare.lacking] + [
-        values(full.torque(one), bare.whole) for one in full.lacking
-    ]
+    others = [values(whole, one) for one in bare.lacking]
+    others += [values(full.torque(one), bare.whole) for one in full.lacking]
     best = values(whole, bare.whole)
     drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
     return MuscleViscosity(

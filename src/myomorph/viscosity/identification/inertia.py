@@ -152,8 +152,7 @@ def _least_norm(A: Array, b: Array) -> Array:
     """(10,) least squares; what is not seen is zero."""
     scale = np.linalg.norm(A, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    found: Array = np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
-    return found
+    return np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
 
 
 def _cylinder(estimate: Array, hidden: bool) -> Array:

@@ -62,8 +62,7 @@ def torque_problem(products: Array, parameters: Array | None, stiffness: bool = 
         chosen[:PARAMETERS, TORQUE] = parameters
     chosen[RATE, SPEED] = 1.0
     chosen[MUSCLES:, FIRST:] = np.eye(muscles)
-    problem: Array = chosen.T @ products @ chosen
-    return problem
+    return chosen.T @ products @ chosen
 
 
 def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
@@ -114,8 +113,7 @@ class MuscleProblem:
     def singular_values(self) -> Array:
         """(muscles,) of the rows behind H, relative to the largest, descending."""
         values = np.linalg.eigvalsh(self.H)[::-1]
-        relative: Array = np.sqrt(np.maximum(values, 0.0) / values[0]) if values[0] > 0.0 else np.zeros(len(values))
-        return relative
+        return np.sqrt(np.maximum(values, 0.0) / values[0]) if values[0] > 0.0 else np.zeros(len(values))
 
     @property
     def rank(self) -> int:
@@ -135,8 +133,7 @@ class MuscleProblem:
     def towards(self, common: float, strength: float) -> Array:
         """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 / 2."""
         L = cholesky(self.H + strength * np.eye(len(self.g)), lower=True)
-        found: Array = nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
-        return found
+        return nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:

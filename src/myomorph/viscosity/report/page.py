@@ -16,11 +16,8 @@ from myomorph.viscosity.report.tables import scientific, table_section, truth_gr
 
 def viscosity_page(given: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
-    failed = [
-        Note("warning", f"Specimen {one.name} could not be done: {one.failure}")
-        for one in given.specimens
-        if one.failure
-    ]
+    lost = [one for one in given.specimens if one.failure]
+    failed = (Note("warning", f"Specimen {one.name} could not be done: {one.failure}") for one in lost)
     page = PageHead(
         title=given.title,
         date=given.date,
@@ -31,19 +28,13 @@ def viscosity_page(given: ViscosityInput) -> str:
         warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
     )
     lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    return rendered(
-        page,
-        _sections(given, lines),
-        cited("murai2016", "stroeve1999", "cameron2008"),
-        facts=_facts(given),
-        tiles=_tiles(lines),
-    )
+    sources = cited("murai2016", "stroeve1999", "cameron2008")
+    return rendered(page, _sections(given, lines), sources, facts=_facts(given), tiles=_tiles(lines))
 
 
 def _facts(given: ViscosityInput) -> list[tuple[str, str]]:
     both = sum(1 for one in given.done if one.without is not None and one.intact is not None)
-    words = f"{len(given.specimens)}, {both} of them with and without muscles"
-    rows = [("Specimens", words)]
+    rows = [("Specimens", f"{len(given.specimens)}, {both} of them with and without muscles")]
     parts = [part for one in given.done for part in (one.without, one.intact) if part is not None]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
@@ -57,14 +48,10 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
         ("total_viscosity", "total viscosity, with muscles"),
         ("muscle_viscosity", "muscle viscosity"),
     )
+    found = [(lines[name], words) for name, words in wanted if name in lines]
     return [
-        Tile(
-            f"{scientific(lines[name].mean)} ± {scientific(lines[name].sd)}",
-            f"{words} [{lines[name].quantity.unit}]",
-            "ok",
-        )
-        for name, words in wanted
-        if name in lines
+        Tile(f"{scientific(one.mean)} ± {scientific(one.sd)}", f"{words} [{one.quantity.unit}]", "ok")
+        for one, words in found
     ]
 
 

@@ -56,16 +56,16 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
     conditions = _conditions(one)
     if not conditions:
         return None
-    figures: list[Figure] = []
-    for name, found in conditions:
-        figures.append(Figure(swing_plot(found.curves, f"Angles {TITLES[name]}, trial {found.curves.trial}"), "full"))
-    for name, found in conditions:
-        figures += [
-            Figure(torque_plot(found, k, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
-            for k in range(len(found.axes))
-        ]
-    for name, found in conditions:
-        figures += [Figure(wrench_plot(found.curves, k, TITLES[name])) for k in FORCE_FIRST]
+    figures = [
+        Figure(swing_plot(found.curves, f"Angles {TITLES[name]}, trial {found.curves.trial}"), "full")
+        for name, found in conditions
+    ]
+    figures += [
+        Figure(torque_plot(found, k, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
+        for name, found in conditions
+        for k in range(len(found.axes))
+    ]
+    figures += [Figure(wrench_plot(found.curves, k, TITLES[name])) for name, found in conditions for k in FORCE_FIRST]
     lead = " ".join(
         f"{TITLES[name].capitalize()}: {found.swings} swings in {found.trials} trials, {number(found.seconds)} s."
         for name, found in conditions
@@ -84,9 +84,13 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
         ("measured", "wrench, measured"),
         ("left", "fit, or predicted by the inertial parameters"),
     )
-    return Section(
-        f"specimen-{order}", f"Specimen {one.name}", lead, legend, tuple(figures), (_axis_grid(one), _wrench_grid(one))
+    misfits = tuple(
+        (TITLES[name], *(f"{number(float(found.residual[k]))} {UNITS[k]}" for k in FORCE_FIRST))
+        for name, found in conditions
     )
+    head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
+    grids = (_axis_grid(one), Grid(head, misfits, "Wrench, measured minus predicted, root mean square"))
+    return Section(f"specimen-{order}", f"Specimen {one.name}", lead, legend, tuple(figures), grids)
 
 
 def swing_plot(curves: SwingCurves, title: str) -> str:
@@ -141,18 +145,8 @@ def _axis_grid(one: SpecimenReport) -> Grid:
         for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True):
             words = with_interval(value) if excited else LACKING
             rows.append((TITLES[name], axis, words, "" if excited else "the swings hardly excite this axis"))
-    return Grid(
-        ("Condition", "Axis", "Viscosity [Nms/rad] (95 % interval)", ""), tuple(rows), "Viscosity about each axis"
-    )
-
-
-def _wrench_grid(one: SpecimenReport) -> Grid:
-    rows = tuple(
-        (TITLES[name], *(f"{number(float(found.residual[k]))} {UNITS[k]}" for k in FORCE_FIRST))
-        for name, found in _conditions(one)
-    )
-    head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
-    return Grid(head, rows, "Wrench, measured minus predicted, root mean square")
+    head = ("Condition", "Axis", "Viscosity [Nms/rad] (95 % interval)", "")
+    return Grid(head, tuple(rows), "Viscosity about each axis")
 
 
 def _muscles(one: SpecimenReport, order: int) -> Section | None:
@@ -164,30 +158,13 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     if truth is not None:
         levels.append(Level(truth, "truth", "truth"))
     by_pcsa = found.by_pcsa.value * found.pcsa
-    rows = interval_rows(
-        "Viscosity of each muscle, regularised",
-        "Ns/m",
-        found.muscles,
-        found.by_muscle,
-        (Beside("scaled by PCSA", "third", by_pcsa),),
-        levels,
-    )
+    title, beside = "Viscosity of each muscle, regularised", (Beside("scaled by PCSA", "third", by_pcsa),)
+    rows = interval_rows(title, "Ns/m", found.muscles, found.by_muscle, beside, levels)
     size = found.singular_values / max(float(found.singular_values[0]), 1e-300)
-    rank = xy_plot(
-        "Singular values",
-        "log₁₀ of the share of the largest",
-        "combination of muscles, best known first",
-        [
-            Cloud(
-                np.arange(1.0, len(size) + 1.0),
-                np.log10(np.maximum(size, 1e-16)),
-                "first",
-                "singular values",
-                dotted=True,
-            )
-        ],
-        zero=False,
-    )
+    numbers, height = np.arange(1.0, len(size) + 1.0), np.log10(np.maximum(size, 1e-16))
+    values = Cloud(numbers, height, "first", "singular values", dotted=True)
+    across = "combination of muscles, best known first"
+    rank = xy_plot("Singular values", "log₁₀ of the share of the largest", across, [values], zero=False)
     lead = (
         f"One value for all muscles: {with_interval(found.common)} Ns/m; in proportion to their cross-sections, mean "
         f"{with_interval(found.by_pcsa)} Ns/m. The swings show {found.rank} of {len(found.muscles)} independent "
@@ -208,14 +185,15 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
 
 
 def _trust(one: SpecimenReport, order: int) -> Section | None:
-    figures: list[Figure] = []
-    for held in one.held_out:
-        figures += [Figure(text) for text in held_out_plots(held)]
+    figures = [Figure(text) for held in one.held_out for text in held_out_plots(held)]
     if one.cutoff is not None:
         figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
     if one.arms is not None:
         figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [*_model_grids(one), *(grid for grid in (_arm_grid(one), _calibration_grid(one)) if grid is not None)]
+    grids = [*_model_grids(one), *_arm_grid(one.arms)]
+    if one.calibration:
+        rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
+        grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
     if not figures and not grids:
         return None
     lead = []
@@ -234,18 +212,10 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
     names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
     if one.cutoff is not None:
-        legend += [
-            (style, f"cut-off: {words}") for style, words in zip(AXES, ("viscosity", "COM", "mass"), strict=True)
-        ]
-    return Section(
-        f"trust-{order}",
-        f"Sensitivity: specimen {one.name}",
-        " ".join(lead),
-        tuple(legend),
-        tuple(figures),
-        tuple(grids),
-        False,
-    )
+        kinds = ("viscosity", "COM", "mass")
+        legend += [(style, f"cut-off: {words}") for style, words in zip(AXES, kinds, strict=True)]
+    title = f"Sensitivity: specimen {one.name}"
+    return Section(f"trust-{order}", title, " ".join(lead), tuple(legend), tuple(figures), tuple(grids), False)
 
 
 def _scans(one: SpecimenReport, order: int) -> Section | None:
@@ -286,10 +256,8 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
                 clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
         if clouds:
             heights = np.concatenate([one.y[np.isfinite(one.y)] for one in clouds])
-            ends = np.array([heights.min(), heights.max()])
-            clouds.append(
-                Cloud(np.full(2, scan.chosen), ends, "left", f"chosen: {number(scan.chosen)} Hz", joined=True)
-            )
+            ends, name = np.array([heights.min(), heights.max()]), f"chosen: {number(scan.chosen)} Hz"
+            clouds.append(Cloud(np.full(2, scan.chosen), ends, "left", name, joined=True))
             found.append(xy_plot(f"Change with the cut-off, {words}", "%", "cut-off [Hz]", clouds))
     return found
 
@@ -331,9 +299,9 @@ def _model_grids(one: SpecimenReport) -> list[Grid]:
     return grids
 
 
-def _arm_grid(one: SpecimenReport) -> Grid | None:
-    if one.arms is None or not one.arms.kinds:
-        return None
+def _arm_grid(arms: ArmSpread | None) -> list[Grid]:
+    if arms is None or not arms.kinds:
+        return []
     rows = tuple(
         (
             kind.kind,
@@ -342,21 +310,14 @@ def _arm_grid(one: SpecimenReport) -> Grid | None:
             f"{100.0 * kind.bias:+.1f} %".replace("-", "−"),
             with_interval(Estimate(kind.median, kind.low, kind.high)),
         )
-        for kind in one.arms.kinds
+        for kind in arms.kinds
     )
     head = ("Error of the moment arms", "Its SD", "SD of the viscosity", "Bias", "Viscosity [Ns/m] (95 % of draws)")
-    return Grid(head, rows, "Muscle viscosity with moment arms in error")
+    return [Grid(head, rows, "Muscle viscosity with moment arms in error")]
 
 
 def _signed(value: float) -> str:
     return "best" if value == 0.0 else f"+{number(value)}" if np.isfinite(value) else LACKING
-
-
-def _calibration_grid(one: SpecimenReport) -> Grid | None:
-    if not one.calibration:
-        return None
-    rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
-    return Grid(("Quantity", "Residual", ""), rows, "Calibration")
 
 
 def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:
@@ -368,13 +329,12 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
         if not any(value is not None for value in values):
             continue
         beside = [
-            Beside(label, style, np.array([getattr(one, kind).get(name, np.nan) for one in specimens]))
-            for label, kind, style in (("truth", "truth", "truth"), ("paper", "paper", "paper"))
+            Beside(kind, kind, np.array([getattr(one, kind).get(name, np.nan) for one in specimens]))
+            for kind in ("truth", "paper")
             if any(getattr(one, kind) for one in specimens)
         ]
-        figures.append(
-            Figure(interval_bars(where(quantity), quantity.unit, names, values, beside, levels.get(name, [])))
-        )
+        bars = interval_bars(where(quantity), quantity.unit, names, values, beside, levels.get(name, []))
+        figures.append(Figure(bars))
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]
     legend += [("truth", "truth")] if any(one.truth for one in specimens) else []
     legend += [("paper", "paper, the same specimen")] if any(one.paper for one in specimens) else []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from myomorph.viscosity.cohort import (
     SPECIMENS,
     STROEVE_TOTAL_VISCOSITY,
     CohortLine,
-    PublishedSpecimen,
     Quantity,
     cohort,
 )
@@ -124,23 +122,22 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
             row.append(_spread(truths))
         row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
         row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
-        row.append(
-            LACKING if line is None or not np.isfinite(line.low) or line.high == line.low else span(line.low, line.high)
-        )
+        unknown = line is None or not np.isfinite(line.low) or line.high == line.low
+        row.append(LACKING if unknown or line is None else span(line.low, line.high))
         if known:
-            complete = line is not None and len(truths) == line.count and line.high > line.low
-            row.append(_verdict(line, float(np.mean(truths))) if complete and line is not None else "")
+            if line is None or len(truths) != line.count or not line.high > line.low:
+                row.append("")
+            else:
+                truth = float(np.mean(truths))
+                row.append(f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}")
         row.append(LACKING if line is None else str(line.count))
         rows.append(tuple(row))
     head = ["Quantity", "Paper's six", "Estimate", "95 % interval of the mean", "Specimens"]
     if known:
         head.insert(1, "Truth")
         head.insert(5, "Truth in the interval")
-    return Grid(
-        tuple(head),
-        tuple(rows),
-        "Means ± population SD" + (": truth, paper and estimate" if known else " beside the paper's"),
-    )
+    title = "Means ± population SD" + (": truth, paper and estimate" if known else " beside the paper's")
+    return Grid(tuple(head), tuple(rows), title)
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -152,10 +149,9 @@ def _plus_minus(mean: float, sd: float) -> str:
     return f"{_to(mean, 0.1 * sd)} ± {_to(sd, 0.1 * sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
 
 
-def _verdict(line: CohortLine, truth: float) -> str:
-    share = 100.0 * (line.mean / truth - 1.0) if truth else float("nan")
-    inside = "yes" if line.low <= truth <= line.high else "no"
-    return f"{inside}, off by {share:+.1f} %".replace("-", "−")
+def _off(value: float, truth: float) -> str:
+    share = 100.0 * (value / truth - 1.0) if truth else float("nan")
+    return f"{share:+.1f} %".replace("-", "−")
 
 
 def where(quantity: Quantity) -> str:
@@ -175,26 +171,13 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
                 continue
             truth, paper = one.truth.get(quantity.name), one.paper.get(quantity.name)
             estimate = one.row.get(quantity.name)
-            off = ""
-            if estimate is not None and truth:
-                off = f"{100.0 * (estimate.value / truth - 1.0):+.1f} %".replace("-", "−")
+            off = _off(estimate.value, truth) if estimate is not None and truth else ""
             words = (LACKING if value is None else number(value) for value in (truth, paper))
-            held = (
-                ""
-                if estimate is None or truth is None or estimate.high <= estimate.low
-                else _yes(estimate.holds(truth))
-            )
+            held = ""
+            if estimate is not None and truth is not None and estimate.high > estimate.low:
+                held = "yes" if estimate.holds(truth) else "no"
             rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held))
     if not rows:
         return None
     head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")
     return Grid(head, tuple(rows), "Truth, paper and estimate, one by one", folded=True)
-
-
-def _yes(one: bool) -> str:
-    return "yes" if one else "no"
-
-
-def published(specimen: PublishedSpecimen) -> dict[str, float]:
-    """A printed row by quantity."""
-    return {one.name: float(getattr(specimen, one.name)) for one in fields(specimen) if one.name != "name"}

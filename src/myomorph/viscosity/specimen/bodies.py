@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.identify.null_space import parameters_in_parent
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
@@ -149,16 +150,7 @@ def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
 
 def moved_parameters(parameters: Array, pose: Transform) -> Array:
     """(10,) inertial parameters of a body seen from a frame in which it has this pose, [D] order."""
-    mass, h = parameters[0], parameters[1:4]
-    inertia = np.diag(parameters[4:7])
-    inertia[1, 2] = inertia[2, 1] = parameters[7]
-    inertia[2, 0] = inertia[0, 2] = parameters[8]
-    inertia[0, 1] = inertia[1, 0] = parameters[9]
-    r, p = pose.rotation, pose.translation
-    turned = r @ h
-    cross = 2.0 * (turned @ p) * np.eye(3) - np.outer(turned, p) - np.outer(p, turned)
-    about = r @ inertia @ r.T + cross + mass * (p @ p * np.eye(3) - np.outer(p, p))
-    return np.array([mass, *(turned + mass * p), *np.diag(about), about[1, 2], about[2, 0], about[0, 1]])
+    return parameters_in_parent(pose.rotation, pose.translation) @ parameters
 
 
 def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...]]:

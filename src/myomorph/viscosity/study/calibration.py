@@ -25,7 +25,6 @@ from myomorph.morph.registration.place_clusters import (
     place_cluster_markers,
     place_scanned_bone,
 )
-from myomorph.morph.registration.rigid import SurfaceOptions
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.study_file import Strict
 from myomorph.study.trial.inputs import about, read_recording
@@ -93,19 +92,12 @@ class ScannedModel:
     notes: tuple[str, ...]
 
 
-def model_from_scans(
-    model: Model,
-    scans: Sequence[ScanFiles],
-    recorded: Markers | None = None,
-    options: SurfaceOptions | None = None,
-    resize: bool = True,
-) -> ScannedModel:
+def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers | None = None) -> ScannedModel:
     """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S] figure 3).
 
     Parameters
     ----------
     recorded : a trial, whose distances between markers tell which ball is which and are checked against the scan
-    resize : see `place_cluster_markers`
 
     Raises
     ------
@@ -114,7 +106,9 @@ def model_from_scans(
     """
     bones, clusters = [], []
     for scan in scans:
-        scanned, factor = _read_scan(scan.surface, scan.unit)
+        scanned = read_mesh(scan.surface)
+        small = float(np.ptp(scanned.vertices, axis=0).max()) <= HUGE
+        factor = UNITS[scan.unit or ("m" if small else "mm")]
         points = {} if scan.picked is None else read_picks(scan.picked)
         distances = _distances(recorded, scan.markers)
         near = {name: factor * row[:3] for name, row in points.items() if name in scan.markers}
@@ -123,11 +117,10 @@ def model_from_scans(
             cluster = name_cluster(balls, scan.markers, distances, near)
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
-            bones.append(
-                place_scanned_bone(scan.bone, scanned, _modelled(model, scan), cluster.centers, picks, options)
-            )
+            sized = _sized(scanned, factor)
+            bones.append(place_scanned_bone(scan.bone, sized, _modelled(model, scan), cluster.centers, picks))
         clusters.append(cluster)
-    placed = place_cluster_markers(model, bones, resize, default_path_lengths if model.muscles else None)
+    placed = place_cluster_markers(model, bones, path_lengths=default_path_lengths if model.muscles else None)
     notes = [line for bone in bones for line in bone.notes]
     notes += [f"{scan.bone}: {line}" for scan, one in zip(scans, clusters, strict=True) for line in one.notes]
     return ScannedModel(placed, tuple(bones), tuple(clusters), tuple(notes))
@@ -164,14 +157,6 @@ def read_picks(path: Path) -> dict[str, Array]:
     if not found:
         raise BadFile(path, "holds no point", "give lines 'name, x, y, z', or with bone_x, bone_y, bone_z behind")
     return found
-
-
-def _read_scan(path: Path, unit: str | None) -> tuple[Surface, float]:
-    """A scanned surface in metres, and the factor that made it so."""
-    surface = read_mesh(path)
-    size = float(np.ptp(surface.vertices, axis=0).max())
-    factor = UNITS[unit] if unit is not None else (UNITS["mm"] if size > HUGE else UNITS["m"])
-    return _sized(surface, factor), factor
 
 
 def _sized(surface: Surface, factor: float) -> Surface:
@@ -286,23 +271,10 @@ def plate_residuals(found: PlateCalibration) -> tuple[Residual, ...]:
     """The calibration as lines of the report."""
     far, turned = (float(np.sqrt(np.mean(one**2))) for one in (found.left_out_distances, found.left_out_angles))
     count = f"{len(found.names)} placements"
-    return (
-        Residual(
-            "plate: force past the marked point",
-            1e3 * found.distance_rms,
-            "mm",
-            f"{count}; {1e3 * far:.2f} mm left out",
-        ),
-        Residual(
-            "plate: direction of the force",
-            float(np.degrees(found.angle_rms)),
-            "°",
-            f"{count}; {np.degrees(turned):.2f}° left out",
-        ),
-        Residual(
-            "plate: shift of its center",
-            1e3 * float(np.max(found.left_out_shifts, initial=0.0)),
-            "mm",
-            "the largest when one placement is left out",
-        ),
+    shift = 1e3 * float(np.max(found.left_out_shifts, initial=0.0))
+    rows = (
+        ("force past the marked point", 1e3 * found.distance_rms, "mm", f"{count}; {1e3 * far:.2f} mm left out"),
+        ("direction of the force", np.degrees(found.angle_rms), "°", f"{count}; {np.degrees(turned):.2f}° left out"),
+        ("shift of its center", shift, "mm", "the largest when one placement is left out"),
     )
+    return tuple(Residual(f"plate: {what}", float(value), unit, detail) for what, value, unit, detail in rows)

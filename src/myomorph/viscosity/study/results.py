@@ -27,19 +27,10 @@ from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.swings.recording import SwingRecording
 
-SPECIMENS, COHORT, AXES, MUSCLES, MODELS, NOTES = (
-    "specimens.csv",
-    "cohort.csv",
-    "axes.csv",
-    "muscles.csv",
-    "models.csv",
-    "notes.csv",
-)
+SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
+MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
 WEIGHED = "measured_muscle_mass"
 """The one column that was not estimated and so has no interval."""
-
-Cells = Sequence[object]
-
 
 STORE, REPORT = "viscosity.json", "report.html"
 
@@ -75,25 +66,24 @@ def cohort_table(rows: Sequence[Row]) -> str:
 
 def axes_table(specimens: Sequence[SpecimenReport]) -> str:
     """`axes.csv`: viscosity about every free axis."""
-    rows = []
-    for one in specimens:
-        for name, condition in (("without", one.without), ("with", one.intact)):
-            if condition is not None:
-                for axis, value, excited in zip(
-                    condition.axes, condition.axis_viscosity, condition.excited, strict=True
-                ):
-                    rows.append((one.name, name, axis, *_interval(value), "yes" if excited else "no"))
+    rows = (
+        (one.name, name, axis, *_interval(value), "yes" if excited else "no")
+        for one in specimens
+        for name, found in (("without", one.without), ("with", one.intact))
+        if found is not None
+        for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True)
+    )
     return _csv(("name", "condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), rows)
 
 
 def muscles_table(specimens: Sequence[SpecimenReport]) -> str:
     """`muscles.csv`: the regularised viscosity of every muscle, and that in proportion to its cross-section."""
-    rows = []
-    for one in specimens:
-        if one.muscles is not None:
-            found = one.muscles
-            for muscle, value, share in zip(found.muscles, found.by_muscle, found.pcsa, strict=True):
-                rows.append((one.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank))
+    rows = (
+        (one.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank)
+        for one in specimens
+        if (found := one.muscles) is not None
+        for muscle, value, share in zip(found.muscles, found.by_muscle, found.pcsa, strict=True)
+    )
     head = ("name", "muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank")
     return _csv(head, rows)
 
@@ -161,7 +151,7 @@ def swing_table(recording: SwingRecording, found: Condition) -> Table:
     return Table(recording.time, names, np.hstack([values for _, _, values in blocks]))
 
 
-def _csv(head: Iterable[str], rows: Iterable[Cells]) -> str:
+def _csv(head: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -70,7 +70,13 @@ def run_viscosity(
             outcomes.append(outcome)
             said(outcome)
             write_tables([one.report for one in outcomes], out)
-    write_report(plan, options, outcomes, out)
+    sources = [] if plan.path is None else [file_source("study", plan.path)]
+    sources += [source for one in outcomes for source in one.sources]
+    plain = {f"{table}.{name}": value for table, own in options.plain.items() for name, value in own.items()}
+    made = provenance_of("viscosity", sources, plain)
+    write_whole(made.to_json() + "\n", out / PROVENANCE)
+    write_store(viscosity_input(plan, options, tuple(one.report for one in outcomes), made), out)
+    remake_report(out)
     return outcomes
 
 
@@ -97,21 +103,6 @@ def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Ad
         return SpecimenOutcome(replace(report, failure=ended.error), fault=ended.fault)
     finally:
         within(1.0)
-
-
-def write_report(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome], out: Path) -> None:
-    """Write provenance and report of all specimens."""
-    made = _provenance(plan, options, outcomes)
-    write_whole(made.to_json() + "\n", out / PROVENANCE)
-    write_store(viscosity_input(plan, options, tuple(one.report for one in outcomes), made), out)
-    remake_report(out)
-
-
-def _provenance(plan: ViscosityPlan, options: StudyOptions, outcomes: Sequence[SpecimenOutcome]) -> Provenance:
-    sources = [] if plan.path is None else [file_source("study", plan.path)]
-    sources += [source for one in outcomes for source in one.sources]
-    plain = {f"{table}.{name}": value for table, own in options.plain.items() for name, value in own.items()}
-    return provenance_of("viscosity", sources, plain)
 
 
 def viscosity_input(

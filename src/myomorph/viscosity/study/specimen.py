@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
+from myomorph.report.charts.axis import number
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
 from myomorph.viscosity.identification.identify import (
@@ -23,17 +26,138 @@ from myomorph.viscosity.identification.identify import (
     identify_specimen,
 )
 from myomorph.viscosity.identified_model import identified_model
-from myomorph.viscosity.report.given import Residual, SpecimenReport, specimen_report
+from myomorph.viscosity.report.given import (
+    ArmError,
+    ArmSpread,
+    CutoffScan,
+    HeldOutSwing,
+    PassiveModel,
+    Residual,
+    SpecimenReport,
+    specimen_report,
+)
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
-from myomorph.viscosity.study.trust import trusted, with_cutoffs
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import TrackedSpecimen, track
 from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
-from myomorph.viscosity.trust.cutoff import choose_cutoff
+from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
+from myomorph.viscosity.trust.models import UNITS, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
+
+LEVELS = (0.05, 0.10, 0.15, 0.20)
+"""Relative errors of moment arms that the figure shows."""
+
+EACH = "factor of each muscle"
+
+
+def trusted(
+    report: SpecimenReport, found: SpecimenViscosity, laws: PassiveOptions, arms: MomentArmOptions
+) -> SpecimenReport:
+    """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
+    for make in (
+        lambda one: with_laws(one, "without", found.without, laws),
+        lambda one: with_laws(one, "with", found.intact, laws),
+        lambda one: with_arms(one, found, arms),
+    ):
+        try:
+            report = make(report)
+        except MyomorphError as error:
+            report = replace(report, notes=(*report.notes, " ".join(str(error).split())))
+    return report
+
+
+def with_laws(
+    report: SpecimenReport, name: str, condition: Condition | None, options: PassiveOptions
+) -> SpecimenReport:
+    """The report with alternatives to plain viscosity for one condition."""
+    if condition is None:
+        return report
+    if np.isnan(condition.mass.value):
+        options = replace(options, tare="unknown")
+    compared = compare_passive_laws(condition.recordings, options)
+    models = tuple(
+        PassiveModel(
+            name,
+            one.name,
+            ", ".join(
+                f"{part} {number(value.value)} {_unit(part)}"
+                for part, value in one.coefficients.items()
+                if not part.startswith("rest")
+            ),
+            one.coefficients["viscosity"].value if "viscosity" in one.coefficients else float("nan"),
+            one.aic,
+            one.bic,
+            one.angle_error,
+            one.moment_error,
+            one is compared.chosen,
+        )
+        for one in compared.fits
+    )
+    shown = compared.prediction
+    if shown is None:
+        return replace(report, models=(*report.models, *models))
+    predicted = {"viscosity": shown.viscous_angles} | {compared.chosen.name: shown.chosen_angles}
+    held = HeldOutSwing(name, shown.measured.time, shown.axes, shown.measured_angles, FrozenMap(predicted))
+    return replace(report, models=(*report.models, *models), held_out=(*report.held_out, held))
+
+
+def _unit(part: str) -> str:
+    unit = next((unit for start, unit in UNITS.items() if part.startswith(start)), "")
+    return unit.replace(" ", "").replace("^2", "²")
+
+
+def with_cutoffs(
+    report: SpecimenReport,
+    tracked: Mapping[str, TrackedSpecimen],
+    cutoff: float,
+    reason: str,
+    options: ViscosityOptions,
+    hidden: Collection[str] = (),
+) -> SpecimenReport:
+    """The report with what other cut-offs of the filter would have given.
+
+    Parameters
+    ----------
+    hidden : conditions whose plate hides the mass
+    """
+    values: dict[str, Array] = {}
+    for name, one in tracked.items():
+        own = replace(options, tare="unknown") if name in hidden else options
+        scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=own)  # type: ignore[misc]
+        kind = "joint_viscosity" if name == "without" else "total_viscosity"
+        values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
+    shown = {name: one for name, one in values.items() if np.isfinite(one).any()}
+    cutoffs = np.array(SCANNED)
+    return replace(report, cutoff=CutoffScan(cutoffs, cutoff, FrozenMap(shown), reason)) if shown else report
+
+
+def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: MomentArmOptions) -> SpecimenReport:
+    """The report with the spread of the common muscle viscosity under errors of the moment arms."""
+    intact, without = found.intact, found.without
+    if found.muscles is None or intact is None or without is None:
+        return report
+
+    def spreads(one: MomentArmOptions) -> tuple:
+        return moment_arm_sensitivity(intact.recordings, intact.parameters, without.viscosity.value, one).spreads
+
+    kinds = spreads(options)
+    by_level = [
+        next(one for one in spreads(replace(options, factor=level, offset=0.0)) if one.kind == EACH) for level in LEVELS
+    ]
+    exact = by_level[0].exact
+    low, median, high = np.array([np.full(3, exact), *(one.quantiles() for one in by_level)]).T
+    table = tuple(ArmError(one.kind, _size(one.kind, one.error), one.sd, one.bias, *one.quantiles()) for one in kinds)
+    spread = ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), table)
+    return replace(report, arms=spread)
+
+
+def _size(kind: str, error: float) -> str:
+    return f"{1000 * error:.1f} mm" if kind.startswith("offset") else f"{100 * error:.0f} %"
+
 
 TRACKING, IDENTIFYING = 0.5, 0.25
 """Shares of a specimen's time, for the bar."""
@@ -84,10 +208,13 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
     opened = open_specimen(files, recorded_markers(next(one for entries in given.values() for one in entries)))
     specimen = opened.specimen
-    calibration = None if files.plate is None else calibrate(files.plate)
-    plate = files.plate
-    place = None if plate is None or calibration is None else partial(placed, files=plate, calibration=calibration)
-    notes = [*specimen.notes, *opened.notes, *(() if calibration is None else calibration.notes)]
+    notes = [*specimen.notes, *opened.notes]
+    place, residuals = None, opened.residuals
+    if files.plate is not None:
+        calibration = calibrate(files.plate)
+        place = partial(placed, files=files.plate, calibration=calibration)
+        notes += calibration.notes
+        residuals = (*residuals, *plate_residuals(calibration))
     conditions: dict[str, Prepared] = {}
     lost = []
     share = TRACKING / sum(1 for entries in given.values() if entries)
@@ -112,9 +239,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     tracked = {name: one.tracked for name, one in conditions.items()}
     hidden = [name for name, one in conditions.items() if one.hides_mass]
     report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
-    residuals = () if calibration is None else plate_residuals(calibration)
     report, model = _with_model(report, found, tracked, cutoff)
-    residuals = (*opened.residuals, *residuals, *_marker_residuals(conditions))
+    residuals = (*residuals, *_marker_residuals(conditions))
     known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
     return Studied(found, known, model)
 

@@ -124,8 +124,7 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
 def continuous(quaternions: Array) -> Array:
     """Quaternions (frames, 4) with the signs that make each the nearest to the one before."""
     turned = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
-    signed: Array = quaternions * np.concatenate([[1.0], np.cumprod(turned)])[: len(quaternions), None]
-    return signed
+    return quaternions * np.concatenate([[1.0], np.cumprod(turned)])[: len(quaternions), None]
 
 
 def angular_motion(values: Array, velocities: Array, accelerations: Array) -> tuple[Rotation, Array, Array]:
@@ -144,8 +143,7 @@ def angular_motion(values: Array, velocities: Array, accelerations: Array) -> tu
 def _vector_part(first: Array, second: Array) -> Array:
     """Of conj(first) second, quaternions (frames, 4)."""
     a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
-    part: Array = a * v - b * u - np.cross(u, v)
-    return part
+    return a * v - b * u - np.cross(u, v)
 
 
 def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tuple[Array, Array]:
@@ -194,5 +192,4 @@ def _continuous(angle: Array) -> Array:
     unwound = np.array(angle)
     unwound[seen] = np.unwrap(angle[seen])
     middle = np.median(unwound[seen]) if seen.any() else 0.0
-    around: Array = unwound - 2.0 * np.pi * np.round(middle / (2.0 * np.pi))
-    return around
+    return unwound - 2.0 * np.pi * np.round(middle / (2.0 * np.pi))

@@ -53,8 +53,7 @@ def wrench_about(wrenches: Wrenches, center: Array) -> Array:
     still = (wrenches.forces == 0.0).all(axis=2)[..., None]
     arms = np.where(still & ~np.isfinite(wrenches.points), 0.0, wrenches.points - center)
     moments = np.where(still & ~np.isfinite(wrenches.torques), 0.0, wrenches.torques) + np.cross(arms, wrenches.forces)
-    total: Array = np.concatenate([moments.sum(axis=1), wrenches.forces.sum(axis=1)], axis=1)
-    return total
+    return np.concatenate([moments.sum(axis=1), wrenches.forces.sum(axis=1)], axis=1)
 
 
 def on_clock(time: Array, values: Array, frames: Array) -> Array:

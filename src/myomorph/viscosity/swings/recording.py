@@ -104,15 +104,13 @@ class SwingRecording:
     def strands_of(self) -> Array:
         """(strands, muscles) 1 where a row of `lengthening` belongs to a muscle."""
         count = len(self.muscles)
-        table: Array = np.eye(count)[np.array(self.strands or range(count), np.int64)]
-        return table
+        return np.eye(count)[np.array(self.strands or range(count), np.int64)]
 
 
 def near(flags: np.ndarray, time: Array, distance: float) -> np.ndarray:
     """(frames,) whether a flagged frame lies within a distance in time [s]."""
     frames = round(distance / float(np.median(np.diff(time)))) if len(time) > 1 else 0
-    found: np.ndarray = binary_dilation(flags, iterations=frames) if frames > 0 else flags.copy()
-    return found
+    return binary_dilation(flags, iterations=frames) if frames > 0 else flags.copy()
 
 
 def whole_frames(time: Array, finite: np.ndarray, cutoff: float | None) -> np.ndarray:
@@ -122,8 +120,7 @@ def whole_frames(time: Array, finite: np.ndarray, cutoff: float | None) -> np.nd
         return ~lacking[1:-1]
     step = float(np.median(np.diff(time)))
     wide = np.concatenate([[time[0] - step], time, [time[-1] + step]])
-    whole: np.ndarray = ~near(lacking, wide, REACH / cutoff)[1:-1]
-    return whole
+    return ~near(lacking, wide, REACH / cutoff)[1:-1]
 
 
 def touched_frames(

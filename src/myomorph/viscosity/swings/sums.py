@@ -43,8 +43,7 @@ def free_directions(recordings: Sequence[SwingRecording]) -> Array:
 
 def moment_rows(one: SwingRecording) -> Array:
     """(frames, 3, 10) moment about the joint's center that unit parameters need, along the limb's axes."""
-    rows: Array = one.rotations.transpose(0, 2, 1) @ one.wrench_rows[:, :3]
-    return rows
+    return one.rotations.transpose(0, 2, 1) @ one.wrench_rows[:, :3]
 
 
 class PredictedRows(NamedTuple):
@@ -98,8 +97,7 @@ def _still(rates: Array, measured: Array, predicted: Array) -> Array:
     squares, directions = np.linalg.eigh(rates.T @ rates)
     seen, left = (np.square(one @ directions).sum(axis=0) for one in (measured, measured - predicted))
     still = directions[:, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
-    projection: Array = still @ still.T
-    return projection
+    return still @ still.T
 
 
 def _state(one: SwingRecording) -> Array:

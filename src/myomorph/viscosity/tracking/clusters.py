@@ -57,8 +57,7 @@ class Clusters:
         own = [(relabel or {}).get(column, column) for column in self.columns[bone]]
         pairs = self.pairs[bone]
         apart = values[:, [own[i] for i, _ in pairs]] - values[:, [own[j] for _, j in pairs]]
-        found: Array = np.linalg.norm(apart, axis=2) - self.lengths[bone]
-        return found
+        return np.linalg.norm(apart, axis=2) - self.lengths[bone]
 
     def wrong(self, values: Array, bone: str, relabel: Relabel | None = None) -> np.ndarray:
         """(frames,) whether any distance is further off than the tolerance."""
@@ -230,8 +229,7 @@ def _joint_gap(
         if joint.child == bone:
             mine, its = its, mine
         gaps.append(np.linalg.norm(rotations @ mine + origins - turns @ its - places_of_other, axis=1))
-    found: Array = np.fmax.reduce(gaps)
-    return found
+    return np.fmax.reduce(gaps)
 
 
 def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray, name: str, when: str) -> list[str]:

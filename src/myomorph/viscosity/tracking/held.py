@@ -57,8 +57,7 @@ def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
     total = np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations)
     left, _, right = np.linalg.svd(total)
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    mean: Array = left @ turn @ right
-    return mean
+    return left @ turn @ right
 
 
 def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
@@ -200,8 +199,7 @@ def center_course(specimen: Specimen, motion: Motion) -> Array:
     """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
     rotations, origins = base_poses(specimen, motion)
     places = _filled(rotations @ specimen.center + origins)
-    smooth: Array = median_filter(places, (_window(motion.time), 1), mode="nearest")
-    return smooth
+    return median_filter(places, (_window(motion.time), 1), mode="nearest")
 
 
 def _unit(specimen: Specimen, name: str) -> str:
@@ -211,8 +209,7 @@ def _unit(specimen: Specimen, name: str) -> str:
 def course(motion: Motion, name: str) -> Array:
     """(frames,) a held coordinate that slipped: the running median over `WINDOW`, gaps bridged [rad or m]."""
     values = np.unwrap(_filled(motion[name]))
-    smooth: Array = median_filter(values, _window(motion.time), mode="nearest")
-    return smooth
+    return median_filter(values, _window(motion.time), mode="nearest")
 
 
 def _window(time: Array) -> int:

@@ -149,7 +149,10 @@ def track(
     options = options or TrackingOptions()
     if not trials:
         raise BadData("no trial of the swinging limb is given")
-    checked = [_checked(specimen, one, options) for one in trials]
+    shown = [one.markers if one.time is None else cut(one.markers, *one.time) for one in trials]
+    checked = [
+        checked_clusters(specimen, one, trial.name, options.cluster) for one, trial in zip(shown, trials, strict=True)
+    ]
     markers = [one for one, _ in checked]
     started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
@@ -195,11 +198,6 @@ def _held_still(
         before = slips_before(specimen, name, motion, held, center, *limits)
         own += [slip for slip in before if slip.what not in told]
     return base, held, found
-
-
-def _checked(specimen: Specimen, trial: SwingTrial, options: TrackingOptions) -> tuple[Markers, list[str]]:
-    markers = trial.markers if trial.time is None else cut(trial.markers, *trial.time)
-    return checked_clusters(specimen, markers, trial.name, options.cluster)
 
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
@@ -264,8 +262,7 @@ def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
         enough &= own.sum(axis=1) >= min(2, own.shape[1])
     if not enough.any():
         return np.asarray(PARTIAL * seen.any(axis=1))
-    weight: Array = np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
-    return weight
+    return np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
 
 
 def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
@@ -338,13 +335,9 @@ def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]
 
 def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
-    rows, wrenches, frames = [], [], []
-    for one in trials:
-        _, slow, whole = _rows(specimen, one.motion)
-        wrench = lowpass_runs(one.wrench, one.motion.rate, CUTOFF)
-        rows.append(slow)
-        wrenches.append(wrench)
-        frames.append(whole & np.asarray(np.isfinite(wrench).all(axis=1)))
+    _, rows, whole = zip(*(_rows(specimen, one.motion) for one in trials), strict=True)
+    wrenches = [lowpass_runs(one.wrench, one.motion.rate, CUTOFF) for one in trials]
+    frames = [one & np.asarray(np.isfinite(wrench).all(axis=1)) for one, wrench in zip(whole, wrenches, strict=True)]
     times = [one.motion.time for one in trials]
     found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
     return [

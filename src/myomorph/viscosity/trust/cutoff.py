@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -150,13 +151,11 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
     tracked = [trial for one in conditions for trial in one.trials]
     if not tracked:
         raise BadData("no trial of the swinging limb is given")
+    names = (*conditions[0].specimen.joint_coordinates, *WRENCH)
+    columns = zip(*(np.hstack([one.motion.values, one.wrench]).T for one in tracked), strict=True)
+    parts = ([one[start:stop] for one in given for start, stop in runs(np.isfinite(one))] for given in columns)
     rate = tracked[0].motion.rate
-    found = []
-    for column, name in enumerate(conditions[0].specimen.joint_coordinates):
-        found.append(residual_analysis(name, _runs([one.motion.values[:, column] for one in tracked]), rate))
-    for column, name in enumerate(WRENCH):
-        found.append(residual_analysis(name, _runs([one.wrench[:, column] for one in tracked]), rate))
-    return choice_of(found)
+    return choice_of([residual_analysis(name, own, rate) for name, own in zip(names, parts, strict=True)])
 
 
 def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
@@ -183,13 +182,11 @@ def scan_cutoffs(
     recordings_at : from a cutoff [Hz] to the recordings, as `swing_recordings` of a tracked condition
     """
     options = options or ViscosityOptions()
-    rows = []
-    for cutoff in cutoffs:
-        try:
-            rows.append(_identified(recordings_at(cutoff), options))
-        except MyomorphError:
-            rows.append(np.full(3, np.nan))
-    mass, com, viscosity = np.array(rows).T
+    rows = np.full((len(cutoffs), 3), np.nan)
+    for row, cutoff in zip(rows, cutoffs, strict=True):
+        with suppress(MyomorphError):
+            row[:] = _identified(recordings_at(cutoff), options)
+    mass, com, viscosity = rows.T
     return CutoffScan(np.array(cutoffs), mass, com, viscosity)
 
 
@@ -200,8 +197,3 @@ def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions)
     limb = limb_inertia(sums, every, InertiaOptions(options.tare, options.prior_sd, options.instruments))
     problem = torque_problem(sums.torque_total(every), limb.parameters, options.stiffness)
     return np.array([limb.mass, limb.com, joint_viscosity(problem, float(every @ sums.frames)).one])
-
-
-def _runs(signals: Sequence[Array]) -> list[Array]:
-    """Unbroken runs of finite samples."""
-    return [one[start:stop] for one in signals for start, stop in runs(np.isfinite(one))]

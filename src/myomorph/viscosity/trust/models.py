@@ -213,7 +213,10 @@ def compare_passive_laws(
         draws = Influences(coefficients, coefficients - less, problem.sums.trial).draws(
             options.draws, np.random.default_rng(options.seed)
         )
-        errors = [_errors(problem, terms, one, p) for one, p in zip(left_out, trained, strict=True)]
+        errors = [
+            one.errors(_predict(problem, terms, one, p), options.tare == "unknown")
+            for one, p in zip(left_out, trained, strict=True)
+        ]
         angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
         free = law_columns(terms, len(problem.axes))[0].shape[1]
         score = effective * np.log(max(float(rss), 1e-300) / samples)
@@ -263,10 +266,6 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
 def _predict(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> SwingMotion:
     law = problem.fit(terms, one.training(len(problem.sums)), parameters)[0]
     return one.predicted(parameters, PassiveLaw.of(law, problem.width))
-
-
-def _errors(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> Array:
-    return one.errors(_predict(problem, terms, one, parameters), problem.inertial.tare == "unknown")
 
 
 def _shown(
