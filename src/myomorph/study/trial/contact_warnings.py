@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
 from myomorph.report.trial.given import ForceIntervals, InfeasibleContact
