@@ -44,5 +44,4 @@ def velocity(time: Array, values: Array) -> Array:
     """First derivative over time, (frames, ...), by second-order differences [per s]."""
     if len(time) < 2:
         return np.zeros_like(values)
-    slope: Array = np.gradient(values, time, axis=0)
-    return slope
+    return np.gradient(values, time, axis=0)

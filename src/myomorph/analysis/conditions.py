@@ -127,5 +127,4 @@ def modified_z(values: ArrayLike) -> Array:
     spread = float(np.median(np.abs(known - middle)))
     if not spread > ROUNDED * abs(float(middle)):
         return np.full(given.shape, np.nan)
-    found: Array = TO_DEVIATION * (given - middle) / spread
-    return found
+    return TO_DEVIATION * (given - middle) / spread

@@ -134,16 +134,14 @@ def _freedom(x: Array, y: Array) -> Array:
             one[-1] *= 0.5
     totals = [one.sum(axis=0) for one in powers]
     shared = powers[0].T @ powers[1]
-    found: Array = np.clip(2.0 * np.outer(*totals) / np.maximum(shared, 1e-300), 1.0, count - 1.0)
-    return found
+    return np.clip(2.0 * np.outer(*totals) / np.maximum(shared, 1e-300), 1.0, count - 1.0)
 
 
 def _chance(values: Array, freedom: Array) -> Array:
     """Two-sided probability of a correlation of that size at one lag."""
     degrees = np.maximum(freedom - 1.0, 0.1)
     square = np.clip(np.nan_to_num(values) ** 2, 0.0, 1.0 - 1e-12)
-    found: Array = 2.0 * stdtr(degrees, -np.sqrt(degrees * square / (1.0 - square)))
-    return found
+    return 2.0 * stdtr(degrees, -np.sqrt(degrees * square / (1.0 - square)))
 
 
 def discovered(chance: Array, share: float) -> np.ndarray:

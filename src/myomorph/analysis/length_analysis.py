@@ -82,8 +82,7 @@ class LengthAnalysis:
         """(strides, samples) of one muscle [m], NaN where not known."""
         limb = self.limbs[self.muscles.index(muscle)]
         cycles = self.lengths[limb]
-        found: Array = cycles.values[:, :, cycles.names.index(muscle)]
-        return found
+        return cycles.values[:, :, cycles.names.index(muscle)]
 
     def mean(self, muscle: str, confidence: float = 0.95) -> Band:
         """Mean curve of a muscle and its interval [m]."""

@@ -162,8 +162,7 @@ def _over_error(difference: Array, error: Array, whole: Array, curve: NDArray[np
         edges = np.flatnonzero(np.diff(np.concatenate([[-1], curve, [-1]])))
         for start, stop in itertools.pairwise(edges):
             floor[:, start:stop] += np.median(error[:, start:stop], axis=1, keepdims=True)
-    t: Array = difference / floor
-    return t
+    return difference / floor
 
 
 def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
@@ -189,8 +188,7 @@ def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
     difference = groups[0].mean(axis=0) - (groups[1].mean(axis=0) if second is not None else 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         d = np.where(spread > 0.0, difference / spread, np.nan)
-    found: Array = d * _unbiased(freedom)
-    return found
+    return d * _unbiased(freedom)
 
 
 def _unbiased(freedom: int) -> float:

@@ -210,8 +210,7 @@ def find_strides(
 def _mean(points: Series, names: Sequence[str]) -> Array:
     """(frames, 3) mean of points, NaN where one of them is unseen."""
     columns = [index_of("point", name, points.names, "the recording") for name in names]
-    mean: Array = points.values[:, columns].mean(axis=1)
-    return mean
+    return points.values[:, columns].mean(axis=1)
 
 
 def _strides(

@@ -129,8 +129,7 @@ def _distances(wrenches: Wrenches, points: Array, name: str) -> Array:
             "bring them to the clock of the wrenches first"
         )
     apart = np.linalg.norm(points[:, None] - wrenches.points[:, :, None], axis=3)
-    nearest: Array = np.where(np.isfinite(apart), apart, np.inf).min(axis=2)
-    return nearest
+    return np.where(np.isfinite(apart), apart, np.inf).min(axis=2)
 
 
 def _owners(distances: Array, size: Array, shortest: int, clear: float) -> NDArray[np.int64] | None:

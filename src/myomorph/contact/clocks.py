@@ -91,8 +91,7 @@ def _changes(time: Array, places: Array) -> Array:
     velocities = np.gradient(places, time, axis=0)
     sides = (EITHER_SIDE, -EITHER_SIDE)
     after, before = ([np.interp(time + side, time, column) for column in velocities.T] for side in sides)
-    found: Array = np.linalg.norm(np.array(after) - before, axis=0)
-    return found
+    return np.linalg.norm(np.array(after) - before, axis=0)
 
 
 @dataclass(frozen=True)

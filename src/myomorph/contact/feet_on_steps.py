@@ -121,16 +121,14 @@ def _distances(step: Step, places: Array) -> Array:
     """Distance (frames, sites) of places to the rectangle of a tread [m]."""
     inside = step.pose.inverse().apply(places)
     half = 0.5 * np.array([*step.size, 0.0])
-    away: Array = np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=-1)
-    return away
+    return np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=-1)
 
 
 def _interpolated(time: Array, values: Array, at: Array) -> Array:
     """Values (samples, ...) at other times; 0 outside of the recording."""
     flat = values.reshape(len(time), -1)
     columns = [np.interp(at, time, np.nan_to_num(one), left=0.0, right=0.0) for one in flat.T]
-    found: Array = np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
-    return found
+    return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
 
 
 def _doubts(

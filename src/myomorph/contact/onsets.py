@@ -190,8 +190,7 @@ def _prediction(past: Array) -> Array:
     rows = np.lib.stride_tricks.sliding_window_view(past, ORDER + 1)
     gram = rows[:, :-1].T @ rows[:, :-1]
     gram[np.diag_indices(ORDER)] += 1e-6 * np.trace(gram) / ORDER + 1e-300
-    found: Array = np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1]).astype(np.float64)
-    return found
+    return np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1]).astype(np.float64)
 
 
 def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Array:
@@ -212,8 +211,7 @@ def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Arr
     rise = np.log((after + quiet) / (before + quiet))
     # Noise of so many independent samples alone moves the logarithm by this much.
     spread = np.sqrt(2.0 / (AHEAD * rate) + 2.0 / (BEHIND * rate))
-    found: Array = np.maximum(rise - max(options.rise, options.threshold * spread), 0.0)
-    return found
+    return np.maximum(rise - max(options.rise, options.threshold * spread), 0.0)
 
 
 def _innovation(signal: Array, rate: float) -> Array:
@@ -266,5 +264,4 @@ def _unforeseen(signal: Array, known: int) -> Array:
     if known < 4 * ORDER:
         return signal[known:]
     later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)
-    rest: Array = later[:, -1] - later[:, :-1] @ _prediction(signal[:known])
-    return rest
+    return later[:, -1] - later[:, :-1] @ _prediction(signal[:known])

@@ -120,8 +120,7 @@ class ActionReaction:
     @property
     def residual(self) -> Array:
         """(frames, 6) sum over the parts: 0 where action is reaction and everything else was measured."""
-        total: Array = self.passed.sum(axis=1)
-        return total
+        return self.passed.sum(axis=1)
 
     @property
     def force_error(self) -> float:

@@ -227,5 +227,4 @@ def place_plate(recording: PlateRecording, calibration: PlateCalibration) -> Pla
 def _deviations(covariance: Array, unknown: Array) -> Array:
     """Standard deviations (6,) of rotation and center, inf along what is not shown."""
     lost = np.linalg.norm(unknown, axis=1) > 0.1
-    deviations: Array = np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-    return deviations
+    return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))

@@ -226,8 +226,7 @@ def rotation_vector(rotation: Array) -> Array:
     if cosine > 0:
         return spin
     values, vectors = np.linalg.eigh(rotation)
-    half_turn: Array = np.pi * vectors[:, int(np.argmax(values))]
-    return half_turn
+    return np.pi * vectors[:, int(np.argmax(values))]
 
 
 FEWEST = 3

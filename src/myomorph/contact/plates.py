@@ -247,8 +247,7 @@ def loaded_samples(
 
 def _pressing(plate: ForcePlate) -> Array:
     """Force along the plate's normal (samples,), signed [N]."""
-    pressing: Array = plate.forces @ plate_axes(plate.corners)[:, 2]
-    return pressing
+    return plate.forces @ plate_axes(plate.corners)[:, 2]
 
 
 def _idle(pressing: Array, largest: float) -> float:

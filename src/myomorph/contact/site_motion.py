@@ -105,16 +105,14 @@ def center_of(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
     numbers = np.flatnonzero(own)
     mass = tree.arrays.mass[numbers]
     centers = poses.points(numbers, tree.arrays.mass_center[numbers])
-    center: Array = np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
-    return center
+    return np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
 
 
 def _slope(time: Array, values: Array) -> Array:
     """First derivative over time by second-order differences, zero with fewer than three frames."""
     if len(time) < 3:
         return np.zeros_like(values)
-    slope: Array = np.gradient(values, time, axis=0)
-    return slope
+    return np.gradient(values, time, axis=0)
 
 
 def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
@@ -211,5 +209,4 @@ def _resting(height: Array, speed: Array, still: float) -> Ints:
         return known
     low = known[height[known] <= np.percentile(height[known], 40.0)]
     limit = max(still, float(np.percentile(speed[low], 5.0)))
-    frames: Ints = low[speed[low] <= limit]
-    return frames
+    return low[speed[low] <= limit]

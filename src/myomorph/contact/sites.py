@@ -170,8 +170,7 @@ def _snapped(rotation: Array, direction: Array) -> Array:
     """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
     along = rotation.T @ direction
     k = int(np.argmax(np.abs(along)))
-    near: Array = np.sign(along[k]) * rotation[:, k] if abs(along[k]) > np.cos(np.radians(20.0)) else direction
-    return near
+    return np.sign(along[k]) * rotation[:, k] if abs(along[k]) > np.cos(np.radians(20.0)) else direction
 
 
 def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions) -> dict[str, Array]:
@@ -197,8 +196,7 @@ def _vertices(body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: di
     ]
     if not parts:
         return np.zeros((0, 3))
-    placed: Array = (poses[body.name].apply(np.concatenate(parts)) - foot.origin) @ foot.axes
-    return placed
+    return (poses[body.name].apply(np.concatenate(parts)) - foot.origin) @ foot.axes
 
 
 def _outline_of(vertices: Array, length: float) -> dict[str, Array]:

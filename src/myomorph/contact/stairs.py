@@ -226,8 +226,7 @@ def _noise(values: Array) -> float:
 def _averaged(values: Array, time: Array, over: float) -> Array:
     width = max(1, round(0.5 * over / float(np.median(np.diff(time))))) if len(time) > 1 else 1
     kernel = np.ones(width) / width
-    smooth: Array = np.convolve(np.pad(values, width, mode="edge"), kernel, mode="same")[width:-width]
-    return smooth
+    return np.convolve(np.pad(values, width, mode="edge"), kernel, mode="same")[width:-width]
 
 
 def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
@@ -255,8 +254,7 @@ def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
 
 def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(3,) whether all that a component is made of is known."""
-    found: np.ndarray = np.all(~uses | known[None, :], axis=1)
-    return found
+    return np.all(~uses | known[None, :], axis=1)
 
 
 def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:

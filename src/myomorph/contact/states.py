@@ -166,8 +166,7 @@ def hysteresis(begins: Bools, ends: Bools) -> Bools:
     marks = np.where(ends, -1, np.where(begins, 1, 0))
     frames = np.arange(len(marks)).reshape(-1, *[1] * (marks.ndim - 1))
     last = np.maximum.accumulate(np.where(marks != 0, frames, 0), axis=0)
-    state: Bools = np.take_along_axis(marks, last, axis=0) > 0
-    return state
+    return np.take_along_axis(marks, last, axis=0) > 0
 
 
 def steady(state: Bools, time: Array, shortest: float) -> Bools:
@@ -228,8 +227,7 @@ def _beside(moving: SiteMotion, points: Array) -> Array:
     """Horizontal distance of each site to a plate's center of pressure (frames, sites) [m]."""
     apart = moving.places - points[:, None]
     flat = apart - (apart @ moving.up)[..., None] * moving.up
-    distance: Array = np.linalg.norm(flat, axis=2)
-    return distance
+    return np.linalg.norm(flat, axis=2)
 
 
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
@@ -370,5 +368,4 @@ def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pi
 def fade(x: Array, full: float) -> Array:
     """1 below `full`, half a cosine down to 0 at 1, 0 beyond; NaN stays."""
     way = np.clip((x - full) / (1.0 - full), 0.0, 1.0)
-    faded: Array = 0.5 * (1.0 + np.cos(np.pi * way))
-    return faded
+    return 0.5 * (1.0 + np.cos(np.pi * way))

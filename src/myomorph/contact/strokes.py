@@ -55,8 +55,7 @@ class ImpulseLaw:
 
     def impulse(self, energy: ArrayLike) -> Array:
         """[N s], of energies of any shape; 0 of 0."""
-        found: Array = self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
-        return found
+        return self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
 
     def covers(self, energy: float) -> bool:
         """Whether an energy lies among those calibrated on, a factor of 2 (6 dB in power: 3) around them allowed."""
@@ -159,8 +158,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
             f"model '{model.name}' has coordinates that move no mass: an impact has no effective mass"
         ) from None
     yields = np.einsum("fj,fj->f", rows, pushed - alone)
-    found: Array = np.where(yields > 0.0, 1.0 / np.where(yields > 0.0, yields, 1.0), np.inf)
-    return found
+    return np.where(yields > 0.0, 1.0 / np.where(yields > 0.0, yields, 1.0), np.inf)
 
 
 @read_only
@@ -316,8 +314,7 @@ def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
     mass = np.diff(first)
     rising = np.where(mass > 0.0, (steps * first[1:] - np.diff(second)) / steps, 0.0)
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    found: Array = (np.append(0.0, rising) + np.append(mass - rising, 0.0)) / weights
-    return found
+    return (np.append(0.0, rising) + np.append(mass - rising, 0.0)) / weights
 
 
 def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Array]:
@@ -341,8 +338,7 @@ def _jump(time: Array, places: Array, at: float) -> Array:
     """Change of velocity (3,) about a time: between straight lines through the places before and after it."""
     before = _velocity(time, places, at - AROUND, at)
     after = _velocity(time, places, at + TOUCH, at + TOUCH + AROUND)
-    found: Array = after - before
-    return found
+    return after - before
 
 
 def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
@@ -355,5 +351,4 @@ def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
     if chosen.sum() < 2:
         return np.zeros(3)
     apart = time[chosen] - time[chosen].mean()
-    slope: Array = apart @ places[chosen] / (apart @ apart)
-    return slope
+    return apart @ places[chosen] / (apart @ apart)

@@ -87,8 +87,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     kind = model_format(path)
     if kind is None:
         raise BadFile(path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml")
-    model: Model = kind.read(Path(path))
-    return model
+    return kind.read(Path(path))
 
 
 def read_trial(path: str | os.PathLike[str]) -> Trial:
@@ -103,8 +102,7 @@ def read_trial(path: str | os.PathLike[str]) -> Trial:
     if kind is None:
         expected = ", ".join(ending for one in TRIALS for ending in one.endings)
         raise BadFile(path, f"does not hold markers: its name ends in '{_ending(path)}'", f"expected {expected}")
-    trial: Trial = kind.read(Path(path))
-    return trial
+    return kind.read(Path(path))
 
 
 def _format(path: str | os.PathLike[str], formats: tuple[Format, ...]) -> Format | None:

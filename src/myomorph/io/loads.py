@@ -181,8 +181,7 @@ def _in_ground(vectors: Array, body: str, poses: PosesOf | None, time: Array, en
     if body == GROUND:
         return vectors
     rotations, _ = _poses(body, poses, time, entry)
-    turned: Array = np.einsum("fij,fj->fi", rotations, vectors)
-    return turned
+    return np.einsum("fij,fj->fi", rotations, vectors)
 
 
 def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:

@@ -72,8 +72,7 @@ class LivePage:
     def _answer(self, timeout: float) -> int | MyomorphError:
         try:
             if self._pipe.poll(timeout):
-                answer: int | MyomorphError = self._pipe.recv()
-                return answer
+                return self._pipe.recv()
         except (EOFError, OSError):
             pass
         self._process.terminate()

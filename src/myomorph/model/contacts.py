@@ -207,8 +207,7 @@ class ContactForces:
 
     def of(self, site: str) -> Array:
         """Force at one site (frames, 3); raises `UnknownName`."""
-        found: Array = self.forces[:, index_of("contact site", site, self.names, "the contacts")]
-        return found
+        return self.forces[:, index_of("contact site", site, self.names, "the contacts")]
 
     def wrenches(self, by: Literal["body", "group", "site"] = "body") -> Wrenches:
         """Forces on the bodies as external loads, sites of one body or group taken together.
@@ -240,8 +239,7 @@ class ContactForces:
         cone = self.sites[k].cone
         if cone.direction is None or cone.frame != GROUND:
             return np.linalg.norm(self.forces[:, k], axis=1)
-        pressed: Array = np.abs(self.forces[:, k] @ cone.direction)
-        return pressed
+        return np.abs(self.forces[:, k] @ cone.direction)
 
     def _together(self, members: Sequence[tuple[int, float]]) -> tuple[Array, Array, Array]:
         """Force, point and free torque (frames, 3) of some sites, each with the sign it acts with."""

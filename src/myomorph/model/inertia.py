@@ -201,8 +201,7 @@ def _onto(axis: Array) -> Array:
         return np.diag([1.0, -1.0, -1.0])
     v = np.cross(z, axis)
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    rotation: Array = np.eye(3) + cross + cross @ cross / (1.0 + c)
-    return rotation
+    return np.eye(3) + cross + cross @ cross / (1.0 + c)
 
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:

@@ -199,8 +199,7 @@ class PassiveTorque:
 
     def total(self, values: Array, rates: Array) -> Array:
         """(frames,) torque at values (frames,) and rates (frames,) of the coordinate [N m or N]."""
-        total: Array = self.torque(values) - self.damping(values) * rates
-        return total
+        return self.torque(values) - self.damping(values) * rates
 
 
 @read_only

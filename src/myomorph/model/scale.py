@@ -109,8 +109,7 @@ def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], 
 def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> list[float]:
     """(muscles,) path lengths after over those before, 1 where there was none."""
     old, new = np.asarray(path_lengths(before)), np.asarray(path_lengths(after))
-    ratios: list[float] = np.divide(new, old, out=np.ones_like(old), where=old > 0.0).tolist()
-    return ratios
+    return np.divide(new, old, out=np.ones_like(old), where=old > 0.0).tolist()
 
 
 def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
@@ -158,8 +157,7 @@ def _affine_inertia(body: Body, size: Array, mass: float) -> Array:
         return np.array(body.inertia)
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
     second = second * np.outer(size, size) * (mass / body.mass)
-    inertia: Array = np.trace(second) * np.eye(3) - second
-    return inertia
+    return np.trace(second) * np.eye(3) - second
 
 
 def _cylinder_inertia(body: Body, size: Array, mass: float) -> Array:
@@ -197,8 +195,7 @@ def _shifted(pose: Transform, size: Array) -> Transform:
 
 def _stretch(pose: Transform, size: Array) -> Array:
     """Growth (3,) of lengths along the axes of a frame that is turned in its body."""
-    growth: Array = np.linalg.norm(pose.rotation * size[:, None], axis=0)
-    return growth
+    return np.linalg.norm(pose.rotation * size[:, None], axis=0)
 
 
 def _mesh(mesh: Mesh, size: Array) -> Mesh:

@@ -49,8 +49,7 @@ class Series(Labelled):
 
     def __getitem__(self, name: str) -> Array:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
-        column: Array = self.values[:, index_of("column", name, self.names, "the series")]
-        return column
+        return self.values[:, index_of("column", name, self.names, "the series")]
 
     def variables(self) -> dict[str, Variable]:
         """The values, and of vectors each axis."""
@@ -352,8 +351,7 @@ class Sound:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Channel of that name, (samples,); raises `UnknownName`."""
-        channel: np.ndarray = self.samples[:, index_of("sound channel", name, self.names, "the recording")]
-        return channel
+        return self.samples[:, index_of("sound channel", name, self.names, "the recording")]
 
     @property
     def duration(self) -> float:
@@ -363,8 +361,7 @@ class Sound:
     @property
     def time(self) -> Array:
         """(samples,) [s]."""
-        time: Array = self.start + np.arange(len(self.samples)) / self.rate
-        return time
+        return self.start + np.arange(len(self.samples)) / self.rate
 
     def starting(self, start: float) -> Sound:
         """The same sound whose first sample is at `start` on the motion's clock [s]."""

@@ -15,15 +15,13 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     x, y, z = np.asarray(axis, dtype=np.float64)
     c, s = np.cos(angle), np.sin(angle)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: Array = np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
-    return rotation
+    return np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
 
 
 def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
     """Rotation matrix of body-fixed X, Y, Z rotations [rad], as OpenSim writes orientations."""
     a, b, c = np.asarray(angles, dtype=np.float64)
-    rotation: Array = axis_rotation((1, 0, 0), a) @ axis_rotation((0, 1, 0), b) @ axis_rotation((0, 0, 1), c)
-    return rotation
+    return axis_rotation((1, 0, 0), a) @ axis_rotation((0, 1, 0), b) @ axis_rotation((0, 0, 1), c)
 
 
 def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
@@ -86,5 +84,4 @@ class Transform:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) of B expressed in A."""
-        moved: Array = np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation
-        return moved
+        return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation

@@ -46,8 +46,7 @@ class Surface:
 def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
     """(m, 3) along the normals of faces, twice as long as their areas [m^2]."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    crossed: Array = np.cross(b - a, c - a)
-    return crossed
+    return np.cross(b - a, c - a)
 
 
 def used_part(vertices: Array, faces: np.ndarray) -> Surface:

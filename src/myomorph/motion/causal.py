@@ -57,8 +57,7 @@ class CausalFilter:
     def response(self, frequency: Array) -> Array:
         """Complex gain at frequencies [Hz]."""
         x = 2j * np.pi * np.asarray(frequency, dtype=np.float64) * self.delay
-        gain: Array = 105.0 / ((((x + 10.0) * x + 45.0) * x + 105.0) * x + 105.0)
-        return gain
+        return 105.0 / ((((x + 10.0) * x + 45.0) * x + 105.0) * x + 105.0)
 
     def motion(self, motion: Motion) -> Motion:
         """A recorded motion as the filter gives it frame by frame, with derivatives, on the recording's own times.

@@ -76,8 +76,7 @@ class Compared:
 
     def places(self, lag: Array) -> Array:
         """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s] and b."""
-        places: Array = self.time + lag[0] + lag[1] * (self.time - self.middle)
-        return places
+        return self.time + lag[0] + lag[1] * (self.time - self.middle)
 
     def within(self, lag: Array) -> np.ndarray:
         """(frames,) usable ones that lie in the other recording."""
@@ -230,8 +229,7 @@ def orthonormal(design: Array) -> Array:
     scaled = design[:, kept] / sizes[kept]
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
     sound = values > 1e-10 * values.max(initial=0.0)
-    basis: Array = scaled @ (vectors[:, sound] / np.sqrt(values[sound]))
-    return basis
+    return scaled @ (vectors[:, sound] / np.sqrt(values[sound]))
 
 
 def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
@@ -282,16 +280,14 @@ def _predicted(compared: Compared, lag: Array) -> Array:
     design = (compared.rows[inside] * compared.weights[:, None]).reshape(-1, compared.rows.shape[2])
     wanted = (compared.spline(compared.places(lag)[inside]) * compared.weights).reshape(-1)
     parameters = np.linalg.lstsq(design, wanted, rcond=1e-9)[0]
-    predicted: Array = compared.rows @ parameters
-    return predicted
+    return compared.rows @ parameters
 
 
 def _left(compared: Compared, lag: Array) -> Array:
     """Standard deviation (signals,) of what the rows leave of the other recording at a lag (2,)."""
     inside = compared.within(lag)
     left = compared.spline(compared.places(lag)[inside]) - _predicted(compared, lag)[inside]
-    deviation: Array = left.std(axis=0)
-    return deviation
+    return left.std(axis=0)
 
 
 ITERATIONS = 30

@@ -106,13 +106,11 @@ class Clock:
 
     def times(self, time: Array) -> Array:
         """Times of the other clock on the reference clock [s]."""
-        moved: Array = time + self.offset + self.drift * (time - self.epoch)
-        return moved
+        return time + self.offset + self.drift * (time - self.epoch)
 
     def back(self, time: Array) -> Array:
         """Times of the reference clock on the other clock [s]."""
-        moved: Array = (time - self.offset + self.drift * self.epoch) / (1.0 + self.drift)
-        return moved
+        return (time - self.offset + self.drift * self.epoch) / (1.0 + self.drift)
 
     def apply(self, series: Timed) -> Timed:
         """The other recording with its samples at the times the reference clock shows."""

@@ -32,8 +32,7 @@ from myomorph.rigid.tree import Tree
 def frame_solver(tree: Tree) -> Callable[..., None]:
     """`solve_frames` for a tree: where it closes loops, one that keeps them closed."""
     if not tree.model.loops:
-        solve: Callable[..., None] = solve_frames
-        return solve
+        return solve_frames
     ties = ties_of(tree)
 
     def solve_closed(T: Any, K: Any, observed: Array, *options: Any) -> None:

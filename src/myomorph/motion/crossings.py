@@ -124,8 +124,7 @@ def marker_slopes(tree: Tree, names: list[str]) -> Array:
     bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
     places = poses.points(bodies, np.array([one.location for one in marked]))
     ahead, behind = places[: len(free)], places[len(free) :]
-    slopes: Array = (ahead - behind).transpose(1, 2, 0) / (2.0 * STEP)
-    return slopes
+    return (ahead - behind).transpose(1, 2, 0) / (2.0 * STEP)
 
 
 def _rank(slopes: Array) -> int:

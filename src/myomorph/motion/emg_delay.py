@@ -172,8 +172,7 @@ def _correlations(rows: Array, wanted: Array) -> Array:
     centered, other = rows - rows.mean(axis=1, keepdims=True), wanted - wanted.mean()
     sizes, size = np.linalg.norm(centered, axis=1), float(np.linalg.norm(other))
     flat = (sizes <= 1e-9 * np.linalg.norm(rows, axis=1)) | (size <= 1e-9 * np.linalg.norm(wanted))
-    told: Array = np.where(flat, np.nan, (centered @ other) / np.where(flat, 1.0, sizes * size))
-    return told
+    return np.where(flat, np.nan, (centered @ other) / np.where(flat, 1.0, sizes * size))
 
 
 ChannelMap = Mapping[str, Sequence[str]]

@@ -108,8 +108,7 @@ class OnlineFilter:
         if len(samples) < len(weights):
             raise BadData(f"the filter needs {len(weights)} frames, but there are {len(samples)}")
         windows = sliding_window_view(np.asarray(samples, dtype=np.float64), len(weights), axis=0)
-        filtered: Array = windows @ weights
-        return filtered
+        return windows @ weights
 
     def _middle(self, time: Array) -> Array:
         return time[self.half : len(time) - self.half]
@@ -157,8 +156,7 @@ class MovingWindow:
     def filtered(self) -> Array:
         """(3, width) value, velocity and acceleration in the middle; NaN where a sample is missing."""
         start = self._count % self._length
-        result: Array = self._weights @ self._rows[start : start + self._length]
-        return result
+        return self._weights @ self._rows[start : start + self._length]
 
 
 class OnlineKinematics:

@@ -192,5 +192,4 @@ class SteadyKinematics:
     def _turned(self, change: Array) -> Array:
         """A change of coordinates with angles by the shorter way round."""
         round_ = 2.0 * np.pi * np.round(change / (2.0 * np.pi))
-        shorter: Array = np.where(self._turning, change - round_, change)
-        return shorter
+        return np.where(self._turning, change - round_, change)

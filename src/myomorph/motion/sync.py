@@ -164,5 +164,4 @@ def _splined(time: Array, values: Array, at: Array) -> Array:
     first = max(int(np.searchsorted(time, at[0])) - REACH, 0)
     last = int(np.searchsorted(time, at[-1])) + REACH
     time, values = time[first:last], values[first:last]
-    inside: Array = natural_spline(time, values, degree=3)(np.clip(at, time[0], time[-1]))
-    return inside
+    return natural_spline(time, values, degree=3)(np.clip(at, time[0], time[-1]))

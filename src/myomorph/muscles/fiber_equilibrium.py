@@ -83,8 +83,7 @@ class _Search:
         """Fibers' pull along the tendon less the tendon's [N]."""
         active, passive = length_factors(self.H, self.m, fiber / self.H.fiber[self.m])
         pull = (self.a * active * f_v + passive) * np.cos(pennation(self.H, self.m, fiber))
-        found: Array = self.H.force[self.m] * (pull - self.tendon_factor(fiber))
-        return found
+        return self.H.force[self.m] * (pull - self.tendon_factor(fiber))
 
     def tendon_factor(self, fiber: Array) -> Array:
         return tendon_factor(self.muscle, self.tendon(fiber) / self.H.tendon[self.m])
@@ -92,8 +91,7 @@ class _Search:
     def slope(self, fiber: Array, f_v: Array) -> Array:
         """Slope of the error over the fiber length [N/m]."""
         step = 1e-6 * self.H.fiber[self.m]
-        found: Array = (self.error(fiber + step, f_v) - self.error(fiber - step, f_v)) / (2.0 * step)
-        return found
+        return (self.error(fiber + step, f_v) - self.error(fiber - step, f_v)) / (2.0 * step)
 
     def shared_velocity_factor(self, fiber: Array, f_v: Array, turning: bool = True) -> Array:
         """f_V where fiber and tendon share the path's velocity by their stiffness.
@@ -110,8 +108,7 @@ class _Search:
 
         def pull(x: Array) -> Array:
             active, passive = length_factors(H, m, x / H.fiber[m])
-            found: Array = (self.a * active * f_v + passive) * (np.cos(pennation(H, m, x)) if turning else cosine)
-            return found
+            return (self.a * active * f_v + passive) * (np.cos(pennation(H, m, x)) if turning else cosine)
 
         fibers = (pull(fiber + step) - pull(fiber - step)) / (2.0 * step) * cosine
         stretch = self.tendon(fiber) / H.tendon[m]
@@ -184,8 +181,7 @@ def _degroote(H: HillArrays, m: int, muscle: Muscle, length: Array, speed: Array
         v = speed * cosine / H.speed[m]
         pull = a * active * degroote_velocity_factor(v) + passive
         pull += muscle.parameters.get("fiber_damping", 0.0) * v
-        found: Array = force - pull * cosine
-        return found
+        return force - pull * cosine
 
     return _bisected(residual, np.zeros_like(length), np.full_like(length, HIGHEST))
 

@@ -81,8 +81,7 @@ class Paths:
     @property
     def arm_free(self) -> np.ndarray:
         """(moment arms,) whether the pair's coordinate follows no other."""
-        free: np.ndarray = self.arrays.arm[:, 1] == 1
-        return free
+        return self.arrays.arm[:, 1] == 1
 
     def evaluate(
         self,
@@ -284,8 +283,7 @@ class MuscleKinematics(Labelled):
         """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises `UnknownName`."""
         i = index_of("muscle", muscle, self.muscles)
         j = index_of("coordinate", coordinate, self.coordinates)
-        column: Array = self._dense(slice(None), np.array([i]))[:, 0, j]
-        return column
+        return self._dense(slice(None), np.array([i]))[:, 0, j]
 
     def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
         """Moment arms about the coordinates that no coupler drives, each moved alone (loops opened), in sparse form.

@@ -70,7 +70,4 @@ def _tangent(along: Array, chord: Array) -> Array:
     """Unit vectors along the straight parts, or the chords where there is none."""
     lengths = np.linalg.norm(along, axis=1, keepdims=True)
     usable = np.isfinite(lengths) & (lengths > 1e-9)
-    unit: Array = np.where(
-        usable, along / np.where(usable, lengths, 1.0), chord / np.linalg.norm(chord, axis=1)[:, None]
-    )
-    return unit
+    return np.where(usable, along / np.where(usable, lengths, 1.0), chord / np.linalg.norm(chord, axis=1)[:, None])

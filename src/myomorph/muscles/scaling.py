@@ -17,5 +17,4 @@ def default_path_lengths(model: Model) -> Array:
     keep their ratio to the path.
     """
     still = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    lengths: Array = muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]
-    return lengths
+    return muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]

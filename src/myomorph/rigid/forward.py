@@ -97,8 +97,7 @@ def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, appli
     free = free_coordinates(tree)
     missing = (_needed(tree, c, cdot, cddot, applied) - generalized)[:, free]
     G = closure_jacobian(tree, c)[:, :, free]
-    found: Array = np.einsum("frj,fj->fr", _pseudo_inverse(np.swapaxes(G, 1, 2)), missing)
-    return found
+    return np.einsum("frj,fj->fr", _pseudo_inverse(np.swapaxes(G, 1, 2)), missing)
 
 
 def _pseudo_inverse(matrices: Array) -> Array:

@@ -149,8 +149,7 @@ class Poses:
         -------
         (frames, points, 3) [m]
         """
-        moved: Array = np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations) + self.origins[:, bodies]
-        return moved
+        return np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations) + self.origins[:, bodies]
 
     def jacobian(self, frame: int, body: int, point: Array) -> Array:
         """d(twist)/d(coordinates) of a body, (6, coordinates): angular, then linear at `point`.
@@ -213,5 +212,4 @@ def center_of_mass(tree: Tree, poses: Poses) -> Array:
     """Center of mass of the whole model in ground, (frames, 3) [m]."""
     arrays = tree.arrays
     centers = poses.points(np.arange(len(arrays.mass)), arrays.mass_center)
-    weighted: Array = np.einsum("b,fbi->fi", arrays.mass, centers) / arrays.mass.sum()
-    return weighted
+    return np.einsum("b,fbi->fi", arrays.mass, centers) / arrays.mass.sum()

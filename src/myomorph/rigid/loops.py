@@ -295,8 +295,7 @@ def _elsewhere(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
         starts[1:, j] = low + (high - low) * shares[:, i]
     shut = _shut(tree, starts, free, scale)
     far = (((shut - given)[:, free] / scale) ** 2).sum(axis=1)
-    nearest: Array = shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
-    return nearest
+    return shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
 
 
 def _shut(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:

@@ -106,8 +106,7 @@ def sum_of_wrenches(model: Model, motion: Motion, wrenches: Wrenches | None, poi
     counted = bodies != 0
     forces, places, torques = forces[:, counted], places[:, counted], torques[:, counted]
     moments = torques + np.cross(places - points[:, None], forces)
-    total: Array = np.concatenate([moments.sum(axis=1), forces.sum(axis=1)], axis=1)
-    return total
+    return np.concatenate([moments.sum(axis=1), forces.sum(axis=1)], axis=1)
 
 
 def reference_points(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:

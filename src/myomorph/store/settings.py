@@ -141,8 +141,7 @@ def _settings_of(options: type) -> tuple[Setting, ...]:
 
 def prefix_of(options: type) -> str:
     """What the names of an option dataclass's settings begin with."""
-    prefix: str = getattr(options, "SETTING_PREFIX", "")
-    return prefix
+    return getattr(options, "SETTING_PREFIX", "")
 
 
 def attribute_help(owner: type) -> dict[str, str]:

@@ -72,8 +72,7 @@ class JointReactions:
 
     def of(self, joint: str) -> Array:
         """Force in one joint (frames, 3) [N]; raises `UnknownName`."""
-        found: Array = self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
-        return found
+        return self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
 
     def table(self) -> Table:
         """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ... `_pz`."""

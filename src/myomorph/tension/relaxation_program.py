@@ -170,8 +170,7 @@ class Roots:
         assert cone.direction is not None
         if cone.frame == GROUND:
             return np.array(cone.direction)
-        turned: Array = self.poses.rotations[frame, self.problem.assembly.tree.body_index[cone.frame]] @ cone.direction
-        return turned
+        return self.poses.rotations[frame, self.problem.assembly.tree.body_index[cone.frame]] @ cone.direction
 
     def _dense(self, generators: ConeGenerators) -> Array:
         entries, _, _, _ = generators.evaluate(self.problem.coordinates)

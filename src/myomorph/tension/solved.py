@@ -68,16 +68,14 @@ class SolvedFrames:
         penalties = self.penalties.reshape(len(self), 3, *(1,) * (x.ndim - 2), x.shape[-1])
         below, above = np.maximum(penalties[:, 0] - x, 0.0), np.maximum(x - penalties[:, 1], 0.0)
         pulled = np.where(penalties[:, 2] > 0.0, penalties[:, 2] * (below**2 + above**2), 0.0)
-        total: Array = (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
-        return total
+        return (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
 
     def slope(self, x: Array) -> Array:
         """Gradient of the cost, (frames, variables)."""
         w, p = self.shared.weight, self.shared.exponent
         drawn = np.where(x < self.penalties[:, 0], x - self.penalties[:, 0], np.maximum(x - self.penalties[:, 1], 0.0))
         pulled = np.where(self.penalties[:, 2] > 0.0, 2.0 * self.penalties[:, 2] * drawn, 0.0)
-        found: Array = p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
-        return found
+        return p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
 
     def curvature(self, x: Array) -> Array:
         """Second derivatives of the cost, (frames, variables), above 0."""
@@ -85,8 +83,7 @@ class SolvedFrames:
         outside = (x <= self.penalties[:, 0]) | (x >= self.penalties[:, 1])
         pulled = np.where((self.penalties[:, 2] > 0.0) & outside, 2.0 * self.penalties[:, 2], 0.0)
         # With p other than 2 the curvature at 0 is 0 or infinite: taken a little beside it.
-        found: Array = p * (p - 1.0) * w * np.maximum(np.abs(x), 1e-6) ** (p - 2.0) + pulled
-        return found
+        return p * (p - 1.0) * w * np.maximum(np.abs(x), 1e-6) ** (p - 2.0) + pulled
 
 
 def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.int64]) -> SolvedFrames:

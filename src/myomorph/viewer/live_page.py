@@ -128,8 +128,7 @@ def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Arra
     acts = np.isfinite(lift) & (np.abs(lift) > LEAST_FORCE * weight)
     start = np.cross(up, moments) / np.where(acts, lift, 1.0)[:, None]
     ends = np.stack([start, start + length / weight * forces], axis=1)
-    found: Array = np.where(acts[:, None, None], ends, np.nan)
-    return found
+    return np.where(acts[:, None, None], ends, np.nan)
 
 
 class Rows:

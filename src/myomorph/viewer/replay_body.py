@@ -93,8 +93,7 @@ class Instant:
     def middle(self) -> Array:
         """(3,) the mean of the centers of mass, or where nothing has a mass, the first body's origin [m]."""
         seen = self.centers[np.isfinite(self.centers).all(axis=1)]
-        found: Array = seen.mean(axis=0) if len(seen) else self.origins[1]
-        return found
+        return seen.mean(axis=0) if len(seen) else self.origins[1]
 
 
 class PlayedBody:
@@ -315,8 +314,7 @@ class _Markers:
 
     def modelled(self, rotations: Array, origins: Array) -> Array:
         """(markers, 3) of the model in ground [m]."""
-        placed: Array = np.einsum("mij,mj->mi", rotations[self._bodies], self._places) + origins[self._bodies]
-        return placed
+        return np.einsum("mij,mj->mi", rotations[self._bodies], self._places) + origins[self._bodies]
 
 
 class _Arrows:
@@ -337,8 +335,7 @@ class _Arrows:
         start, force = self._wrenches.points[near], self._wrenches.forces[near]
         acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._weight)
         ends = np.stack([start, start + self._scale * force], axis=1)
-        found: Array = np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
-        return found
+        return np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
 
 
 def _inside(clock: Array, time: Array) -> np.ndarray:

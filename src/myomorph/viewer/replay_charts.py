@@ -156,8 +156,7 @@ def center_chart(body: PlayedBody) -> Chart | None:
 
 def at_times(time: Array, clock: Array, values: Array) -> Array:
     """Values of another clock at the motion's times, NaN outside it."""
-    found: Array = np.interp(time, clock, values, left=np.nan, right=np.nan)
-    return found
+    return np.interp(time, clock, values, left=np.nan, right=np.nan)
 
 
 def _ink(name: str, k: int) -> str:

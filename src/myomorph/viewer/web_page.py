@@ -227,14 +227,12 @@ def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
 
 def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1.05) -> Array:
     """Where a camera sees the body around `middle` from a direction, at a distance in sizes of the body [m]."""
-    place: Array = middle + distance * scene.size * direction / np.linalg.norm(direction)
-    return place
+    return middle + distance * scene.size * direction / np.linalg.norm(direction)
 
 
 def quaternions(rotations: Array) -> Array:
     """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
-    turned: Array = Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)
-    return turned
+    return Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)
 
 
 def _viser() -> Any:

@@ -16,7 +16,6 @@ import numpy as np
 
 from myomorph.io.c3d.plain import RawC3d, Value
 from myomorph.io.parsing.guard import GIGABYTE, run_guarded, seconds_for
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, PlateRecording
 
@@ -60,8 +59,7 @@ def read_c3d_ezc3d(path: Path) -> RawC3d | str:
 def _value(stored: dict[str, list]) -> Value:
     if "texts" in stored:
         return tuple(stored["texts"])
-    numbers: Array = np.array(stored["numbers"], dtype=np.float64).reshape(stored["shape"])
-    return numbers
+    return np.array(stored["numbers"], dtype=np.float64).reshape(stored["shape"])
 
 
 def _stored(value: object) -> dict[str, object]:

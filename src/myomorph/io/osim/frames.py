@@ -161,5 +161,4 @@ def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Trans
 
 def euler(rotation: Array) -> Array:
     """Body-fixed X, Y, Z angles, zeros kept clean."""
-    angles: Array = euler_xyz_from_rotation(rotation) + 0.0
-    return angles
+    return euler_xyz_from_rotation(rotation) + 0.0

@@ -77,8 +77,7 @@ class Solid:
     def way_out(self, point: Array) -> Array:
         """(3,) unit vector from a point (3,) inside to the nearest point of the surface."""
         way = self._boxes.nearest(point[None])[2][0] - point
-        unit: Array = way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
-        return unit
+        return way / max(float(np.linalg.norm(way)), np.finfo(float).tiny)
 
 
 def _merged(surface: Surface, nearness: float) -> tuple[Array, np.ndarray]:

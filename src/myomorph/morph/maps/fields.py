@@ -146,8 +146,7 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
 
 def inverted(mapping: PointMap, points: ArrayLike) -> NDArray[np.bool_]:
     """(...) where a map turns space inside out: the determinant of its Jacobian is not positive."""
-    inside_out: NDArray[np.bool_] = np.linalg.det(mapping.jacobian(points)) <= 0.0
-    return inside_out
+    return np.linalg.det(mapping.jacobian(points)) <= 0.0
 
 
 def _merged(features: FeaturePoints) -> FeaturePoints:

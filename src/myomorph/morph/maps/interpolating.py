@@ -220,13 +220,11 @@ class SubspaceMap:
         """(m, 3) where features send points, beyond the whole bone's map."""
         weights = self._weights(squared)
         slopes = (weights @ self.slopes.reshape(-1, 9)).reshape(-1, 3, 3)
-        blended: Array = weights @ self._start() + np.einsum("mij,mj->mi", slopes, points)
-        return blended
+        return weights @ self._start() + np.einsum("mij,mj->mi", slopes, points)
 
     def _start(self) -> Array:
         """(n, 3) where each feature sends the frame's origin, beyond the whole bone's map."""
-        start: Array = self.shifts - np.einsum("nij,nj->ni", self.slopes, self.points)
-        return start
+        return self.shifts - np.einsum("nij,nj->ni", self.slopes, self.points)
 
     def _squared(self, points: Array) -> Array:
         """(m, n) squared distances, 0 at a feature."""

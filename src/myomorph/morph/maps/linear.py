@@ -43,8 +43,7 @@ class Similarity:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) carried over."""
-        moved: Array = self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
-        return moved
+        return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
 
     def inverse(self) -> Similarity:
         """The way back."""
@@ -198,8 +197,7 @@ class AffineMap:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) carried over [m]."""
-        moved: Array = np.asarray(points, dtype=np.float64) @ self.matrix.T + self.offset
-        return moved
+        return np.asarray(points, dtype=np.float64) @ self.matrix.T + self.offset
 
     def jacobian(self, points: ArrayLike) -> Array:
         """The matrix (..., 3, 3), once a point."""
@@ -296,12 +294,10 @@ def unknown_directions(source: Array) -> Array:
     known = _spanned(np.asarray(source, dtype=np.float64), share)
     if len(known) == 3:
         return np.empty((0, 3))
-    rows: Array = np.linalg.svd(known)[2][len(known) :]
-    return rows
+    return np.linalg.svd(known)[2][len(known) :]
 
 
 def _spanned(source: Array, share: Array) -> Array:
     """Orthonormal directions (k, 3) in which points spread."""
     _, spread, rows = np.linalg.svd(np.sqrt(share)[:, None] * (source - share @ source), full_matrices=False)
-    known: Array = rows[spread > FLAT * spread[0]]
-    return known
+    return rows[spread > FLAT * spread[0]]

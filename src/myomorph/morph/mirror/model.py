@@ -97,8 +97,7 @@ def mirrored_motion(
     order = [names.index(name) for name in motion.names] if set(names) == set(motion.names) else list(range(len(names)))
 
     def turned(values: Array) -> Array:
-        moved: Array = (values * signs)[:, order]
-        return moved
+        return (values * signs)[:, order]
 
     return replace(
         motion,
@@ -222,8 +221,7 @@ class MirroredMap:
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the mapped points."""
-        slopes: Array = self.target.matrix @ self.inner.jacobian(self.source.points(points)) @ self.source.matrix
-        return slopes
+        return self.target.matrix @ self.inner.jacobian(self.source.points(points)) @ self.source.matrix
 
 
 def with_mirrored_bones(

@@ -45,8 +45,7 @@ class Reflection:
     @property
     def matrix(self) -> Array:
         """(3, 3) of vectors, its own inverse."""
-        matrix: Array = np.eye(3) - 2.0 * np.outer(self.normal, self.normal)
-        return matrix
+        return np.eye(3) - 2.0 * np.outer(self.normal, self.normal)
 
     @property
     def axis(self) -> int:
@@ -56,19 +55,16 @@ class Reflection:
     def points(self, points: ArrayLike) -> Array:
         """Points (..., 3) on the other side [m]."""
         given = np.asarray(points, dtype=np.float64)
-        moved: Array = given - 2.0 * (given @ self.normal - self.offset)[..., None] * self.normal
-        return moved
+        return given - 2.0 * (given @ self.normal - self.offset)[..., None] * self.normal
 
     def vectors(self, vectors: ArrayLike) -> Array:
         """Directions (..., 3), forces and velocities among them."""
         given = np.asarray(vectors, dtype=np.float64)
-        moved: Array = given - 2.0 * (given @ self.normal)[..., None] * self.normal
-        return moved
+        return given - 2.0 * (given @ self.normal)[..., None] * self.normal
 
     def turns(self, turns: ArrayLike) -> Array:
         """Axes of rotation (..., 3), moments among them: by the same angle they turn the other way."""
-        moved: Array = -self.vectors(turns)
-        return moved
+        return -self.vectors(turns)
 
     def pose(self, pose: Transform, inner: Reflection) -> Transform:
         """The pose of a frame on the other side, itself reflected by `inner` so that it is right-handed again."""

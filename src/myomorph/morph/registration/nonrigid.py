@@ -119,16 +119,14 @@ def vertex_normals(shape: Shape) -> Array:
     for corner in shape.faces.T:
         np.add.at(normals, corner, shape.areas[:, None] * shape.normals)
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: Array = normals / np.where(sizes > 0, sizes, 1.0)
-    return unit
+    return normals / np.where(sizes > 0, sizes, 1.0)
 
 
 def _vertex_areas(shape: Shape) -> Array:
     """Shares (vertices,) of the area, a third of every face for each of its corners."""
     count = len(shape.vertices)
     share = sum(np.bincount(corner, shape.areas, count) for corner in shape.faces.T)
-    areas: Array = np.asarray(share) / (3.0 * shape.area)
-    return areas
+    return np.asarray(share) / (3.0 * shape.area)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tuple[float, ...]:

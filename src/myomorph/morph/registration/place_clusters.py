@@ -191,5 +191,4 @@ def _on_body(bone: ScannedBone, place: Array, resize: bool) -> Array:
     if resize:
         return similarity.rigid.apply(place)
     middle = np.mean(list(bone.markers.values()), axis=0)
-    found: Array = similarity.apply(middle) + similarity.rotation @ (place - middle)
-    return found
+    return similarity.apply(middle) + similarity.rotation @ (place - middle)

@@ -180,8 +180,7 @@ class _Pairs(NamedTuple):
 
     @property
     def distance(self) -> Array:
-        distance: Array = np.linalg.norm(self.away, axis=1)
-        return distance
+        return np.linalg.norm(self.away, axis=1)
 
     def where(self, kept: np.ndarray) -> _Pairs:
         return _Pairs(*(one[kept] for one in self))
@@ -244,8 +243,7 @@ class _Fitting:
         """Pairs that face each other, the furthest left out."""
         facing = np.einsum("ij,ij->i", normals, others) > 0
         sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
-        kept: np.ndarray = sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
-        return kept
+        return sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
 
 
 def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:

@@ -198,8 +198,7 @@ class SmoothFit:
     def apply(self, points: Array) -> Array:
         """Points (n, 3) of the source on the target, or as near as is smooth."""
         moved = self.before(points)
-        result: Array = moved + _kernel(moved, self.centers, self.width) @ self.weights
-        return result
+        return moved + _kernel(moved, self.centers, self.width) @ self.weights
 
 
 def fit_smoothly(
@@ -235,13 +234,11 @@ def moved_normals(samples: Samples, moves: Moves, step: float = 1e-4) -> Array:
     there, across = (moves(samples.points + step * way) - moves(samples.points - step * way) for way in (first, second))
     crossed = np.cross(there, across)
     sizes = np.linalg.norm(crossed, axis=1, keepdims=True)
-    normals: Array = crossed / np.where(sizes > 0, sizes, 1.0)
-    return normals
+    return crossed / np.where(sizes > 0, sizes, 1.0)
 
 
 def _kernel(points: Array, centers: Array, width: float) -> Array:
-    values: Array = np.exp(-cdist(points, centers, "sqeuclidean") / (2.0 * width**2))
-    return values
+    return np.exp(-cdist(points, centers, "sqeuclidean") / (2.0 * width**2))
 
 
 @read_only
@@ -308,5 +305,4 @@ def _solved(pairs: _Pairs, directions: Array, moved: Array, laid: Array, marks: 
         right[a] = rows.T @ drawn + weight * marks.rows.T @ marks.away[:, a]
     whole = matrix.reshape(3 * size, 3 * size)
     whole[np.diag_indices(3 * size)] += stiff * max(count, 1)
-    found: Array = np.linalg.solve(whole, right.ravel()).reshape(3, size).T
-    return found
+    return np.linalg.solve(whole, right.ravel()).reshape(3, size).T

@@ -83,8 +83,7 @@ class Corners:
         """Which face along the radius within a share of it, where `away` (n, 3) is from the center or the axis."""
         reach = np.sqrt(np.einsum("ij,ij->i", away, away))
         facing = np.einsum("ij,ij->i", self.normals, away) * (-1.0 if hollow else 1.0)
-        chosen: np.ndarray = (np.abs(reach - radius) <= shell * radius) & (facing >= FACING * reach)
-        return chosen
+        return (np.abs(reach - radius) <= shell * radius) & (facing >= FACING * reach)
 
     def patch(
         self, away: Array, radius: float, shell: float, hollow: bool, inside: np.ndarray | None = None, pieces: int = 1
@@ -98,8 +97,7 @@ class Corners:
         graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
         label = connected_components(graph, directed=False)[1]
         sizes = np.bincount(label, weights=np.where(chosen, self.areas, 0.0))
-        result: np.ndarray = chosen & np.isin(label, np.argsort(-sizes)[:pieces])
-        return result
+        return chosen & np.isin(label, np.argsort(-sizes)[:pieces])
 
 
 REACH = 0.35

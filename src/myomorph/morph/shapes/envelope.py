@@ -88,16 +88,14 @@ class Grid:
 
     def places(self, index: np.ndarray) -> Array:
         """(n, 3) of points by their numbers."""
-        places: Array = self.origin + self.spacing * np.stack(np.unravel_index(index, self.counts), axis=1)
-        return places
+        return self.origin + self.spacing * np.stack(np.unravel_index(index, self.counts), axis=1)
 
     def box(self, low: Array, high: Array) -> np.ndarray:
         """Numbers of the points in a box."""
         first = np.maximum(np.floor((low - self.origin) / self.spacing).astype(np.int64), 0)
         last = np.minimum(np.ceil((high - self.origin) / self.spacing).astype(np.int64) + 1, self.counts)
         axes = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-        found: np.ndarray = np.ravel_multi_index(np.meshgrid(*axes, indexing="ij"), self.counts).reshape(-1)
-        return found
+        return np.ravel_multi_index(np.meshgrid(*axes, indexing="ij"), self.counts).reshape(-1)
 
 
 class Skeleton:

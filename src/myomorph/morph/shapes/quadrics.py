@@ -276,8 +276,7 @@ def _tukey(apart: Array, share: Array) -> Array:
     order = np.argsort(size)
     median = size[order][np.searchsorted(np.cumsum(share[order]), 0.5 * share.sum())]
     width = TUKEY * max(1.4826 * float(median), 1e-12)
-    weights: Array = np.maximum(0.0, 1.0 - (size / width) ** 2) ** 2
-    return weights
+    return np.maximum(0.0, 1.0 - (size / width) ** 2) ** 2
 
 
 def _solved(slopes: Array, values: Array, weights: Array, what: str) -> Array:
@@ -285,8 +284,7 @@ def _solved(slopes: Array, values: Array, weights: Array, what: str) -> Array:
     d, v = np.linalg.eigh(slopes.T @ weighted)
     if not d[0] > FLAT * d[-1]:
         raise BadData(f"the points do not determine a {what}: they lie flat, or cover too little of it")
-    step: Array = v @ ((v.T @ (weighted.T @ values)) / d)
-    return step
+    return v @ ((v.T @ (weighted.T @ values)) / d)
 
 
 def _within(step: Array, radius: float) -> Array:
@@ -297,8 +295,7 @@ def _within(step: Array, radius: float) -> Array:
 def _covariance(slopes: Array, weights: Array, rms: float, observations: float) -> Array:
     """Of the unknowns, if there were so many independent observations."""
     information = (weights[:, None] * slopes).T @ slopes / weights.sum()
-    spread: Array = rms**2 / max(observations, 1.0) * np.linalg.inv(information)
-    return spread
+    return rms**2 / max(observations, 1.0) * np.linalg.inv(information)
 
 
 def _looks_inward(direction: Array, normals: ArrayLike | None, weights: Array) -> bool:

@@ -152,8 +152,7 @@ class Shape:
         """
         squared, face, places = self._seamless.nearest(points)
         side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
-        distances: Array = np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
-        return distances
+        return np.where(side < 0, -1.0, 1.0) * np.sqrt(squared)
 
     @cached_property
     def _seamless(self) -> _Seamless:

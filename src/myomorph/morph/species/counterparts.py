@@ -231,8 +231,7 @@ class PlacedMap:
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the mapped points."""
         inner = self.map.jacobian(self.before.apply(points))
-        found: Array = self.after.matrix @ inner @ self.before.rotation
-        return found
+        return self.after.matrix @ inner @ self.before.rotation
 
 
 class Posed:

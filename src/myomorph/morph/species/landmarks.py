@@ -75,8 +75,7 @@ class Parts:
 
 
 def _area(surface: Surface) -> Array:
-    area: Array = 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
-    return area
+    return 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
 
 
 def _connected(surface: Surface, faces: Ints) -> Ints:
@@ -87,8 +86,7 @@ def _connected(surface: Surface, faces: Ints) -> Ints:
     columns = np.concatenate([corners[:, 1], corners[:, 2]])
     count = int(place.max()) + 1
     graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    labels: Ints = connected_components(graph, directed=False)[1][place.reshape(-1)]
-    return labels
+    return connected_components(graph, directed=False)[1][place.reshape(-1)]
 
 
 def landmarks_by_rules(

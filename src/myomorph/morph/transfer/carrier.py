@@ -71,8 +71,7 @@ class Carrier:
     @cached_property
     def linear(self) -> Array:
         """(3, 3) of the affine map that comes nearest over the whole bone."""
-        matrix: Array = fit_affine(self.samples, self.points(self.samples)).matrix
-        return matrix
+        return fit_affine(self.samples, self.points(self.samples)).matrix
 
     @cached_property
     def length(self) -> float:
@@ -124,8 +123,7 @@ Carriers = Mapping[str, Carrier]
 def nearest_rotation(matrix: Array) -> Array:
     """The rotation (3, 3) nearest to a matrix that keeps right right (its polar factor)."""
     u, _, vt = np.linalg.svd(matrix)
-    rotation: Array = (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return rotation
+    return (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
 
 
 def few(names: Iterable[str], most: int = 6) -> str:

@@ -327,8 +327,7 @@ def _turned(carrier: Carrier, place: Array, frame: Transform, hinge: Array | Non
     sine = float(np.linalg.norm(swing))
     if sine < 1e-12:
         return whole
-    turned: Array = axis_rotation(swing / sine, float(np.arctan2(sine, along @ goal))) @ whole
-    return turned
+    return axis_rotation(swing / sine, float(np.arctan2(sine, along @ goal))) @ whole
 
 
 def _travelled(axis: Axis, stretch: float, travel: Mapping[str, float]) -> Function:

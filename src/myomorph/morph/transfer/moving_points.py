@@ -92,8 +92,7 @@ def piece_about(function: PiecewisePolynomial, piece: int, place: float) -> np.n
     moved = np.polynomial.Polynomial(function.coefficients[piece])(
         np.polynomial.Polynomial([place - function.breaks[piece], 1.0])
     )
-    padded: np.ndarray = np.pad(moved.coef, (0, function.coefficients.shape[1] - len(moved.coef)))
-    return padded
+    return np.pad(moved.coef, (0, function.coefficients.shape[1] - len(moved.coef)))
 
 
 def _renumbered(path: Path, dropped: list[int]) -> tuple[PathWrap, ...] | tuple[TendonWrap, ...]:

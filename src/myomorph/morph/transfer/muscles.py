@@ -95,8 +95,7 @@ def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:
         return np.full(np.shape(lengths), np.nan)
     along = np.maximum(lengths - muscle.tendon_slack_length, 0.0)
     height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
-    fibers: Array = np.sqrt(along**2 + height**2) / muscle.optimal_fiber_length
-    return fibers
+    return np.sqrt(along**2 + height**2) / muscle.optimal_fiber_length
 
 
 def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> Growth | None:

@@ -135,8 +135,7 @@ def surface_points(wrap: WrapObject, longest: float) -> Array:
         tube, middle = 0.5 * (outer - inner), 0.5 * (outer + inner)
         angles = 2.0 * np.pi * np.arange(6) / 6.0
         return np.concatenate([(middle + tube * np.cos(a)) * _RING + [0, 0, tube * np.sin(a)] for a in angles])
-    points: Array = _BALL * (wrap.size if wrap.kind == "ellipsoid" else wrap.size[0])
-    return points
+    return _BALL * (wrap.size if wrap.kind == "ellipsoid" else wrap.size[0])
 
 
 def _axis_along(rotation: Array, axis: Array) -> Array:

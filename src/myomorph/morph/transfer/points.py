@@ -94,8 +94,7 @@ def _lifted(carrier: Carrier, target: Shape, mapped: Array, feet: Array, facing:
     wrong = (np.sign(height) * np.sign(depth) < 0) & (np.abs(height) > slack)
     wrong |= np.linalg.norm(above, axis=1) > DEEPER * np.abs(kept) + slack
     above[wrong] = kept[wrong, None] * normals[wrong]
-    lifted: Array = place + above
-    return lifted
+    return place + above
 
 
 def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, Array]:
@@ -122,8 +121,7 @@ def _nearest_on_triangles(point: Array, corners: Array) -> Array:
     """(m, 3) the nearest point of each triangle (m, 3, 3)."""
     from trimesh.triangles import closest_point
 
-    nearest: Array = np.asarray(closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64)
-    return nearest
+    return np.asarray(closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64)
 
 
 MIDDLE_SAMPLES = 21

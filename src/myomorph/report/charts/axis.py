@@ -39,8 +39,7 @@ class Axis:
 
     def at(self, values: ArrayLike) -> Array:
         """Position of each value, NaN where a value is."""
-        found: Array = self.start + (np.asarray(values) - self.low) / (self.high - self.low) * (self.stop - self.start)
-        return found
+        return self.start + (np.asarray(values) - self.low) / (self.high - self.low) * (self.stop - self.start)
 
     def cut(self, values: ArrayLike) -> Array:
         """Position of each value, of those beyond a limit at the limit; NaN where a value is not finite."""
@@ -101,8 +100,7 @@ def ticks(low: float, high: float, count: int = 4) -> Array:
     power = 10.0 ** np.floor(np.log10(raw))
     step = power * next(one for one in (1.0, 2.0, 2.5, 5.0, 10.0) if one * power >= raw * 0.8)
     # Adding zero turns the -0.0 that ceil leaves into 0.0.
-    values: Array = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0
-    return values
+    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0
 
 
 def number(value: float, step: float | None = None) -> str:

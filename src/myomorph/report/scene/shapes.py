@@ -207,8 +207,7 @@ def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface
 def _one_number(rows: np.ndarray) -> np.ndarray:
     """Rows (n, 3) of counts from 0 as one number each, in the rows' order."""
     wide = rows.max(axis=0, initial=0) + 1
-    number: np.ndarray = (rows[:, 0] * wide[1] + rows[:, 1]) * wide[2] + rows[:, 2]
-    return number
+    return (rows[:, 0] * wide[1] + rows[:, 1]) * wide[2] + rows[:, 2]
 
 
 def box_corners(surface: Surface) -> Array:
@@ -234,5 +233,4 @@ def normals(surface: Surface) -> Array:
     for i in range(3):
         total[:, i] = sum(np.bincount(surface.faces[:, k], across[:, i], len(total)) for k in range(3))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
-    unit: Array = total / np.where(lengths > 0, lengths, 1.0)
-    return unit
+    return total / np.where(lengths > 0, lengths, 1.0)

@@ -74,8 +74,7 @@ def _thin(paths: list[Array]) -> bool:
 def _extent(points: Array) -> Array:
     """Largest less smallest of every column (columns,), over the rows that are known; 0 where none is."""
     known = points[np.isfinite(points).all(axis=1)]
-    found: Array = np.ptp(known, axis=0) if len(known) else np.zeros(points.shape[1])
-    return found
+    return np.ptp(known, axis=0) if len(known) else np.zeros(points.shape[1])
 
 
 def _upright_path(analysis: MotionAnalysis) -> str:

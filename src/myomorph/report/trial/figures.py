@@ -248,8 +248,7 @@ def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float
     if not found:
         return None
     weights = np.array([max(strengths.get(name, 1.0), 1e-12) for name in found])
-    values: Array = np.stack([series[name] for name in found], axis=1) @ weights / weights.sum()
-    return values
+    return np.stack([series[name] for name in found], axis=1) @ weights / weights.sum()
 
 
 def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequence[Event]) -> str:

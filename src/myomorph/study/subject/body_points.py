@@ -131,8 +131,7 @@ def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
     """(points,) segment of the body that has the largest share of each point."""
     segments = segments_of(model)
     names = np.array([segments[body].name for body in model.body_names])
-    regions: np.ndarray = names[np.asarray(weights.argmax(axis=1)).ravel()]
-    return regions
+    return names[np.asarray(weights.argmax(axis=1)).ravel()]
 
 
 def _read_skin(path: Path, height: float | None) -> Skin:

@@ -180,8 +180,7 @@ class ContactTerm(Term):
         arrays = self.generators.arrays
         entries, _, _, _ = self.generators.evaluate(coordinates)
         shares = entries * np.repeat(amplitudes * self.amounts, np.diff(arrays.first), axis=1)
-        total: Array = shares @ (arrays.coordinate[:, None] == np.arange(coordinates.shape[1]))
-        return total
+        return shares @ (arrays.coordinate[:, None] == np.arange(coordinates.shape[1]))
 
     def smoothing(self, unknowns: Unknowns) -> Smoothing | None:
         """Links between frames, None where nothing is smoothed.
