@@ -151,7 +151,7 @@ def test_workers_of_the_command_are_those_of_the_cluster(
 ) -> None:
     run = command("run", arm.folder / "study.toml", "--out", arm.out, "--scheduler", "a:1", "--workers", 2)
     assert (run.status, arm.out.exists()) == (2, False)
-    assert "tell 'dask worker'" in run.err
+    assert "set them at 'dask worker'" in run.err
 
 
 def test_a_process_that_was_killed_is_told_of_and_another_takes_its_place(workers: DaskWorkers, tmp_path: Path) -> None:
