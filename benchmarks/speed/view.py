@@ -19,6 +19,7 @@ from pathlib import Path
 
 from tests.browser import Browser, browser_program
 
+from myomorph.demo.jump import demo_model
 from myomorph.study.trial.viewing import open_replay
 from myomorph.viewer.replay import Replay
 
@@ -79,7 +80,7 @@ def started(result: Path, browser: Browser | None) -> list[Row]:
 
 def played(result: Path, browser: Browser | None) -> Row:
     """Frames a second that are sent, what each costs, and how many the browser draws."""
-    replay = open_replay([result])
+    replay = open_replay([result], demo_model=demo_model)
     address = f"http://127.0.0.1:{replay.port}"
     try:
         if browser is not None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from functools import wraps
+from functools import cache, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 
 Array = NDArray[np.float64]
+PLAIN = re.compile(r"(tuple\[)?(str|int|float|bool)(, \.\.\.\])?( \| None)?")
+"""Types of fields that hold no array, as they are written."""
 _Class = TypeVar("_Class", bound=type)
 
 
@@ -103,8 +106,16 @@ def read_only(cls: _Class) -> _Class:
     return cls
 
 
+@cache
+def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
+    """Fields of a class but for names and plain numbers: of these, what is made for every frame may have hundreds."""
+    fields: dict[str, Any] = kind.__dataclass_fields__
+    return tuple(name for name, one in fields.items() if not PLAIN.fullmatch(str(one.type)))
+
+
 def _lock(value: Any) -> None:
-    for name in value.__dataclass_fields__:
+    kind: Any = type(value)
+    for name in _may_hold_arrays(kind):
         # Where a derived class calls this one's __init__ first, its own fields come later.
         held = getattr(value, name, None)
         locked = _locked(held)
