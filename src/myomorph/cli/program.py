@@ -62,7 +62,6 @@ def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
     from myomorph.cli.app import command_names, new_app
-    from myomorph.cli.output import warn
     from myomorph.model.deprecated import current_options
 
     command = given[0] if given and not given[0].startswith("-") else ""
@@ -70,7 +69,7 @@ def _run(given: list[str]) -> int:
         raise UnknownName("command", command, command_names(), "myomorph")
     given, notices = current_options(command, given)
     for text in notices:
-        warn([text])
+        _say(f"warning: {text}", DONE)
     try:
         status = new_app()(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
