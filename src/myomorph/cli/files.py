@@ -91,7 +91,7 @@ def view_command(
         if browser:
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
-    with _told_by_ctrl_c() as ended:
+    with _ended_by_ctrl_c() as ended:
         replay = open_replay(folders, port, served, demo_model)
         try:
             while not ended.wait(0.5):
@@ -102,7 +102,7 @@ def view_command(
 
 
 @contextmanager
-def _told_by_ctrl_c() -> Iterator[threading.Event]:
+def _ended_by_ctrl_c() -> Iterator[threading.Event]:
     """The event that the first Ctrl-C sets; a second one interrupts.
 
     An exception can be raised anywhere, in callbacks too whose exceptions Python prints and forgets: the program would
