@@ -28,8 +28,9 @@ class TensionOptions:
     ----------
     exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
     weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
-    passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
-        (passive torques and bushings of the model's joints always take part, as there)
+    passive : whether the muscles' passive elastic forces take part. With rigid tendons they come out too large, as
+        tendon slack lengths belong to tendons that stretch (docs/decisions/0019-tension-defaults.md); passive torques
+        and bushings of the model's joints always take part
     viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
         does in OpenSim, where it is a force of its own beside the muscle's
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
@@ -42,7 +43,7 @@ class TensionOptions:
 
     exponent: float = 2.0
     weights: Literal["equal", "volume"] = "equal"
-    passive: bool = True
+    passive: bool = False
     viscous: bool = True
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
     reserve: float | None = None
