@@ -95,7 +95,14 @@ def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
             curve[m] = len(curves)
             curves.append(Curve(own.pieces[:, ::-1], (1.0 / max(own.slopes[0], 1e-9), 1.0 / own.slopes[1])))
     return ElasticArrays(
-        compile_hill(model), tendon, straight, curve, pack_curves(curves), damping, np.full(count, float(passive)), slowed
+        compile_hill(model),
+        tendon,
+        straight,
+        curve,
+        pack_curves(curves),
+        damping,
+        np.full(count, float(passive)),
+        slowed,
     )
 
 

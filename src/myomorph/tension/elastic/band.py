@@ -1,6 +1,6 @@
 """The linear systems of the solver: symmetric, banded over frames, dense in the muscles of a frame.
 
-    diag(d_k) + C_k^T C_k on the diagonal blocks, diag(e_k) and diag(g_k) on the first and second beside it
+diag(d_k) + C_k^T C_k on the diagonal blocks, diag(e_k) and diag(g_k) on the first and second beside it
 """
 
 from __future__ import annotations

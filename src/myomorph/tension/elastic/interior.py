@@ -196,7 +196,9 @@ class Solver:
         if self.second:
             rate = rate - self.v[3]
         cost = cost_a + cost_x + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
-        return Linearized(g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, rate_slopes)
+        return Linearized(
+            g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, rate_slopes
+        )
 
     def multipliers(self, at: Linearized) -> tuple[Array, Array]:
         """Slope of the Lagrangian without equilibrium over a, and the multipliers of equilibrium."""
@@ -372,7 +374,12 @@ class Solver:
                 self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
                 self.filter = []
             if log:
-                print(steps, "mu %.1e cost %.6f errors %.1e %.1e %.1e" % (self.mu, at.cost, *errors), shift, getattr(self, "taken", 0))
+                print(
+                    steps,
+                    "mu %.1e cost %.6f errors %.1e %.1e %.1e" % (self.mu, at.cost, *errors),
+                    shift,
+                    getattr(self, "taken", 0),
+                )
             if self.mu <= LAST and max(errors) <= TOLERANCE:
                 break
             found = self.step(at, shift)
