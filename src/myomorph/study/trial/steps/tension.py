@@ -117,7 +117,8 @@ class TensionTask:
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
         told = (self.model, self.motion, self.torques, self.options, self.actuators)
-        if contacts is None or contacts.options.formulation == "sequential":
+        elastic = self.options.tendons == "elastic"
+        if contacts is None or contacts.options.formulation == "sequential" or elastic:
             return solve_tension(*told, advance, contacts=contacts, emg=emg), None
         problem, names = tension_problem(*told, contacts=contacts, emg=emg)
         over_frames(problem.solve, len(self.motion), advance, problem.window)
