@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from myomorph.model.arrays import Array
 from myomorph.tension.personal.curves import MuscleShapes
@@ -28,7 +27,7 @@ SETTLED = 0.02
 """Steps end where no parameter moves by more of its standard deviation."""
 LONGEST = 0.1
 """Step of a parameter."""
-UNKNOWN = 0.25
+UNKNOWN = 0.2
 """Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
 EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
@@ -36,7 +35,10 @@ REST = 0.003
 """Standard deviation of an activation at rest."""
 SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
-ACTIVE_SETS = 3
+ACTIVE_SETS = 16
+"""Newton steps for the activations that stand at 0 or 1."""
+MOST_ERROR = 0.5
+"""Of the root mean square of a torque: more of it is not taken for an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +48,11 @@ class Noise:
     Attributes
     ----------
     torque : (rows,) standard deviation [N m or N]
-    told, unknown : factors on the variances of activations that EMG tells, and of the others
+    told : factor on the variance of activations that EMG tells
     """
 
     torque: Array
     told: float = 1.0
-    unknown: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,28 +194,13 @@ class _Part:
         told = self._of(self.told)
         expected = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
         now = self._of(self.activations)
-        variance = np.where(
-            told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), noise.unknown * UNKNOWN**2
-        )
+        variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), UNKNOWN**2)
         if self.rest:
             variance = np.full_like(variance, REST**2)
         self.plain = self.torques - np.einsum("frm,fm->fr", self.arms, at.force)
         self.columns = self.arms * at.by_activation[:, None]
-        held = np.zeros(now.shape, bool)
-        value = expected
-        for _ in range(ACTIVE_SETS):
-            self.variance, self.expected = np.where(held, 0.0, variance), np.where(held, value, expected)
-            self.error = self.plain + np.einsum("frm,fm->fr", self.columns, now - self.expected)
-            self.of_noise = noise.torque**2
-            spread = self.columns * self.variance[:, None]
-            S = np.einsum("frm,fsm->frs", spread, self.columns) + np.diag(self.of_noise)
-            self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
-            wanted = self.expected + np.einsum("frm,fr->fm", self.gain, self.error)
-            beyond = (wanted < 0.0) | (wanted > 1.0)
-            if not (beyond & ~held).any():
-                break
-            held |= beyond
-            value = np.clip(wanted, 0.0, 1.0)
+        self.of_torque = noise.torque**2
+        S = self._bounded(now, expected, variance)
         self.whiten = np.linalg.inv(np.linalg.cholesky(S))
         self.covariance = S
         white = np.einsum("frs,fs->fr", self.whiten, self.error)
@@ -222,6 +208,30 @@ class _Part:
         self.jacobian = np.einsum("frs,fsp->frp", self.whiten, jacobian).reshape(-1, len(p))
         self.slopes, self.misfit = jacobian, white.ravel()
         self._weigh(white)
+
+    def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
+        """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
+
+        The least of |a - m|^2 / var(a) + |e_tau|^2 / var(e_tau), by Newton steps in the multipliers y of the balance:
+        a = clip(m + var(a) G^T y), e_tau = var(e_tau) y.
+        """
+        y = np.zeros_like(self.plain)
+        fixed = np.zeros(now.shape, np.int8)
+        for k in range(ACTIVE_SETS):
+            held = fixed != 0
+            self.variance = np.where(held, 0.0, variance)
+            self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
+            self.error = self.plain + np.einsum("frm,fm->fr", self.columns, now - self.expected)
+            spread = self.columns * self.variance[:, None]
+            S = np.einsum("frm,fsm->frs", spread, self.columns) + np.diag(self.of_torque)
+            new = np.linalg.solve(S, self.error[..., None])[..., 0]
+            y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
+            wanted = expected + variance * np.einsum("frm,fr->fm", self.columns, y)
+            before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
+            if np.array_equal(before, fixed):
+                break
+        self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
+        return S
 
     def _jacobian(self, at: Followed, fiber: Array, strain: Array, p: Array, expected: Array) -> Array:
         """(frames, rows, parameters) slopes of the torque."""
@@ -272,36 +282,32 @@ class _Part:
 
 
 def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, effective: float) -> Noise:
-    """Errors of torques and activations at which squared misfits are as large as expected, half a step nearer."""
-    columns, right = [], []
-    rows = len(noise.torque)
-    seen = 0.0
-    for part in parts:
-        if part.rest:
-            continue
-        told = part._of(part.told)
-        shares = [np.einsum("frm,fm->fr", part.columns**2, part.variance * mask) for mask in (told, ~told)]
-        shares = [shares[0] / noise.told, shares[1] / noise.unknown]
-        total = noise.torque**2 + noise.told * shares[0] + noise.unknown * shares[1]
-        frames = len(part.error)
-        by_row = np.broadcast_to(np.eye(rows) * floors**2, (frames, rows, rows)).reshape(-1, rows)
-        scale = 1.0 / total.ravel()
-        columns.append(np.column_stack([by_row, shares[0].ravel(), shares[1].ravel()]) * scale[:, None])
-        right.append(part.error.ravel() ** 2 * scale)
-        seen += part.weight * frames * rows
-    if not columns:
+    """Errors of torques and of EMG as their means given the misfits (a step of expectation and maximization)."""
+    moving = [one for one in parts if not one.rest]
+    if not moving:
         return noise
+    squares, frames = np.zeros(len(noise.torque)), 0
+    carried, apart, known, seen = np.zeros(len(noise.torque)), 0.0, 0.0, 0.0
+    for part in moving:
+        solved = np.linalg.inv(part.covariance)
+        mean = part.of_torque * np.einsum("frs,fs->fr", solved, part.error)
+        left = part.of_torque - part.of_torque**2 * np.einsum("frr->fr", solved)
+        squares += np.sum(mean**2 + left, axis=0)
+        carried += np.sum(part.torques**2, axis=0)
+        frames += len(part.error)
+        seen += part.weight * part.error.size
+        free = part._of(part.told) & (part.variance > 0.0)
+        moved = np.einsum("frm,fr->fm", part.gain, part.error)
+        after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
+        own = np.where(free, part.variance, 1.0) / noise.told
+        apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))
+        known += float(free.sum())
+    # The parameters follow part of the errors: as many as are estimated of as many as frames count.
     lost = min(max(seen / max(seen - effective, 0.3 * seen), 1.0), 2.0)
-    A, b = np.vstack(columns), np.concatenate(right) * lost
-    found, _ = nnls(A.T @ A, A.T @ b)
-    torque = np.maximum(found[:rows], 1.0) * floors**2
-    told, unknown = (float(np.clip(one, *SCALES)) for one in found[rows:])
-    return replace(
-        noise,
-        torque=np.sqrt(0.5 * (noise.torque**2 + torque)),
-        told=0.5 * (noise.told + told) if A[:, rows].any() else 1.0,
-        unknown=0.5 * (noise.unknown + unknown) if A[:, rows + 1].any() else 1.0,
-    )
+    most = np.maximum(MOST_ERROR**2 * carried / frames, floors**2)
+    torque = np.sqrt(np.clip(lost * squares / frames, floors**2, most))
+    told = float(np.clip(lost * apart / known, *SCALES)) if known else 1.0
+    return replace(noise, torque=torque, told=told)
 
 
 def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array) -> tuple[Array, Array]:
