@@ -80,8 +80,8 @@ def tension_command(
         str,
         Parameter(
             help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
-            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file of "
-            "points (.toml)."
+            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
+            "of points (.toml)."
         ),
     ] = "",
     actuators: Annotated[

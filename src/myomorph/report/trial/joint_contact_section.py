@@ -28,8 +28,8 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     figures = tuple(Figure(_chart(prepared, found, joint, strides), "medium") for joint in found.joints)
     lead = (
         "The force that the joint transmits as a whole, and the pushes of its contact points along their normals, "
-        "which balance the force along them and the moment across them. Forces across the normals (ligaments, friction) "
-        "are part of the whole only."
+        "which balance the force along them and the moment across them. Forces across the normals (ligaments, "
+        "friction) are part of the whole only."
     )
     if any(own_strides(joint, strides) for joint in found.joints):
         lead += " Over the stride: thin lines are strides, the thick one their mean."
