@@ -77,6 +77,14 @@ def tension_command(
             "where nothing was measured), shared (each is known for all sites on it together) or hidden."
         ),
     ] = None,
+    contact_points: Annotated[
+        str,
+        Parameter(
+            help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
+            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
+            "of points (.toml)."
+        ),
+    ] = "",
     actuators: Annotated[
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
@@ -99,6 +107,7 @@ def tension_command(
         actuators=actuators,
         contacts=contacts,
         measured=measured,
+        contact_points=contact_points,
         time=time,
     )
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})

@@ -97,6 +97,7 @@ class TrialTable(Strict):
     emg: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
 
@@ -127,6 +128,7 @@ class SubjectTable(Strict):
     actuators: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     time: tuple[float, float] | None = None
     labels: dict[str, str] = Field(default_factory=dict)
     bones: BonesTable | None = None
