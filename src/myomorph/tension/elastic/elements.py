@@ -59,20 +59,3 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
             g[8] = -(P[7] * xn + P[8] * un)
             g[9] = -P[9]
             s0, s1, s2 = n0, n1, n2
-
-
-@kernel
-def imbalances(E, own, f, a, lengths, speeds, steps, out):
-    """Fill G (frames - 1, muscles) alone; the arguments are those of `elements`."""
-    P = np.empty(10)
-    for m in range(own.shape[0]):
-        i = own[m]
-        slack = E.hill.tendon[i]
-        s0, _, _ = tendon_jet(E, i, f[0, m])
-        for k in range(a.shape[0]):
-            n0, _, _ = tendon_jet(E, i, f[k + 1, m])
-            x = lengths[k, m] - 0.5 * slack * (s0 + n0)
-            u = speeds[k, m] - slack * (n0 - s0) / steps[k]
-            fiber_jet(E, i, x, u, a[k, m], P)
-            out[k, m] = 0.5 * (f[k, m] + f[k + 1, m]) - P[0]
-            s0 = n0

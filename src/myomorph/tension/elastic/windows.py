@@ -111,8 +111,14 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
         return found
 
     def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
-        limits = (one[unknowns] for one in (shared.weight, shared.exponent, shared.lower, shared.upper))
-        return Costs(*limits, np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]), weight)
+        shape, least, most = (shared.weight[unknowns], shared.exponent[unknowns]), shared.lower, shared.upper
+        return Costs(
+            *shape,
+            least[unknowns],
+            most[unknowns],
+            np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]),
+            weight,
+        )
 
     at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
     m, times = part.muscles, term.rates
