@@ -68,7 +68,7 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
     model, motion, torques = arm(data)
     model = replace(model, muscles=tuple(replace(one, kind=kind) for one in model.muscles))
     expected = read_sto(data(ARM + f"std_{kind}_arm26_bounds_StaticOptimization_activation.sto"))
-    found = solve_tension(model, motion, torques, TensionOptions(passive=False), ())
+    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), ())
     assert np.all(found.optimal)
     nearest = np.abs(motion.time[:, None] - expected.time[None]).argmin(axis=0)
     # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away from them.
@@ -92,14 +92,14 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     )
     torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time))
     actuators = read_actuators(data(SPRING + "gait10dof_Actuators_weak.xml"), model)
-    found = solve_tension(model, motion, torques, TensionOptions(passive=False), actuators)
+    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), actuators)
     assert np.all(found.optimal)
     assert found.reserve_names == tuple(one.name for one in actuators)
     columns = [expected.names.index(name) for name in model.muscle_names]
     difference = found.activations - expected.values[:, columns]
     assert np.sqrt(np.mean(difference**2)) < 0.01
     without = solve_tension(
-        replace(model, passive_torques=()), motion, torques, TensionOptions(passive=False), actuators
+        replace(model, passive_torques=()), motion, torques, TensionOptions(min_activation="model"), actuators
     )
     assert np.sqrt(np.mean((without.activations - found.activations) ** 2)) > 0.1
 

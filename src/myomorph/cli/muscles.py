@@ -24,6 +24,7 @@ from myomorph.model.errors import BadData
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
+from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.tension.solve import Tension
 
@@ -104,7 +105,8 @@ def tension_command(
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes), f"the report lists them ('myomorph report {out}')")
-    said(f"{tension_summary(results[tension.Tensions].tension)}; wrote {out}")
+    summary = f"{tension_summary(results[tension.Tensions].tension)}; {filter_summary(trial, poses.recorded)}"
+    said(f"{summary}; wrote {out}")
     return 0
 
 

@@ -49,14 +49,15 @@ class Differentiation:
 
     Attributes
     ----------
-    cutoff : low-pass filter of coordinates and external forces [Hz]; none by default, as in OpenSim
+    cutoff : low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by default the
+        one that the motion asks for, none where it is smooth already (`automatic_cutoff`)
     """
 
     cutoff: float | None = None
 
     def __post_init__(self) -> None:
-        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
-            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+        if self.cutoff is not None and not 0.0 <= self.cutoff < float("inf"):
+            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter")
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, fre
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.measured import contact_terms
-from myomorph.tension.terms.muscles import MuscleTerm
+from myomorph.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
 from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
 
 
@@ -90,7 +90,8 @@ def problem_setup(
     tau = _torques_of(tree, motion, torques) - joint_forces(tree, coordinates, rates)
     time = np.array(motion.time)
     touching = None if contacts is None else ContactTerm(tree, time, contacts)
-    parts: list[Term] = [muscles, ActuatorTerm(tree, enabled, options.exponent)]
+    controls = options.exponent if options.exponent <= HIGHEST_POWER else 2.0
+    parts: list[Term] = [muscles, ActuatorTerm(tree, enabled, controls)]
     parts += () if touching is None else contact_terms(touching)
     parts += () if emg is None else (emg,)
     return (tree, (*parts, *terms), options, time, coordinates, rates, tau), names
@@ -199,7 +200,11 @@ class TensionProblem:
                 raise BadModel(f"'{name}' has bounds {low:g} ... {high:g}: the first must not be greater")
         parts = [Variables(one.names, one.weight, np.full(len(one), 2.0), one.lower, one.upper) for one in self.rows]
         every, shape = joined([own, *parts]), self.assembly.pattern
-        return Separable(shape.start, shape.row, shape.first, every.weight, every.exponent, every.lower, every.upper)
+        costs = (every.weight, every.exponent, every.lower, every.upper)
+        if self.options.recruitment == "minmax":
+            # Muscles that work at the common bound tie all coordinates together: no envelope to keep to.
+            return Separable(shape.start, shape.row, 0 * shape.first, *costs, len(self.muscles.strength), 1.0)
+        return Separable(shape.start, shape.row, shape.first, *costs)
 
     @property
     def amplitudes(self) -> Array:

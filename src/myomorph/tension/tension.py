@@ -21,14 +21,27 @@ RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
 
 
+_CHOICES = {
+    "recruitment": ("power", "minmax"),
+    "weights": ("equal", "volume", "strength"),
+    "min_activation": ("zero", "model"),
+    "curves": ("auto", "rigid-tendon", "opensim", "constant"),
+    "tendons": ("rigid", "elastic"),
+}
+
+
 @dataclass(frozen=True)
 class TensionOptions:
     """Settings of `solve_tension`.
 
     Attributes
     ----------
-    exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
-    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
+    recruitment : "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u; "minmax": the
+        least greatest activation, and of all that have it the least sum_m w_m a_m^2 (see docs/recruitment.md)
+    exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its square besides
+    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, "strength": to F0, with mean 1
+    min_activation : "zero": activations from 0; "model": from each muscle's minimum in the model (in OpenSim's
+        models usually 0.01, for the sake of simulations with activation dynamics)
     passive : whether the muscles' passive elastic forces take part. With rigid tendons they come out too large, as
         tendon slack lengths belong to tendons that stretch (docs/decisions/0019-tension-defaults.md); passive torques
         and bushings of the model's joints always take part
@@ -48,8 +61,10 @@ class TensionOptions:
         convex: the distance of the two solutions is in `Fibers.certificate`
     """
 
+    recruitment: Literal["power", "minmax"] = "power"
     exponent: float = 2.0
-    weights: Literal["equal", "volume"] = "equal"
+    weights: Literal["equal", "volume", "strength"] = "equal"
+    min_activation: Literal["zero", "model"] = "zero"
     passive: bool = False
     viscous: bool = True
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
@@ -60,18 +75,22 @@ class TensionOptions:
     second_start: bool = False
 
     def __post_init__(self) -> None:
-        if not 1.2 <= self.exponent <= 5.0:
-            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 5")
+        if not 1.2 <= self.exponent <= 20.0:
+            hint = "; its limit is recruitment 'minmax'" if self.exponent > 20.0 else ""
+            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 20{hint}")
+        if self.recruitment == "minmax" and self.exponent != 2.0:
+            raise BadData(
+                f"recruitment 'minmax' with the exponent {self.exponent:g}: the greatest activation has none; leave "
+                "the exponent out, or take recruitment 'power'"
+            )
         for name in ("reserve", "residual"):
             given = getattr(self, name)
             if given is not None and not given > 0.0:
                 raise BadData(f"the optimal force of a {name} is {given:g}: expected above 0")
-        if self.weights not in ("equal", "volume"):
-            raise BadData(f"unknown weights '{self.weights}': there are 'equal', 'volume'")
-        if self.curves not in ("auto", "rigid-tendon", "opensim", "constant"):
-            raise BadData(f"unknown curves '{self.curves}': there are 'auto', 'rigid-tendon', 'opensim', 'constant'")
-        if self.tendons not in ("rigid", "elastic"):
-            raise BadData(f"unknown tendons '{self.tendons}': there are 'rigid', 'elastic'")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                listed = ", ".join(f"'{one}'" for one in choices)
+                raise BadData(f"unknown {name.replace('_', ' ')} '{getattr(self, name)}': there are {listed}")
 
     @property
     def convention(self) -> Convention:

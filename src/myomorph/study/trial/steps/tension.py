@@ -37,7 +37,7 @@ from myomorph.study.trial.contact_warnings import (
     put_warnings,
 )
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.steps.id import Torques, put_dynamics, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
@@ -157,7 +157,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
     options = trial.options[TensionOptions]
     actuators, motion, torques, setting = added_actuators(trial, options), found.motion, found.torques, None
     if trial.contacts is not None:
-        cutoff = trial.options[Differentiation].cutoff
+        cutoff = cutoff_of(trial, poses.recorded)
         known = Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff)
         setting = set_contacts(trial.contacts, trial.model, motion, known, trial.options[ContactOptions])
         if setting.exact is not found.wrenches:
