@@ -59,3 +59,42 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
             g[8] = -(P[7] * xn + P[8] * un)
             g[9] = -P[9]
             s0, s1, s2 = n0, n1, n2
+
+
+@kernel
+def integrate(E, own, a, lengths, speeds, steps, least, most, f):
+    """Normalized tendon forces of muscles with given activations, by implicit Euler steps: a start for the solver.
+
+    Parameters
+    ----------
+    a, lengths, speeds, steps : as of `elements`
+    least, most : bounds of the force
+    f : (frames, muscles) filled; the first frame is in equilibrium with a tendon at rest
+    """
+    P = np.empty(10)
+    for m in range(own.shape[0]):
+        i = own[m]
+        slack = E.hill.tendon[i]
+        force, s0 = 0.2, 0.0
+        for k in range(-1, a.shape[0]):
+            j = max(k, 0)
+            rate = 0.0 if k < 0 else 1.0 / steps[j]
+            low, high = least, most
+            for _ in range(30):
+                s, s1, _ = tendon_jet(E, i, force)
+                fiber_jet(E, i, lengths[j, m] - slack * s, speeds[j, m] - slack * (s - s0) * rate, a[j, m], P)
+                left = force - P[0]
+                if left > 0.0:
+                    high = force
+                else:
+                    low = force
+                slope = 1.0 + slack * s1 * (P[1] + P[2] * rate)
+                new = force - left / slope if slope > 0.0 else low
+                if not low < new < high:
+                    new = 0.5 * (low + high)
+                done = abs(new - force) < 1e-3
+                force = new
+                if done:
+                    break
+            f[k + 1, m] = force
+            s0, _, _ = tendon_jet(E, i, force)
