@@ -28,7 +28,10 @@ FIRST, LAST = 1e-2, 1e-7
 TOLERANCE = 1e-5
 """KKT residual at which the problem is solved."""
 
-STEPS = 120
+ENOUGH = 50.0
+"""Residual, in units of the barrier parameter, at which that is made smaller."""
+
+STEPS = 200
 NEAR = 1e-2
 """How far from its bounds, in shares of their distance, an unknown begins at least."""
 
@@ -155,8 +158,11 @@ class Linearized:
 class Solver:
     """One program, solved from one start."""
 
-    def __init__(self, program: Program, start: Point, y: Array, mu: float = FIRST):
+    def __init__(self, program: Program, start: Point, y: Array):
         p = self.p = program
+        # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
+        effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
+        mu = FIRST * float(np.clip(effort, 1.0, 1e3))
         self.frames, self.muscles = start.f.shape
         self.second = p.rates is not None and self.frames > 2
         f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
@@ -223,16 +229,18 @@ class Solver:
         return found
 
     def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
-        """Dual, complementary and primal residual."""
+        """Residuals of the gradient, relative to the mean slope of the cost over forces, of bounds and of constraints."""
         f = self.v[0]
         _, multiplier = self.multipliers(at)
-        dual = self._smooth_slope(f) + self.boxes[0].force() - np.matmul(self.y[:, None], self.p.pulls)[:, 0]
+        pulled = np.matmul(self.y[:, None], self.p.pulls)[:, 0]
+        dual = self._smooth_slope(f) + self.boxes[0].force() - pulled
         dual[:-1] += multiplier * at.g[..., 1]
         dual[1:] += multiplier * at.g[..., 2]
         dual_x = at.slope_x + self.boxes[2].force() - np.matmul(self.y[:, None], self.p.columns)[:, 0]
         both = max(np.abs(dual).max(initial=0.0), np.abs(dual_x / (1.0 + np.sqrt(at.bend_x))).max(initial=0.0))
+        scale = 1.0 + float(np.abs(pulled).mean())
         complementarity = max(box.complementarity(v, mu) for box, v in zip(self.boxes, self.v, strict=True))
-        return float(both), complementarity, self._infeasible(at.g[..., 0], at.balance, at.rate)[1]
+        return float(both) / scale, complementarity, self._infeasible(at.g[..., 0], at.balance, at.rate)[1]
 
     def _infeasible(self, g: Array, balance: Array, rate: Array) -> tuple[float, float]:
         """Sum and greatest of what the constraints miss."""
@@ -376,7 +384,7 @@ class Solver:
         for steps in range(1, STEPS + 1):
             while True:
                 errors = self.errors(at, self.mu)
-                if max(errors) > 10.0 * self.mu or self.mu <= LAST:
+                if max(errors) > ENOUGH * self.mu or self.mu <= LAST:
                     break
                 self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
                 self.filter = []
