@@ -85,6 +85,7 @@ def fit(
     floors: Array,
     free: np.ndarray | None = None,
     advance: Callable[[int], None] | None = None,
+    steps: int = STEPS,
 ) -> Fitted:
     """The most probable parameters given the recordings.
 
@@ -92,12 +93,14 @@ def fit(
     ----------
     floors : (rows,) least standard deviation of the torques
     free : (parameters,) which ones are estimated; None for all that have a prior spread
+    advance : called with the number of steps just done
+    steps : at most
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     p, noise = np.zeros(len(prior.deviation)), Noise(floors)
     parts = [_Part(prior, shapes, one) for one in windows]
     covariance, moved, done = np.linalg.inv(prior.precision), np.inf, 0
-    for done in range(1, STEPS + 1):  # noqa: B007
+    for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
             part.linearize(p, noise)
@@ -134,18 +137,16 @@ class Checked:
     ----------
     score : negative logarithm of the marginal probability, per frame
     left : (rows,) root mean square of the torque that activations within what is known of them leave [N m or N]
-    spread : (rows,) root mean square of what the activations that EMG alone tells leave [N m or N]
     """
 
     score: float
     left: Array
-    spread: Array
 
 
 def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array, noise: Noise) -> Checked:
     """How well parameters explain recordings that they need not have been fitted to."""
     score, frames = 0.0, 0
-    left, spread = np.zeros(len(noise.torque)), np.zeros(len(noise.torque))
+    left = np.zeros(len(noise.torque))
     for one in windows:
         part = _Part(prior, shapes, one)
         for _ in range(4):
@@ -155,8 +156,7 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
         score += part.score()
         frames += int(one.counted.sum())
         left += np.sum(part.plain**2, axis=0)
-        spread += np.sum(part.error**2, axis=0)
-    return Checked(score / frames, np.sqrt(left / frames), np.sqrt(spread / frames))
+    return Checked(score / frames, np.sqrt(left / frames))
 
 
 class _Part:
@@ -167,7 +167,6 @@ class _Part:
     jacobian, misfit : whitened, (frames rows, parameters) and (frames rows,)
     weight : what a frame counts
     plain : (frames, rows) torque left at the present activations
-    error : (frames, rows) misfit at the activations that are expected
     """
 
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
@@ -230,6 +229,9 @@ class _Part:
             before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
             if np.array_equal(before, fixed):
                 break
+            if k == ACTIVE_SETS - 2:
+                # Where bounds are still taken in turns, nothing is held: that leaves more open, not less.
+                fixed = np.where(before == fixed, fixed, 0).astype(np.int8)
         self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
         return S
 

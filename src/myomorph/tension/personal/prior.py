@@ -23,7 +23,13 @@ from myomorph.tension.personal.curves import MuscleShapes
 from myomorph.tension.personal.fibers import MuscleSizes
 from myomorph.tension.personal.recordings import Windows
 
-FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = np.log(1.6), 0.5, np.log(3.0), np.log(2.0), np.log(5.0)
+FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
+    np.log(1.6),
+    0.5,
+    np.log(3.0),
+    np.log(2.0),
+    np.log(5.0),
+)
 """Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain, and of the shift."""
 LEAST_SLACK = 0.3
 """Of the tendon slack length of the model that personalization begins with."""
@@ -225,4 +231,3 @@ def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple
         members[keys[key]].append(name)
         gain[m] = keys[key]
     return tuple(" ".join(one) for one in members), gain
-
