@@ -159,6 +159,11 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
     return Checked(score / frames, np.sqrt(left / frames))
 
 
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Products of each frame's matrix and vector."""
+    return (matrices @ vectors[..., None])[..., 0]
+
+
 class _Part:
     """One recording at the present parameters and activations.
 
@@ -196,15 +201,15 @@ class _Part:
         variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), UNKNOWN**2)
         if self.rest:
             variance = np.full_like(variance, REST**2)
-        self.plain = self.torques - np.einsum("frm,fm->fr", self.arms, at.force)
+        self.plain = self.torques - _times(self.arms, at.force)
         self.columns = self.arms * at.by_activation[:, None]
         self.of_torque = noise.torque**2
         S = self._bounded(now, expected, variance)
         self.whiten = np.linalg.inv(np.linalg.cholesky(S))
         self.covariance = S
-        white = np.einsum("frs,fs->fr", self.whiten, self.error)
+        white = _times(self.whiten, self.error)
         jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
-        self.jacobian = np.einsum("frs,fsp->frp", self.whiten, jacobian).reshape(-1, len(p))
+        self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes, self.misfit = jacobian, white.ravel()
         self._weigh(white)
 
@@ -220,12 +225,12 @@ class _Part:
             held = fixed != 0
             self.variance = np.where(held, 0.0, variance)
             self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
-            self.error = self.plain + np.einsum("frm,fm->fr", self.columns, now - self.expected)
+            self.error = self.plain + _times(self.columns, now - self.expected)
             spread = self.columns * self.variance[:, None]
-            S = np.einsum("frm,fsm->frs", spread, self.columns) + np.diag(self.of_torque)
+            S = spread @ self.columns.transpose(0, 2, 1) + np.diag(self.of_torque)
             new = np.linalg.solve(S, self.error[..., None])[..., 0]
             y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
-            wanted = expected + variance * np.einsum("frm,fr->fm", self.columns, y)
+            wanted = expected + variance * _times(self.columns.transpose(0, 2, 1), y)
             before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
             if np.array_equal(before, fixed):
                 break
@@ -271,7 +276,7 @@ class _Part:
     def settle(self, step: Array) -> None:
         """Activations given the recording, after a step of the parameters."""
         error = self.error - self.slopes @ step
-        wanted = self.expected + np.einsum("frm,fr->fm", self.gain, error)
+        wanted = self.expected + _times(self.gain.transpose(0, 2, 1), error)
         new = self.activations.copy()
         now = new[self.windows.counted]
         new[self.windows.counted] = np.clip(now + np.clip(np.clip(wanted, 0.0, 1.0) - now, -0.2, 0.2), 0.0, 1.0)
@@ -292,14 +297,14 @@ def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, effective: float
     carried, apart, known, seen = np.zeros(len(noise.torque)), 0.0, 0.0, 0.0
     for part in moving:
         solved = np.linalg.inv(part.covariance)
-        mean = part.of_torque * np.einsum("frs,fs->fr", solved, part.error)
+        mean = part.of_torque * _times(solved, part.error)
         left = part.of_torque - part.of_torque**2 * np.einsum("frr->fr", solved)
         squares += np.sum(mean**2 + left, axis=0)
         carried += np.sum(part.torques**2, axis=0)
         frames += len(part.error)
         seen += part.weight * part.error.size
         free = part._of(part.told) & (part.variance > 0.0)
-        moved = np.einsum("frm,fr->fm", part.gain, part.error)
+        moved = _times(part.gain.transpose(0, 2, 1), part.error)
         after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
         own = np.where(free, part.variance, 1.0) / noise.told
         apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))

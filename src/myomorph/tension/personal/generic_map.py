@@ -115,7 +115,7 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
 
 
 def _least_squares(w: Array, t: Array, length: Array, fiber: float, slack: float) -> tuple[float, float]:
-    """Optimal and slack length of one muscle; where its length hardly varies, both in the generic model's proportion."""
+    """Optimal and slack length of one muscle; where its path hardly varies, in the generic model's proportion."""
     A = np.column_stack([w, t])
     if np.ptp(length) < 0.01 * fiber or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > 1e4:
         factor = float(np.mean(length) / np.mean(fiber * w + slack * t))

@@ -1,4 +1,4 @@
-"""What a fit explains of recordings that it was not made from, and the groups whose generic values explain them better."""
+"""What a fit explains of recordings that it was not made from, and groups whose generic values do so better."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class HeldOut:
 
 
 def split(windows: Sequence[Windows]) -> tuple[list[Windows], list[Windows]]:
-    """Recordings to fit to and to hold out: the last one, or the last third of a single one; passive ones are fitted."""
+    """Recordings to fit to, passive ones among them, and to hold out: the last one, or the last third of one alone."""
     moving = [one for one in windows if np.isfinite(one.step)]
     rest = [one for one in windows if not np.isfinite(one.step)]
     if not moving:

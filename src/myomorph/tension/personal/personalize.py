@@ -296,7 +296,7 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
 def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
     """All parameters with their intervals."""
     sizes, before, found = prior.sizes(p), np.linalg.inv(prior.precision), []
-    fiber, point, force, strain, gain = prior.parts
+    _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
         group_kept = prior.groups[prior.group[m]] in kept
         lo = sizes.fiber[m]
@@ -377,8 +377,8 @@ def _notes(
         known = sum(one.identifiable == "yes" for one in those)
         some = sum(one.identifiable == "partly" for one in those)
         notes.append(
-            f"{parameter.replace('_', ' ')}s: the recordings identify {known} of {len(those)}, {some} partly; the others "
-            "are what was assumed before"
+            f"{parameter.replace('_', ' ')}s: the recordings identify {known} of {len(those)}, {some} partly; the "
+            "others are what was assumed before"
         )
     bounds = [f"{one.of} {one.parameter}" for one in estimates if one.bound]
     if bounds:

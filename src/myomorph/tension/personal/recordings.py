@@ -140,7 +140,7 @@ class _Read:
         emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
         # A frame is compared where its neighbours in the recording are known.
         near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))
-        size, lead = int(round(WINDOW / FRAME)), int(round(LEAD / FRAME))
+        size, lead = round(WINDOW / FRAME), round(LEAD / FRAME)
         body = size - lead
         number = max(int(np.ceil((count - lead) / body)), 1)
         index = np.minimum(np.arange(number)[:, None] * body + np.arange(min(size, count)), count - 1)
