@@ -107,6 +107,8 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
                 _, by_length, by_speed, pulled, slope, w, f_p_x, by_a, cosine = _balance(
                     own, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
                 )
+                # A slack muscle may have no stiffness at all: its tendon does not pull whatever its length.
+                by_length = max(by_length, 1e-4)
                 # Slopes of the balance with the length held, in lo, ls, strain and activation.
                 z_lo, z_ls, z_x = -w / ls, -(length - lo * w) / (ls * ls), -lo / ls * x / w
                 moved[0] = -slope * z_lo - by_speed * fixed / lo

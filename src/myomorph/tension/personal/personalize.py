@@ -346,7 +346,7 @@ def _estimate(
     spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
     close = spread <= CLOSE.get(parameter, np.inf)
     level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
-    bound = next((("low", "high")[p[k] > 0.0] for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
+    bound = next(("high" if p[k] > 0.0 else "low" for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
     low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
     return Estimate(
         of, parameter, float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio,
