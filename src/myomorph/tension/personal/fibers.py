@@ -71,6 +71,8 @@ def follow(
     step : time between frames [s]; infinity holds every frame still, each in equilibrium of its own
     """
     rigid = shapes.rigid
+    if not rigid.any():
+        return _elastic(shapes, sizes, lengths, speeds, activations, step)
     found = _rigid(shapes, sizes, lengths, speeds, activations)
     if rigid.all():
         return found
@@ -87,10 +89,12 @@ def rigid_lengths(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array) -> A
 def _rigid(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Array, a: Array) -> Followed:
     """Rigid tendons; slopes by complex steps, exact to rounding."""
 
-    def pull(fiber: Array, slack: Array, strain: Array, activation: Array) -> tuple[Array, Array]:
+    def pull(fiber, slack, strain, activation):
+        """Force and normalized length; any of the parameters may be complex."""
         along = (lengths - slack) / fiber
         least = np.sqrt(shapes.shortest**2 - shapes.sine**2)
-        along = np.where(along.real > least, along, least)
+        reaches = along.real > least
+        along = np.where(reaches, along, least)
         x = np.sqrt(along * along + shapes.sine**2)
         cosine = along / x
         v = speeds * cosine / (fiber * shapes.speed)
@@ -98,7 +102,7 @@ def _rigid(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Arr
         f_v = np.where(f_v.real > 0.0, f_v, 0.0)
         total = activation * shapes.active(x)[0] * f_v + shapes.passive(1.0 + (x - 1.0) / strain)[0]
         total = total + shapes.damping * v
-        return sizes.force * np.where(total.real > 0.0, total, 0.0) * cosine, x
+        return sizes.force * np.where(reaches & (total.real > 0.0), total, 0.0) * cosine, x
 
     h = 1e-30
     plain = (sizes.fiber, sizes.slack, sizes.strain, a)

@@ -103,7 +103,8 @@ def fit(
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     p, noise = np.zeros(len(prior.deviation)), Noise(floors)
     parts = [_Part(prior, shapes, one) for one in windows]
-    covariance, moved, done = np.linalg.inv(prior.precision), np.inf, 0
+    covariance: Array = np.linalg.inv(prior.precision)
+    moved, done = np.inf, 0
     for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
@@ -316,7 +317,7 @@ def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Arra
         squares += np.sum(mean**2 + left, axis=0)
         carried += np.sum(part.torques**2, axis=0)
         frames += len(part.error)
-        free = part._of(part.told) & (part.variance > 0.0)
+        free = part.told[part.windows.counted] & (part.variance > 0.0)
         moved = _times(part.gain.transpose(0, 2, 1), part.error)
         after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
         after = after + np.einsum("frm,frm->fm", part.gain, among @ part.gain)

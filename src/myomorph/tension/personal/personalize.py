@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, THELEN
+from myomorph.muscles.hill_classes import KINDS
 from myomorph.tension.personal.curves import MuscleShapes, muscle_shapes
 from myomorph.tension.personal.fibers import MuscleSizes, rigid_lengths
 from myomorph.tension.personal.fit import Fitted, fit
@@ -217,9 +217,9 @@ def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
 
 
 _STRAINS = {
-    MILLARD: ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
-    THELEN: ("FmaxMuscleStrain", 0.6),
-    DEGROOTE: ("passive_fiber_strain_at_one_norm_force", 0.6),
+    KINDS["Millard2012EquilibriumMuscle"]: ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
+    KINDS["Thelen2003Muscle"]: ("FmaxMuscleStrain", 0.6),
+    KINDS["DeGrooteFregly2016Muscle"]: ("passive_fiber_strain_at_one_norm_force", 0.6),
 }
 
 
@@ -231,7 +231,7 @@ def _stretched(kind: str, parameters: dict[str, float], factor: float) -> dict[s
     name, default = known
     parameters[name] = factor * parameters.get(name, parameters.get(name.split("/")[-1], default))
     zero = "FiberForceLengthCurve/strain_at_zero_force"
-    if KINDS[kind] == MILLARD:
+    if kind.startswith("Millard"):
         for curve in (zero, zero.split("/")[1]):
             if curve in parameters:
                 parameters[curve] *= factor
@@ -295,7 +295,8 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
 
 def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
     """All parameters with their intervals."""
-    sizes, before, found = prior.sizes(p), np.linalg.inv(prior.precision), []
+    sizes, found = prior.sizes(p), []
+    before: Array = np.linalg.inv(prior.precision)
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
         group_kept = prior.groups[prior.group[m]] in kept
