@@ -125,7 +125,8 @@ def test_matrices_of_one_frame_wake_no_threads(
     model, recording = walk
     with threadpool_limits(limits=2, user_api="blas"):
         identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0))
-    assert threads and set(threads) == {1}
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_markers_lead_to_the_same_as_coordinates(
