@@ -156,8 +156,8 @@ def run_trial(
     if not outcome.done:
         return outcome
     try:
-        found = _gather(trial, earlier, held, outcome, steps)
-        shown = TrialResults(_stored(trial, folder), trial.model, found, REPORT in steps)
+        stored = _gather(trial, earlier, held, outcome, steps)
+        shown = TrialResults(_stored(trial, folder), trial.model, stored, REPORT in steps)
         outcome = with_results(outcome, chain.results)
         if outcome.timed or not (folder / VALUES).is_file():
             write_trial_values(shown, outcome)
