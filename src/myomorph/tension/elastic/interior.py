@@ -31,7 +31,7 @@ TOLERANCE = (5e-4, 1e-5, 1e-5)
 ENOUGH = 50.0
 """Residual, in units of the barrier parameter, at which that is made smaller."""
 
-STEPS = 200
+STEPS = 300
 NEAR = 1e-2
 """How far from its bounds, in shares of their distance, an unknown begins at least."""
 
@@ -229,7 +229,7 @@ class Solver:
         return found
 
     def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
-        """Residuals of the gradient, relative to the mean slope of the cost over forces, of bounds and of constraints."""
+        """Residuals of the gradient (relative to the mean slope of the cost over forces), of bounds, of constraints."""
         f = self.v[0]
         _, multiplier = self.multipliers(at)
         pulled = np.matmul(self.y[:, None], self.p.pulls)[:, 0]
