@@ -114,7 +114,7 @@ def tension_command(
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes), f"the report lists them ('myomorph report {out}')")
-    summary = f"{tension_summary(results[tension.Tensions].tension)}; {filter_summary(trial, poses.recorded)}"
+    summary = tension_summary(results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")
     return 0
 

@@ -167,6 +167,7 @@ def thelen_tendon(muscle: Muscle) -> tuple[float, float, float]:
 
 
 def millard_tendon(muscle: Muscle) -> Curve:
+    """Normalized force of Millard2012EquilibriumMuscle's tendon over its length by its slack length."""
     names = ("strain_at_one_norm_force", "stiffness_at_one_norm_force", "norm_force_at_toe_end", "curviness")
     own = [muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in names]
     strain, *shape = own

@@ -1,13 +1,12 @@
 """What fibers pull with along an elastic tendon, with first and second derivatives; tendon stretch over force.
 
-    P(x, u, a) = cos(alpha) (a f_L(l) f_V(v / kappa(a)) + f_PE(l) + damping v)
+    P(x, u, a) = cos(alpha) (a f_L(l) f_V(v / kappa(a)) + f_PE(l) + damping v), never below 0
 
 with x the fibers' part along the tendon [m], u its velocity [m/s], a the activation, l = sqrt(x^2 + h^2) / L0 the
 normalized fiber length, cos(alpha) = x / sqrt(x^2 + h^2), v = u cos(alpha) / (v_max L0), and kappa = 0.25 + 0.75 a of
 Thelen2003Muscle, 1 of the others. A muscle is in equilibrium where P is the normalized tendon force.
 
-A jet is a value with its derivatives. The curves are those of `hill`; beyond the ends of the force-velocity curve
-Thelen's goes on along its tangents, as in OpenSim.
+A jet is a value with its derivatives. The curves are those of `hill`.
 """
 
 from __future__ import annotations
@@ -17,8 +16,15 @@ import numpy as np
 from myomorph.muscles.hill_classes import MILLARD, THELEN
 from myomorph.rigid.kernels import inner
 
-FLOOR = 1e-3
-"""Added to f_L f_V, so that the activation of fibers that cannot pull does not become infinite."""
+FLOOR, TONE = 1e-3, 1e-3
+"""Normalized force that fibers have per activation, and always, beside that of their curves: those that shorten so fast
+that the tendon is slack stay in equilibrium, and no activation becomes infinite."""
+
+SLACKENED = 2e-3
+"""Width of the step from fibers that pull to fibers that are slack [normalized force]."""
+
+ROUNDED = 0.01
+"""Normalized velocity up to which the corner of Thelen's force-velocity curve is rounded, by at most 0.013."""
 
 
 @inner
@@ -76,7 +82,7 @@ def curve_jet(C, i, x):
     return y0, y1 / x1, (y2 - y1 / x1 * x2) / (x1 * x1)
 
 
-@inner
+@inner(forceinline=True)
 def tendon_jet(E, m, f):
     """Tendon length over slack length at the normalized force f > 0, slope and curvature over f."""
     if E.curve[m] >= 0:
@@ -90,7 +96,7 @@ def tendon_jet(E, m, f):
     return stretch, slope, -slope * p1 / inside
 
 
-@inner
+@inner(forceinline=True)
 def active_jet(H, m, x):
     """f_L at the normalized fiber length x, slope and curvature."""
     if H.kind[m] == MILLARD:
@@ -122,38 +128,52 @@ def active_jet(H, m, x):
 
 
 @inner
+def _thelen_velocity(shape, most, share, v):
+    """Thelen's f_V with its tangent beyond the eccentric end; slope and curvature."""
+    if v <= 0.0:
+        if v < -1.0:
+            return 0.0, 0.0, 0.0
+        down = 1.0 - v / shape
+        y, slope = (1.0 + v) / down, (1.0 + 1.0 / shape) / (down * down)
+        return y, slope, 2.0 * slope / (shape * down)
+    k = (2.0 + 2.0 / shape) / (most - 1.0)
+    last = share * most
+    end = (last - 1.0) / (k * (most - last))
+    at = min(v, end)
+    down = 1.0 + at * k
+    y, slope = (1.0 + at * k * most) / down, k * (most - 1.0) / (down * down)
+    if v > end:
+        return y + slope * (v - at), slope, 0.0
+    return y, slope, -2.0 * slope * k / down
+
+
+@inner(forceinline=True)
 def velocity_jet(H, m, v):
     """f_V at the normalized fiber velocity v, slope and curvature."""
     if H.kind[m] == MILLARD:
         return curve_jet(H.curves, H.curve[m, 1], v)
     if H.kind[m] == THELEN:
         shape, most, share = H.parameters[m, 3], H.parameters[m, 4], H.parameters[m, 5]
-        if v <= 0.0:
-            at = max(v, -1.0)
-            down = 1.0 - at / shape
-            y, slope = (1.0 + at) / down, (1.0 + 1.0 / shape) / (down * down)
-            if v < -1.0:
-                return y + slope * (v - at), slope, 0.0
-            return y, slope, 2.0 * slope / (shape * down)
-        k = (2.0 + 2.0 / shape) / (most - 1.0)
-        last = share * most
-        end = (last - 1.0) / (k * (most - last))
-        at = min(v, end)
-        down = 1.0 + at * k
-        y, slope = (1.0 + at * k * most) / down, k * (most - 1.0) / (down * down)
-        if v > end:
-            return y + slope * (v - at), slope, 0.0
-        return y, slope, -2.0 * slope * k / down
+        if abs(v) >= ROUNDED:
+            return _thelen_velocity(shape, most, share, v)
+        # Both branches meet at rest with slopes 1 : 2, where no Newton step would end: a cubic between them.
+        y0, s0, _ = _thelen_velocity(shape, most, share, -ROUNDED)
+        y1, s1, _ = _thelen_velocity(shape, most, share, ROUNDED)
+        width = 2.0 * ROUNDED
+        t, rise = (v + ROUNDED) / width, y1 - y0
+        c1, c2, c3 = s0 * width, 3.0 * rise - (2.0 * s0 + s1) * width, (s0 + s1) * width - 2.0 * rise
+        y = y0 + t * (c1 + t * (c2 + t * c3))
+        return y, (c1 + t * (2.0 * c2 + 3.0 * c3 * t)) / width, (2.0 * c2 + 6.0 * c3 * t) / (width * width)
     z = -8.149 * v - 0.374
     root = np.sqrt(z * z + 1.0)
-    y = -0.3211346127989808 * np.arcsinh(z) + 0.8825327733249912
+    y = -0.3211346127989808 * np.log(z + root) + 0.8825327733249912
     if y <= 0.0:
         return 0.0, 0.0, 0.0
     slope = 0.3211346127989808 * 8.149 / root
     return y, slope, slope * 8.149 * z / (root * root)
 
 
-@inner
+@inner(forceinline=True)
 def passive_jet(H, m, x):
     """f_PE at the normalized fiber length x, slope and curvature."""
     if H.kind[m] == MILLARD:
@@ -173,7 +193,7 @@ def passive_jet(H, m, x):
     return size * (y - least), size * rate * y, size * rate * rate * y
 
 
-@inner
+@inner(forceinline=True)
 def fiber_jet(E, m, x, u, a, out):
     """P of muscle m and its derivatives.
 
@@ -202,12 +222,13 @@ def fiber_jet(E, m, x, u, a, out):
     L0, L1, L2 = active_jet(H, m, size / fiber)
     kappa, kappa1 = 1.0 - E.slowed[m] * (1.0 - a), E.slowed[m]
     V0, V1, V2 = velocity_jet(H, m, v0 / kappa)
-    q0, q1, q2 = passive_jet(H, m, size / fiber)
-    q0, q1, q2 = q0 * E.passive[m], q1 * E.passive[m], q2 * E.passive[m]
+    q0, q1, q2 = 0.0, 0.0, 0.0
+    if E.passive[m] > 0.0:
+        q0, q1, q2 = passive_jet(H, m, size / fiber)
     # The factor of activation, F = f_L f_V: derivatives over l, v and a.
     r_a = -v0 * kappa1 / (kappa * kappa)
     r_aa = -2.0 * r_a * kappa1 / kappa
-    F = V0 * L0 + FLOOR
+    F = V0 * L0
     b0 = a * F + q0 + E.damping[m] * v0
     b_l = a * V0 * L1 + q1
     b_v = a * L0 * V1 / kappa + E.damping[m]
@@ -223,14 +244,22 @@ def fiber_jet(E, m, x, u, a, out):
     b_x, b_u = b_l * l1 + b_v * v_x, b_v * v_u
     b_xx = b_ll * l1 * l1 + 2.0 * b_lv * l1 * v_x + b_vv * v_x * v_x + b_l * l2 + b_v * v_xx
     b_xu = b_lv * l1 * v_u + b_vv * v_x * v_u + b_v * v_xu
+    b_uu = b_vv * v_u * v_u
     b_xa, b_ua = b_la * l1 + b_va * v_x, b_va * v_u
+    # Fibers do not push: a smooth step from their sum to nothing, and a little force beside.
+    root = np.sqrt(b0 * b0 + SLACKENED * SLACKENED)
+    s1, s2 = 0.5 + 0.5 * b0 / root, 0.5 * SLACKENED * SLACKENED / (root * root * root)
+    b0 = 0.5 * (b0 + root) + TONE + FLOOR * a
+    b_xx, b_xu, b_uu = s1 * b_xx + s2 * b_x * b_x, s1 * b_xu + s2 * b_x * b_u, s1 * b_uu + s2 * b_u * b_u
+    b_xa, b_ua, b_aa = s1 * b_xa + s2 * b_x * b_a, s1 * b_ua + s2 * b_u * b_a, s1 * b_aa + s2 * b_a * b_a
+    b_x, b_u, b_a = s1 * b_x, s1 * b_u, s1 * b_a + FLOOR
     out[0] = c0 * b0
     out[1] = c1 * b0 + c0 * b_x
     out[2] = c0 * b_u
     out[3] = c0 * b_a
     out[4] = c2 * b0 + 2.0 * c1 * b_x + c0 * b_xx
     out[5] = c1 * b_u + c0 * b_xu
-    out[6] = c0 * b_vv * v_u * v_u
+    out[6] = c0 * b_uu
     out[7] = c1 * b_a + c0 * b_xa
     out[8] = c0 * b_ua
     out[9] = c0 * b_aa

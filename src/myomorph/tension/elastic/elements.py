@@ -62,17 +62,39 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
 
 
 @kernel
-def imbalances(E, own, f, a, lengths, speeds, steps, out):
-    """Fill G (frames - 1, muscles) alone; the arguments are those of `elements`."""
+def integrate(E, own, a, lengths, speeds, steps, least, most, f):
+    """Normalized tendon forces of muscles with given activations, by implicit Euler steps: a start for the solver.
+
+    Parameters
+    ----------
+    a, lengths, speeds, steps : as of `elements`
+    least, most : bounds of the force
+    f : (frames, muscles) filled; the first frame is in equilibrium with a tendon at rest
+    """
     P = np.empty(10)
     for m in range(own.shape[0]):
         i = own[m]
         slack = E.hill.tendon[i]
-        s0, _, _ = tendon_jet(E, i, f[0, m])
-        for k in range(a.shape[0]):
-            n0, _, _ = tendon_jet(E, i, f[k + 1, m])
-            x = lengths[k, m] - 0.5 * slack * (s0 + n0)
-            u = speeds[k, m] - slack * (n0 - s0) / steps[k]
-            fiber_jet(E, i, x, u, a[k, m], P)
-            out[k, m] = 0.5 * (f[k, m] + f[k + 1, m]) - P[0]
-            s0 = n0
+        force, s0 = 0.2, 0.0
+        for k in range(-1, a.shape[0]):
+            j = max(k, 0)
+            rate = 0.0 if k < 0 else 1.0 / steps[j]
+            low, high = least, most
+            for _ in range(30):
+                s, s1, _ = tendon_jet(E, i, force)
+                fiber_jet(E, i, lengths[j, m] - slack * s, speeds[j, m] - slack * (s - s0) * rate, a[j, m], P)
+                left = force - P[0]
+                if left > 0.0:
+                    high = force
+                else:
+                    low = force
+                slope = 1.0 + slack * s1 * (P[1] + P[2] * rate)
+                new = force - left / slope if slope > 0.0 else low
+                if not low < new < high:
+                    new = 0.5 * (low + high)
+                done = abs(new - force) < 1e-3
+                force = new
+                if done:
+                    break
+            f[k + 1, m] = force
+            s0, _, _ = tendon_jet(E, i, force)

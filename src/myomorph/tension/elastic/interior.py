@@ -8,6 +8,7 @@ steps (Waechter and Biegler 2006; primal-dual interior-point methods: Nocedal an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,19 +16,22 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.tension.elastic.band import BandSystem
-from myomorph.tension.elastic.elements import elements, imbalances
+from myomorph.tension.elastic.elements import elements
 from myomorph.tension.elastic.program import LEAST, MOST, SMOOTH, Point, Program
 
 SLACK = 1e-6
 """Slack of the balance per multiplier: where no activation can balance, torques are missed least."""
 
-FIRST, LAST = 1e-1, 1e-7
+FIRST, LAST = 1e-2, 1e-7
 """Barrier parameter at the beginning and at the end, in units of the effort a^2 of one muscle."""
 
 TOLERANCE = 1e-5
 """KKT residual at which the problem is solved."""
 
-STEPS = 120
+ENOUGH = 50.0
+"""Residual, in units of the barrier parameter, at which that is made smaller."""
+
+STEPS = 200
 NEAR = 1e-2
 """How far from its bounds, in shares of their distance, an unknown begins at least."""
 
@@ -93,12 +97,14 @@ class Box:
         return mu * (up * self.above - down * self.below), self.z * down + self.w * up
 
     def logs(self, v: Array) -> float:
+        """Sum of the logarithms of the distances to the bounds."""
         down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
         if not (down > 0.0).all() or not (up > 0.0).all():
             return -np.inf
         return float(np.log(down).sum() + np.log(up).sum())
 
     def complementarity(self, v: Array, mu: float) -> float:
+        """Greatest difference of a multiplier times its distance from the barrier parameter."""
         one = np.abs(self.z * self._down(v) - mu) * self.below
         other = np.abs(self.w * self._up(v) - mu) * self.above
         return float(max(one.max(initial=0.0), other.max(initial=0.0)))
@@ -119,6 +125,7 @@ class Box:
         return min(1.0, share / worst) if worst > 0.0 else 1.0
 
     def dual_reach(self, dz: Array, dw: Array, share: float) -> float:
+        """Longest step that keeps a share of the multipliers."""
         worst = max(
             float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
             float((-dw / np.where(self.w > 0.0, self.w, 1.0)).max(initial=0.0)),
@@ -151,8 +158,11 @@ class Linearized:
 class Solver:
     """One program, solved from one start."""
 
-    def __init__(self, program: Program, start: Point, y: Array, mu: float = FIRST):
+    def __init__(self, program: Program, start: Point, y: Array):
         p = self.p = program
+        # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
+        effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
+        mu = FIRST * float(np.clip(effort, 1.0, 1e3))
         self.frames, self.muscles = start.f.shape
         self.second = p.rates is not None and self.frames > 2
         f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
@@ -171,9 +181,10 @@ class Solver:
         self.band = BandSystem(self.frames, self.muscles, self.second)
         self.row_scale = 1.0 / np.maximum(np.abs(p.pulls).max(axis=(0, 2), initial=0.0), 1.0)
         self.filter: list[tuple[float, float]] = []
+        self.bent, self.taken = 0, 0.0
 
     def _rates(self, a: Array) -> tuple[Array, Array]:
-        """Room below and above the bounds of the rates (2, frames - 2, muscles), and its slopes (2, 2, ...) over both a."""
+        """Room to the bounds of the rates (2, frames - 2, muscles), and its slopes (2, 2, ...) over both a."""
         assert self.p.rates is not None
         up, up1, low, low1 = self.p.rates.bounds(0.5 * (a[1:] + a[:-1]))
         dt, change = self.between, a[1:] - a[:-1]
@@ -186,15 +197,16 @@ class Solver:
         held = np.matmul(p.pulls, f[:, :, None])[..., 0] + np.matmul(p.columns, x[:, :, None])[..., 0]
         return p.right - held - SLACK * y
 
-    def linearize(self) -> Linearized:
-        p, (f, a, x) = self.p, self.v[:3]
+    def linearize(self, v: list[Array], y: Array) -> Linearized:
+        """The problem at a point."""
+        p, (f, a, x) = self.p, v[:3]
         g, fibers = np.empty((*a.shape, 10)), np.empty((*a.shape, 2))
         elements(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g, fibers)
         cost_a, slope_a, bend_a = p.activation.terms(a)
         cost_x, slope_x, bend_x = p.other.terms(x)
         rate, rate_slopes = self._rates(a) if self.second else (np.zeros((2, 0, 0)), np.zeros((2, 2, 0, 0)))
         if self.second:
-            rate = rate - self.v[3]
+            rate = rate - v[3]
         cost = cost_a + cost_x + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
         return Linearized(
             g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, rate_slopes
@@ -217,16 +229,18 @@ class Solver:
         return found
 
     def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
-        """Dual, complementary and primal residual."""
-        f, _, x = self.v[:3]
+        """Residuals of the gradient, relative to the mean slope of the cost over forces, of bounds and of constraints."""
+        f = self.v[0]
         _, multiplier = self.multipliers(at)
-        dual = self._smooth_slope(f) + self.boxes[0].force() - np.matmul(self.y[:, None], self.p.pulls)[:, 0]
+        pulled = np.matmul(self.y[:, None], self.p.pulls)[:, 0]
+        dual = self._smooth_slope(f) + self.boxes[0].force() - pulled
         dual[:-1] += multiplier * at.g[..., 1]
         dual[1:] += multiplier * at.g[..., 2]
         dual_x = at.slope_x + self.boxes[2].force() - np.matmul(self.y[:, None], self.p.columns)[:, 0]
         both = max(np.abs(dual).max(initial=0.0), np.abs(dual_x / (1.0 + np.sqrt(at.bend_x))).max(initial=0.0))
+        scale = 1.0 + float(np.abs(pulled).mean())
         complementarity = max(box.complementarity(v, mu) for box, v in zip(self.boxes, self.v, strict=True))
-        return float(both), complementarity, self._infeasible(at.g[..., 0], at.balance, at.rate)[1]
+        return float(both) / scale, complementarity, self._infeasible(at.g[..., 0], at.balance, at.rate)[1]
 
     def _infeasible(self, g: Array, balance: Array, rate: Array) -> tuple[float, float]:
         """Sum and greatest of what the constraints miss."""
@@ -253,10 +267,6 @@ class Solver:
         kk = da * pk * pk + lam * (g[..., 4] + (2.0 * g[..., 7] + g[..., 9] * pk) * pk)
         kn = da * pk * pn + lam * (g[..., 5] + g[..., 7] * pn + g[..., 8] * pk + g[..., 9] * pk * pn)
         nn = da * pn * pn + lam * (g[..., 6] + (2.0 * g[..., 8] + g[..., 9] * pn) * pn)
-        kk, kn, nn = _not_negative(kk, kn, nn)
-        d[:-1] += kk
-        d[1:] += nn
-        e += kn
         reduced = ga + (da + lam * g[..., 9]) * c
         gf[:-1] += pk * reduced + lam * g[..., 7] * c
         gf[1:] += pn * reduced + lam * g[..., 8] * c
@@ -269,7 +279,7 @@ class Solver:
         missed = at.balance + np.matmul(p.columns, (gx / dx)[:, :, None])[..., 0]
         both = np.linalg.solve(lower, np.concatenate([p.pulls, missed[:, :, None]], axis=2))
         C, t = both[:, :, :-1], both[:, :, -1]
-        if not self.band.factorize(d, e, second, C):
+        if not self._factorized((d, e, second), (kk, kn, nn), C):
             return None
         df = self.band.solve(np.matmul(t[:, None], C)[:, 0] - gf)
         left = t - np.matmul(C, df[:, :, None])[..., 0]
@@ -279,6 +289,17 @@ class Solver:
         if self.second:
             step.append(at.rate + at.rate_slopes[:, 0] * da_[:-1] + at.rate_slopes[:, 1] * da_[1:])
         return step, dy
+
+    def _factorized(self, matrix: tuple[Array, Array, Array], bends: tuple[Array, Array, Array], C: Array) -> bool:
+        """Factorize with the exact curvature, or with that of each equilibrium as far as it is not negative."""
+        for kk, kn, nn in (bends, _not_negative(*bends)):
+            d, e = matrix[0].copy(), matrix[1] + kn
+            d[:-1] += kk
+            d[1:] += nn
+            if self.band.factorize(d, e, matrix[2], C):
+                return True
+            self.bent += 1
+        return False
 
     def _add_rates(
         self, at: Linearized, by_force: tuple[Array, Array, Array], ga: Array, gf: Array, d: Array, e: Array
@@ -304,21 +325,14 @@ class Solver:
         e[1:] += (stiff * r1 * r2).sum(axis=0)
         return (stiff * r0 * r2).sum(axis=0)
 
-    def merit(self, v: list[Array], y: Array) -> tuple[float, float]:
+    def merit(self, v: list[Array], y: Array, at: Linearized) -> tuple[float, float]:
         """What the constraints miss, and the cost with the barrier."""
-        p, (f, a, x) = self.p, v[:3]
         logs = sum(box.logs(one) for box, one in zip(self.boxes, v, strict=True))
-        if not np.isfinite(logs):
-            return np.inf, np.inf
-        g = np.empty(a.shape)
-        imbalances(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g)
-        rate = self._rates(a)[0] - v[3] if self.second else np.zeros(0)
-        cost = p.activation.terms(a)[0] + p.other.terms(x)[0] + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
-        missed = self._infeasible(g, self._balance(f, x, y), rate)[0]
-        if not np.isfinite(missed + cost):
+        missed = self._infeasible(at.g[..., 0], at.balance, at.rate)[0]
+        if not np.isfinite(missed + at.cost + logs):
             return np.inf, np.inf
         # The slack of the balance has its own cost, which the multipliers stand for.
-        return missed, cost - self.mu * logs + 0.5 * SLACK * float((y * y).sum())
+        return missed, at.cost - self.mu * logs + 0.5 * SLACK * float((y * y).sum())
 
     def slope(self, at: Linearized, step: list[Array], dy: Array) -> float:
         """Slope of the cost with the barrier along a step."""
@@ -328,68 +342,65 @@ class Solver:
             total += float(((grad + box.barrier(v, self.mu)[0]) * dv).sum())
         return total
 
-    def advance(self, at: Linearized, step: list[Array], dy: Array) -> bool:
-        """Take a step as far as the filter accepts; whether any was."""
+    def advance(self, at: Linearized, step: list[Array], dy: Array) -> Linearized | None:
+        """Take a step as far as the filter accepts: the problem there, None where it accepts none."""
         share = max(0.99, 1.0 - self.mu)
         top = min(box.reach(v, dv, share) for box, v, dv in zip(self.boxes, self.v, step, strict=True))
-        missed, value = self.merit(self.v, self.y)
+        missed, value = self.merit(self.v, self.y, at)
         slope = self.slope(at, step, dy)
         length, found = top, None
         rounding = 1e-12 * (1.0 + abs(value))
         for _ in range(14):
             v = [one + length * dv for one, dv in zip(self.v, step, strict=True)]
             y = self.y + length * dy
-            now_missed, now = self.merit(v, y)
+            there = self.linearize(v, y)
+            now_missed, now = self.merit(v, y, there)
             ahead = all(now_missed <= (1.0 - 1e-5) * t or now <= p - 1e-5 * t + rounding for t, p in self.filter)
             if np.isfinite(now) and ahead:
                 armijo = slope < 0.0 and missed <= 1e-4 and length * -slope > missed
                 if armijo and now <= value + 1e-4 * length * slope + rounding:
-                    found = v, y
+                    found = v, y, there
                     break
                 if not armijo and (now_missed <= (1.0 - 1e-5) * missed + 1e-14 or now <= value - 1e-5 * missed):
                     self.filter.append((missed, value))
-                    found = v, y
+                    found = v, y, there
                     break
             length *= 0.5
         if found is None:
-            return False
+            return None
         pairs = [box.changes(v, dv, self.mu) for box, v, dv in zip(self.boxes, self.v, step, strict=True)]
         dual = min(box.dual_reach(*pair, share) for box, pair in zip(self.boxes, pairs, strict=True))
-        self.v, self.y = found
+        self.v, self.y, there = found
         for box, (dz, dw), one in zip(self.boxes, pairs, self.v, strict=True):
             box.z, box.w = box.z + dual * dz, box.w + dual * dw
             box.keep_near(one, self.mu)
         self.taken = length
-        return True
+        return there
 
-    def solve(self, log: bool = False) -> Outcome:
+    def solve(self, log: Callable[[str], None] | None = None) -> Outcome:
         """Follow the barrier down to the solution."""
         shift, steps, errors = 0.0, 0, (np.inf, np.inf, np.inf)
-        at = self.linearize()
+        at = self.linearize(self.v, self.y)
         for steps in range(1, STEPS + 1):
             while True:
                 errors = self.errors(at, self.mu)
-                if max(errors) > 10.0 * self.mu or self.mu <= LAST:
+                if max(errors) > ENOUGH * self.mu or self.mu <= LAST:
                     break
                 self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
                 self.filter = []
-            if log:
-                print(
-                    steps,
-                    "mu %.1e cost %.6f errors %.1e %.1e %.1e" % (self.mu, at.cost, *errors),
-                    shift,
-                    getattr(self, "taken", 0),
-                )
+            if log is not None:
+                log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
             if self.mu <= LAST and max(errors) <= TOLERANCE:
                 break
             found = self.step(at, shift)
-            if found is None or not self.advance(at, *found):
+            there = None if found is None else self.advance(at, *found)
+            if there is None:
                 shift = max(4.0 * shift, 1e-4)
                 if shift > 1e6:
                     break
                 continue
             shift = shift / 4.0 if shift > 1e-4 else 0.0
-            at = self.linearize()
+            at = there
         residual = max(self.errors(at, 0.0)[0], errors[2])
         return Outcome(
             Point(*self.v[:3]),

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
 from myomorph.tension.elastic.fibers_at import fibers_at
-from myomorph.tension.elastic.parts import Part, parts_of
+from myomorph.tension.elastic.interior import Outcome
+from myomorph.tension.elastic.parts import parts_of
 from myomorph.tension.elastic.term import ElasticMuscleTerm
 from myomorph.tension.elastic.windows import Frames, filled, program_of, runs, solve_part, start_of
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
@@ -75,6 +79,31 @@ def elastic_problem(
     return ElasticProblem(*setup), names
 
 
+def solve_elastic(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions | None = None,
+    actuators: Sequence[Actuator] | None = None,
+    progress: Callable[[int], None] | None = None,
+    *,
+    contacts: ContactTask | None = None,
+    emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
+) -> Tension:
+    """`solve_tension` with elastic tendons; parameters and errors are those of it."""
+    problem, names = elastic_problem(
+        model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
+    )
+    # Threads of the package share out windows and parts; those of BLAS would only wait for each other.
+    with threadpool_limits(1, "blas"):
+        over_frames(problem.solve, len(motion), progress, problem.window)
+    return problem.result(names)
+
+
+Solved = tuple[Outcome, tuple[float, float]]
+
+
 class _Found(NamedTuple):
     """What one window's certificate says."""
 
@@ -97,9 +126,17 @@ class ElasticProblem(TensionProblem):
 
     muscles: ElasticMuscleTerm
 
-    def __init__(self, *setup):  # type: ignore[no-untyped-def]
-        super().__init__(*setup)
-        time = self._time
+    def __init__(
+        self,
+        tree: Tree,
+        terms: Sequence[Term],
+        options: TensionOptions,
+        time: Array,
+        coordinates: Array,
+        rates: Array,
+        torques: Array,
+    ):
+        super().__init__(tree, terms, options, time, coordinates, rates, torques)
         frames, muscles = len(time), len(self.muscles.strength)
         self.lengths, self.speeds = np.empty((frames, muscles)), np.empty((frames, muscles))
         over_frames(self._measure, frames)
@@ -149,7 +186,8 @@ class ElasticProblem(TensionProblem):
         if self.window >= len(self._time):
             begin, end = start, stop
         given = self.balance(begin, end)
-        good = ~(np.isnan(given.values).any(axis=1) | np.isnan(given.right).any(axis=1))
+        good = np.asarray(np.isfinite(given.values).all(axis=1))
+        good &= np.isfinite(given.right).all(axis=1)
         x, residual = np.full((end - begin, len(self.separable.weight)), np.nan), np.full(end - begin, np.nan)
         forces = np.full((end - begin, len(self.muscles.strength)), np.nan)
         iterations, status = np.zeros(end - begin, np.int64), np.full(end - begin, MISSING, np.int8)
@@ -172,7 +210,7 @@ class ElasticProblem(TensionProblem):
         found = np.zeros(len(good), np.bool_)
         known = np.flatnonzero(good)
         time = self._time[begin : begin + len(good)]
-        for one, other in zip(known[:-1], known[1:], strict=True):
+        for one, other in pairwise(known):
             if other > one + 1 and time[other] - time[one] <= SHORTEST_BRIDGE + 1e-9:
                 found[one + 1 : other] = True
         return found
@@ -188,12 +226,12 @@ class ElasticProblem(TensionProblem):
         if len(frames.time) > 1:
             dynamics, again = self.options.activation_dynamics, self.options.second_start
             programs = [program_of(one, frames, self.separable, self.muscles, dynamics) for one in self.parts]
-            tasks: list[Callable[[], object]] = [
+            tasks = [
                 partial(solve_part, program, *start_of(one, frames, program), again)
                 for one, program in zip(self.parts, programs, strict=True)
             ]
             for one, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
-                _put(one, outcome, frames)
+                frames.forces[:, one.muscles] = outcome.point.f
                 found.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, [far]))
                 status = np.where(outcome.solved, status, STALLED)
                 others[:, one.muscles] = _at_frames(outcome.point.a)
@@ -247,7 +285,7 @@ class ElasticProblem(TensionProblem):
     def _mark(self, first: int, last: int) -> None:
         """Mark frames near a beginning or an end of what could be solved in one go, unless a window only ends there."""
         time = self._time
-        known = ~np.isnan(self.lengths).any(axis=1)
+        known = np.asarray(np.isfinite(self.lengths).all(axis=1))
         if first == 0 or not known[first - 1] or np.isnan(self._tau[first - 1]).any():
             self._transient[first:last] |= time[first:last] < time[first] + TRANSIENT
         if last == len(time) or not known[last] or np.isnan(self._tau[last]).any():
@@ -274,7 +312,7 @@ class ElasticProblem(TensionProblem):
             *(float(np.sqrt(np.mean(seconds[:, k] ** 2))) if len(seconds) else np.nan for k in range(2)),
         )
         fibers = Fibers(*found, self._transient, self._bridged, rigid, self.unreachable, certificate)
-        return _with_fibers(tension, fibers)
+        return replace(tension, fibers=fibers)
 
 
 def _with_fibers(tension: Tension, fibers: Fibers) -> Tension:
@@ -283,16 +321,12 @@ def _with_fibers(tension: Tension, fibers: Fibers) -> Tension:
     return replace(tension, fibers=fibers)
 
 
-def _put(part: Part, outcome, frames: Frames) -> None:  # type: ignore[no-untyped-def]
-    frames.forces[:, part.muscles] = outcome.point.f
-
-
 def _at_frames(a: Array) -> Array:
     """Activations at the frames: the mean of those before and after, at the ends the nearest."""
     return np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])
 
 
-def _at_once(tasks: list[Callable[[], object]], threads: bool) -> list:  # type: ignore[type-arg]
+def _at_once(tasks: Sequence[Callable[[], Solved]], threads: bool) -> list[Solved]:
     """Results of tasks, in threads where no windows already are."""
     workers = min(thread_count(), len(tasks)) if threads else 1
     if workers <= 1:

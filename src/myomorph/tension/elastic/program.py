@@ -6,9 +6,9 @@
                 a_j + dt lowest(a) <= a_j+1 <= a_j + dt highest(a)
                 bounds of a, f and x
 
-with f normalized tendon forces at the frames, a activations between frames and x whatever else the tension problem has:
-controls of actuators, amplitudes of contacts, activations of muscles on rigid tendons, unknowns of rows. psi is the cost
-of the tension problem, w |.|^p + k dist(., [l, h])^2.
+with f normalized tendon forces at the frames, a activations between frames and x whatever else the tension problem
+has: controls of actuators, amplitudes of contacts, activations of muscles on rigid tendons, unknowns of rows. psi is
+the cost of the tension problem, w |.|^p + k dist(., [l, h])^2.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.muscles.elastic_arrays import ElasticArrays
 
-LEAST, MOST = 1e-3, 4.0
+LEAST, MOST = 5e-4, 4.0
 """Bounds of the normalized tendon force."""
 
 SMOOTH = 1e-4

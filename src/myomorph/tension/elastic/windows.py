@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
+from myomorph.tension.elastic.elements import integrate
 from myomorph.tension.elastic.interior import Outcome, Solver
 from myomorph.tension.elastic.parts import Part
-from myomorph.tension.elastic.program import Costs, Point, Program, Rates
+from myomorph.tension.elastic.program import LEAST, MOST, Costs, Point, Program, Rates
 from myomorph.tension.elastic.term import ElasticMuscleTerm
 from myomorph.tension.separable import Separable
 
-LOW_START, HIGH_START = 0.1, 0.4
-"""Where activations and normalized forces begin in a second start."""
+START_ROOM = 0.02
+"""How far from its bounds an activation begins at least, in shares of their distance."""
+
+SECOND_START = 0.3
+"""Activation of all muscles at all times in a second start."""
 
 
 @dataclass(eq=False)
@@ -111,8 +115,14 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
         return found
 
     def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
-        limits = (one[unknowns] for one in (shared.weight, shared.exponent, shared.lower, shared.upper))
-        return Costs(*limits, np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]), weight)
+        shape, least, most = (shared.weight[unknowns], shared.exponent[unknowns]), shared.lower, shared.upper
+        return Costs(
+            *shape,
+            least[unknowns],
+            most[unknowns],
+            np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]),
+            weight,
+        )
 
     at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
     m, times = part.muscles, term.rates
@@ -132,10 +142,40 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
 
 
 def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array]:
-    """The solution with rigid tendons as a start, and its multipliers."""
+    """A start near the solution with rigid tendons, and its multipliers.
+
+    Its activations, as far as their rates are possible, and the forces that muscles on elastic tendons have with these:
+    forces on rigid tendons may jump, and elastic tendons could then not be in equilibrium.
+    """
     a = frames.x[:, part.muscles]
-    point = Point(frames.forces[:, part.muscles], 0.5 * (a[1:] + a[:-1]), frames.x[:, part.others])
+    a = possible(program, 0.5 * (a[1:] + a[:-1]))
+    point = Point(integrated(program, a), a, frames.x[:, part.others])
     return point, frames.y[:, part.rows] * program.other.share
+
+
+def possible(program: Program, a: Array) -> Array:
+    """Activations (frames - 1, muscles) well inside their bounds, and with rates that are possible."""
+    low, high = program.activation.lower, program.activation.upper
+    room = START_ROOM * (high - low)
+    a = np.clip(a, low + room, high - room)
+    if program.rates is None:
+        return a
+    between = 0.5 * (program.steps[1:] + program.steps[:-1])
+    for k, dt in enumerate(between):
+        up, _, down, _ = program.rates.bounds(a[k])
+        # Half of the rate at the beginning of the step, so that at its middle it is possible too.
+        a[k + 1] = np.clip(
+            a[k + 1], a[k] + 0.5 * np.maximum(dt * down, -a[k]), a[k] + 0.5 * np.minimum(dt * up, 1.0 - a[k])
+        )
+    return a
+
+
+def integrated(program: Program, a: Array) -> Array:
+    """Normalized tendon forces (frames, muscles) that activations lead to."""
+    f = np.empty((len(a) + 1, a.shape[1]))
+    given = (program.lengths, program.speeds, program.steps)
+    integrate(program.arrays, program.own, a, *given, 2.0 * LEAST, 0.5 * MOST, f)
+    return f
 
 
 def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Outcome, tuple[float, float]]:
@@ -143,7 +183,8 @@ def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[O
     found = Solver(program, start, y).solve()
     if not again:
         return found, (np.nan, np.nan)
-    other = replace(start, f=np.full_like(start.f, HIGH_START), a=np.full_like(start.a, LOW_START))
+    flat = np.full_like(start.a, SECOND_START)
+    other = replace(start, f=integrated(program, flat), a=flat)
     second = Solver(program, other, np.zeros_like(y)).solve()
     distances = (second.point.a - found.point.a, second.point.f - found.point.f)
     far = tuple(float(np.sqrt(np.mean(one**2))) for one in distances)

@@ -53,10 +53,11 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
 
 
 def filter_summary(trial: TrialInputs, recorded: Motion) -> str:
-    """The low-pass filter in a few words."""
-    cutoff, automatic = cutoff_of(trial, recorded), trial.options[Differentiation].cutoff is None
-    text = "no low-pass filter" if cutoff is None else f"low-pass filter at {cutoff:.3g} Hz"
-    return f"{text} (automatic)" if automatic else text
+    """What the motion was filtered with where nobody said it, as the end of a line; else nothing."""
+    if trial.options[Differentiation].cutoff is not None:
+        return ""
+    cutoff = cutoff_of(trial, recorded)
+    return "; smooth motion, not filtered" if cutoff is None else f"; low-pass filter at {cutoff:.3g} Hz (automatic)"
 
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
