@@ -22,6 +22,7 @@ from benchmarks.accuracy import (
     interrupted,
     kernels,
     kinematics,
+    knee,
     live,
     loop_forces,
     loops,
@@ -75,6 +76,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _kinematics_and_dynamics(folder),
         _opensim_setups(folder),
         _tensions(folder),
+        _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _ground_forces(folder),
@@ -156,6 +158,20 @@ def _tensions(folder: Path) -> Page:
             "passive": lambda: passive.measure(folder),
             "passive_muscles": lambda: passive.measure_muscles(folder),
             "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _joint_loads(folder: Path) -> Page:
+    return Page(
+        "joint-loads",
+        "Loads of joints that were measured",
+        "Beside an instrumented knee, and beside OpenSim.",
+        {
+            "knee": lambda: knee.measure(folder),
+            "knee_peaks": lambda: knee.measure_peaks(folder),
+            "knee_where": lambda: knee.measure_where(folder),
+            "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
         },
     )
 
