@@ -25,6 +25,9 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
+from myomorph.muscles.fiber_equations import fibers_of
+from myomorph.muscles.fiber_equilibrium import equilibrium
+from myomorph.muscles.path import muscle_kinematics
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.generic_map import map_generic
 from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
@@ -41,8 +44,8 @@ def measure_truth(folder: Path, people: int = PEOPLE) -> Iterator[Row]:
     """Errors and coverage over simulated people with six muscles of the arm, in two kinds of recordings."""
     model = as_degroote(read_model(folder / "opensim-reference-small/arm26_bounds.osim"))
     cases: Mapping[str, tuple[Errors, float, int, bool, float]] = {
-        "two recordings of 5 s, EMG of unknown gain": (Errors(), 0.3, 2, False, 5.0),
-        "four of 8 s, EMG by maximum contractions, passive torques": (CAREFUL, 0.06, 4, True, 8.0),
+        "two of 5 s, gains unknown": (Errors(), 0.3, 2, False, 5.0),
+        "four of 8 s, gains known, passive torques": (CAREFUL, 0.06, 4, True, 8.0),
     }
     for name, (errors, gain_spread, count, passive, seconds) in cases.items():
         rows = [
@@ -81,25 +84,24 @@ def passive_trial(
     model: Model, own: Model, ranges: Mapping[str, tuple[float, float]], rng: np.random.Generator, error: float = 0.1
 ) -> PersonalTrial:
     """Poses over joints' ranges and the torques of resting muscles in equilibrium, with errors [N m]."""
-    from myomorph.muscles.fiber_equations import fibers_of
-    from myomorph.muscles.fiber_equilibrium import equilibrium
-    from myomorph.muscles.path import muscle_kinematics
-
     poses = 80
     values = np.tile([one.default for one in model.coordinates], (poses, 1))
     for name, (low, high) in ranges.items():
-        values[:, model.coordinate_names.index(name)] = rng.uniform(low - 0.3, high + 0.3, poses)
+        values[:, model.coordinate_names.index(name)] = rng.uniform(low - 0.1, high + 0.1, poses)
     still = np.zeros_like(values)
     motion = Motion(np.arange(poses) * 1.0, model.coordinate_names, values, still, still)
     moved = muscle_kinematics(model, motion)
     rest, forces = np.full(poses, 1e-4), np.zeros(moved.lengths.shape)
+    found_all = np.ones(poses, bool)
     for m in range(len(own.muscles)):
         zero = np.zeros(poses)
         state = equilibrium(own, m, moved.lengths[:, m], zero, rest)
         known = np.isfinite(state)
         found = fibers_of(own, m, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
-        forces[:, m] = np.where(known, found.tendon_force, 0.0)
+        forces[:, m] = found.tendon_force
+        found_all &= known
     torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces) + error * rng.standard_normal(values.shape)
+    torques[~found_all] = np.nan
     return PersonalTrial("passive", motion, Series(motion.time, model.coordinate_names, torques), passive=True)
 
 

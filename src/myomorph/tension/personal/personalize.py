@@ -179,7 +179,7 @@ def personalize(
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         prior = prior_of(start, shapes, windows, rows, options, fixed)
-        floors = torque_floors(start, rows, windows)
+        floors = torque_floors(start, rows, [one for one in windows if np.isfinite(one.step)] or windows)
         seen, unseen = split(windows) if options.hold_out else (list(windows), [])
         fitted = fit(prior, shapes, seen, floors, advance=advance)
         checked, p = None, fitted.p
