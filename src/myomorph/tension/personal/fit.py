@@ -280,8 +280,10 @@ class _Part:
         frames = np.full((*self.windows.counted.shape, white.shape[1]), np.nan)
         frames[self.windows.counted] = white
         square, length = np.nanmean(frames**2), 1.0
-        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] - 5)):
-            rho = np.nanmean(frames[:, :-lag] * frames[:, lag:]) / max(square, 1e-12)
+        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] // 2)):
+            pairs = frames[:, :-lag] * frames[:, lag:]
+            known = np.isfinite(pairs)
+            rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / max(square, 1e-12)
             if rho < 0.05:
                 break
             length += 2.0 * rho

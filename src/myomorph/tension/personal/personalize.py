@@ -159,7 +159,7 @@ def personalize(
     >>> model = mm.read_model("arm.osim")
     >>> found = mm.personalize(model, generic=model)
     >>> [round(one.optimal_fiber_length, 3) for one in found.model.muscles]
-    [0.09, 0.1]
+    [0.12, 0.12]
     """
     options = options or PersonalizeOptions()
     if not trials and generic is None:
