@@ -30,6 +30,7 @@ from benchmarks.accuracy import (
     muscles,
     pair,
     passive,
+    personalize,
     reaction,
     regressor,
     scale,
@@ -80,6 +81,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _two_bodies(folder),
         _calibration(folder),
         _identification(folder),
+        _personal(folder),
         _instruments(folder),
         _viscosity(folder),
         _bone_maps(folder),
@@ -154,6 +156,20 @@ def _tensions(folder: Path) -> Page:
             "passive": lambda: passive.measure(folder),
             "passive_muscles": lambda: passive.measure_muscles(folder),
             "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _personal(folder: Path) -> Page:
+    return Page(
+        "personal",
+        "Muscles of the person",
+        "Simulated people whose muscles are known, held-out strides of real walks, scaled models.",
+        {
+            "personal_truth": lambda: personalize.measure_truth(folder),
+            "personal_many": lambda: personalize.measure_many(folder),
+            "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_map": lambda: personalize.measure_map(folder),
         },
     )
 
