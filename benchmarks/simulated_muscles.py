@@ -184,7 +184,7 @@ def integrated_degroote(person: Model, lengths: Array, time: Array, activations:
         lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls, (0.0, 0.5), first, "LSODA",
         rtol=1e-5, atol=1e-7, lband=0, uband=0,
     ).y[:, -1]  # fmt: skip
-    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-6, atol=1e-8, lband=0, uband=0)
+    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-5, atol=1e-6, lband=0, uband=0)
     return done.y.T * force
 
 

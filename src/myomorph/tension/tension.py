@@ -153,7 +153,8 @@ class Tension(Labelled):
         return len(self.time)
 
     def variables(self) -> dict[str, Variable]:
-        """Activations, forces, reserves and torques, and what became of each frame."""
+        """Activations, forces, reserves and torques, what became of each frame, and fibers where tendons stretch."""
+        fibers = {} if self.fibers is None else self.fibers.variables()
         return {
             "activation": Variable(("time", "muscle"), self.activations),
             "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
@@ -163,6 +164,7 @@ class Tension(Labelled):
             "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
             "status": Variable(("time",), self.status),
             "iterations": Variable(("time",), self.iterations),
+            **fibers,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
@@ -227,6 +229,7 @@ def tension_of(whole: Tension, part: str) -> Tension:
         torques=whole.torques[:, rows],
         overstretched=tuple(_own(whole.overstretched, part).values()),
         contacts=None,
+        fibers=None if whole.fibers is None else whole.fibers.of(muscles, whole.muscles),
     )
 
 

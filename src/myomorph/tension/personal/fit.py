@@ -37,6 +37,8 @@ EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
 REST = 0.003
 """Standard deviation of an activation at rest."""
+REST_ERROR = 0.05
+"""Standard deviation of a measured passive torque, of its root mean square; at least half a newton metre."""
 SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 ACTIVE_SETS = 16
@@ -190,8 +192,9 @@ class _Part:
         self.arms = windows.arms[windows.counted]
         self.torques = windows.torques[windows.counted]
         self.rest = not np.isfinite(windows.step)
+        # Passive torques are measured by themselves: none of the errors of inverse dynamics are theirs.
+        self.measured = np.maximum(0.5, REST_ERROR * np.sqrt(np.mean(self.torques**2, axis=0)))
         self.weight = 0.2
-        self.frames: Followed
 
     def _of(self, values: Array) -> Array:
         return values[self.windows.counted]
@@ -211,7 +214,7 @@ class _Part:
             variance = np.full_like(variance, REST**2)
         self.plain = self.torques - _times(self.arms, at.force)
         self.columns = self.arms * at.by_activation[:, None]
-        self.of_torque = noise.torque**2
+        self.of_torque = self.measured**2 if self.rest else noise.torque**2
         S = self._bounded(now, expected, variance)
         self.whiten = np.linalg.inv(np.linalg.cholesky(S))
         self.covariance = S
@@ -277,8 +280,10 @@ class _Part:
         frames = np.full((*self.windows.counted.shape, white.shape[1]), np.nan)
         frames[self.windows.counted] = white
         square, length = np.nanmean(frames**2), 1.0
-        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] - 5)):
-            rho = np.nanmean(frames[:, :-lag] * frames[:, lag:]) / max(square, 1e-12)
+        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] // 2)):
+            pairs = frames[:, :-lag] * frames[:, lag:]
+            known = np.isfinite(pairs)
+            rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / max(square, 1e-12)
             if rho < 0.05:
                 break
             length += 2.0 * rho

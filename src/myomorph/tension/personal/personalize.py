@@ -159,7 +159,7 @@ def personalize(
     >>> model = mm.read_model("arm.osim")
     >>> found = mm.personalize(model, generic=model)
     >>> [round(one.optimal_fiber_length, 3) for one in found.model.muscles]
-    [0.09, 0.1]
+    [0.12, 0.12]
     """
     options = options or PersonalizeOptions()
     if not trials and generic is None:
@@ -179,7 +179,7 @@ def personalize(
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         prior = prior_of(start, shapes, windows, rows, options, fixed)
-        floors = torque_floors(start, rows, windows)
+        floors = torque_floors(start, rows, [one for one in windows if np.isfinite(one.step)] or windows)
         seen, unseen = split(windows) if options.hold_out else (list(windows), [])
         fitted = fit(prior, shapes, seen, floors, advance=advance)
         checked, p = None, fitted.p
