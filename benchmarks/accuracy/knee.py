@@ -126,8 +126,7 @@ def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
 
 def own_cutoff(folder: Path, stride: str) -> float:
     """Low pass that `myomorph tension` takes for a stride where none is given [Hz]."""
-    model = read_model(folder / STUDY / MODEL)
-    found = automatic_cutoff(motion_from_table(read_sto(folder / STUDY / f"{stride}_ik.mot"), model))
+    found = automatic_cutoff(_inputs(folder, stride)[1])
     assert found is not None
     return found
 
