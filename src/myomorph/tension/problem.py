@@ -44,7 +44,7 @@ def tension_problem(
     terms: Sequence[Term] = (),
     only: Collection[str] | None = None,
 ) -> tuple[TensionProblem, tuple[str, ...]]:
-    """What `solve_tension` solves, set up but not solved, and the names of the actuators.
+    """What `solve_tension` solves with rigid tendons, set up but not solved, and the names of the actuators.
 
     Parameters
     ----------
@@ -54,6 +54,27 @@ def tension_problem(
     """
     options = options or TensionOptions()
     tree = compile_tree(model)
+    given = (tree, motion, torques, options, actuators, contacts, emg, terms)
+    setup, names = problem_setup(*given, MuscleTerm(tree, options))
+    return TensionProblem(*setup, only), names
+
+
+ProblemSetup = tuple[Tree, tuple[Term, ...], TensionOptions, Array, Array, Array, Array]
+
+
+def problem_setup(
+    tree: Tree,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: Sequence[Actuator] | None,
+    contacts: ContactTask | None,
+    emg: EmgTarget | None,
+    terms: Sequence[Term],
+    muscles: MuscleTerm,
+) -> tuple[ProblemSetup, tuple[str, ...]]:
+    """What a `TensionProblem` is made of but for `only`, and the names of the actuators; errors are those of it."""
+    model = tree.model
     coordinates, rates = rates_of(tree, motion)
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
     given = {one.name for one in added}
@@ -70,10 +91,10 @@ def tension_problem(
     time = np.array(motion.time)
     touching = None if contacts is None else ContactTerm(tree, time, contacts)
     controls = options.exponent if options.exponent <= HIGHEST_POWER else 2.0
-    parts: list[Term] = [MuscleTerm(tree, options), ActuatorTerm(tree, enabled, controls)]
+    parts: list[Term] = [muscles, ActuatorTerm(tree, enabled, controls)]
     parts += () if touching is None else contact_terms(touching)
     parts += () if emg is None else (emg,)
-    return TensionProblem(tree, (*parts, *terms), options, time, coordinates, rates, tau, only), names
+    return (tree, (*parts, *terms), options, time, coordinates, rates, tau), names
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:

@@ -15,6 +15,7 @@ from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.muscles.hill import Convention
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+from myomorph.tension.fibers import Fibers
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
@@ -25,6 +26,7 @@ _CHOICES = {
     "weights": ("equal", "volume", "strength"),
     "min_activation": ("zero", "model"),
     "curves": ("auto", "rigid-tendon", "opensim", "constant"),
+    "tendons": ("rigid", "elastic"),
 }
 
 
@@ -51,6 +53,12 @@ class TensionOptions:
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N]; by default 1 on a
         body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
+    tendons : "rigid": every frame by itself; "elastic": tendons stretch by the curves of each muscle's class, and
+        forces of all frames are found together (see docs/elastic-tendons.md)
+    activation_dynamics : with elastic tendons, whether activation changes no faster than excitations between 0 and 1
+        let it, by the time constants of the model
+    second_start : with elastic tendons, whether the problem is solved from another start too, as the problem is not
+        convex: the distance of the two solutions is in `Fibers.certificate`
     """
 
     recruitment: Literal["power", "minmax"] = "power"
@@ -62,6 +70,9 @@ class TensionOptions:
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
     reserve: float | None = None
     residual: float | None = None
+    tendons: Literal["rigid", "elastic"] = "rigid"
+    activation_dynamics: bool = True
+    second_start: bool = False
 
     def __post_init__(self) -> None:
         if not 1.2 <= self.exponent <= 20.0:
@@ -113,6 +124,7 @@ class Tension(Labelled):
         it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
     viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
     contacts : forces found at contact sites, NaN where the frame was not solved; None where none were looked for
+    fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
 
     time: Array
@@ -132,6 +144,7 @@ class Tension(Labelled):
     options: TensionOptions
     viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
     contacts: ContactForces | None = None
+    fibers: Fibers | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
@@ -140,7 +153,8 @@ class Tension(Labelled):
         return len(self.time)
 
     def variables(self) -> dict[str, Variable]:
-        """Activations, forces, reserves and torques, and what became of each frame."""
+        """Activations, forces, reserves and torques, what became of each frame, and fibers where tendons stretch."""
+        fibers = {} if self.fibers is None else self.fibers.variables()
         return {
             "activation": Variable(("time", "muscle"), self.activations),
             "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
@@ -150,6 +164,7 @@ class Tension(Labelled):
             "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
             "status": Variable(("time",), self.status),
             "iterations": Variable(("time",), self.iterations),
+            **fibers,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
@@ -214,6 +229,7 @@ def tension_of(whole: Tension, part: str) -> Tension:
         torques=whole.torques[:, rows],
         overstretched=tuple(_own(whole.overstretched, part).values()),
         contacts=None,
+        fibers=None if whole.fibers is None else whole.fibers.of(muscles, whole.muscles),
     )
 
 

@@ -18,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.joint_contact import JointContactForces
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
 
@@ -210,6 +211,7 @@ class ReportInput:
     head : title, notes, sources, steps and warnings
     model : of the subject
     surfaces : meshes for the pictures, by `Mesh.file`
+    joint_contacts : forces at contact points of joints
     analysis : how to look at the motion
     identification : how the body's masses and lengths were found
     more : sections of steps that this page does not know
@@ -224,6 +226,7 @@ class ReportInput:
     muscles: MusclePaths = field(default_factory=MusclePaths)
     tension: ShownTension | None = None
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
+    joint_contacts: JointContactForces | None = None
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()

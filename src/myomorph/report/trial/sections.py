@@ -21,6 +21,7 @@ from myomorph.report.trial.figures import (
 )
 from myomorph.report.trial.given import Truth
 from myomorph.report.trial.identification import identification_sections
+from myomorph.report.trial.joint_contact_section import joint_contact_section
 from myomorph.report.trial.muscle_sections import (
     activation_section,
     emg_section,
@@ -49,6 +50,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (joint_section, "Joint angles and moments: no motion. Give the step “ik”, or a motion file."),
         (activation_section, "Muscle activations: not solved. Give the steps “muscles” and “tension”."),
         (tension_section, ""),
+        (joint_contact_section, ""),
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
         (length_cycle_section, ""),

@@ -20,7 +20,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify")
+FIRST = ("morph", "calibrate", "ik", "identify", "personalize")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
@@ -98,6 +98,7 @@ class TrialTable(Strict):
     emg: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
 
@@ -128,6 +129,7 @@ class SubjectTable(Strict):
     actuators: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     time: tuple[float, float] | None = None
     labels: dict[str, str] = Field(default_factory=dict)
     bones: BonesTable | None = None

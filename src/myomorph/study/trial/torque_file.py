@@ -107,7 +107,7 @@ def given_torques(
     Parameters
     ----------
     loads, contacts : what else is given of external forces
-    reactions : whether joint reactions are asked for
+    reactions : whether joint reactions, or contact points that share them, are asked for
 
     Raises
     ------
@@ -119,7 +119,10 @@ def given_torques(
     for given, what in (
         (loads is not None, "loads: the torques already hold what the external forces do; give one of them"),
         (bool(contacts), "contacts: forces of contacts are found with inverse dynamics, so leave the torques out"),
-        (reactions, "reactions: loads of joints need the external forces, so give loads in the place of torques"),
+        (
+            reactions,
+            "joint reactions or contact points: loads of joints need the external forces, so give loads in the place of torques",
+        ),
     ):
         if given:
             raise BadData(f"{path.name}: torques are given together with {what}")

@@ -33,6 +33,7 @@ from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 if TYPE_CHECKING:
     from myomorph.io.osim.setup_parts import IkTasks
     from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
@@ -55,6 +56,7 @@ class TrialFiles:
     emg_side : side of channels whose names tell none
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
+    contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
     phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
@@ -79,6 +81,7 @@ class TrialFiles:
     actuators: Path | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
@@ -254,8 +257,11 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
     options = options_of(settings)
-    reactions = options[TensionTables].reactions != "none"
+    reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
     torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
+    points = _contact_points(files, model)
+    if points is not None:
+        sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
     if files.emg is not None:
         envelope = options[EnvelopeOptions]
@@ -280,6 +286,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         emg_muscles={} if found is None else found.muscles,
         mass=files.mass,
         contacts=contact_plan(files, model),
+        contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
         sources=tuple(sources),
@@ -393,6 +400,15 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
         from myomorph.tension.emg_calibration import EmgOptions
 
         yield options[EmgOptions]
+
+
+def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
+    """Points that share a joint's force, where they are asked for."""
+    if not files.contact_points:
+        return None
+    from myomorph.study.trial.contact_points import contact_points
+
+    return contact_points(files.contact_points, model)
 
 
 def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
