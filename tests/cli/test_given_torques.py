@@ -74,7 +74,7 @@ def test_what_does_not_fit_is_refused(arm, command, tmp_path, torques):
     for more, words in (
         (("--loads", arm.loads), "give one of them"),
         (("--contacts", "auto"), "leave the torques out"),
-        (("--reactions", "child"), "give loads in the place"),
+        (("--reactions", "child"), "give loads instead"),
     ):
         told, _ = forces(command, arm, out, "--torques", torques, *more)
         assert told.status == 2

@@ -121,7 +121,7 @@ def given_torques(
         (bool(contacts), "contacts: forces of contacts are found with inverse dynamics, so leave the torques out"),
         (
             reactions,
-            "joint reactions or contact points: loads of joints need the external forces, so give loads in the place of torques",
+            "joint reactions or contact points: loads of joints need the external forces, so give loads instead",
         ),
     ):
         if given:
