@@ -18,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
@@ -71,6 +72,7 @@ class ShownTension:
     reserve_coordinates : coordinate of each reserve
     solved : (frames,) whether the frame is optimal
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
+    fibers : fibers and tendons, where tendons were elastic
     """
 
     time: Array
@@ -81,6 +83,7 @@ class ShownTension:
     reserve_coordinates: tuple[str, ...]
     solved: np.ndarray
     overstretched: tuple[str, ...] = ()
+    fibers: Fibers | None = None
 
 
 @dataclass(frozen=True, eq=False)
