@@ -16,11 +16,11 @@ import numpy as np
 from myomorph.muscles.hill_classes import MILLARD, THELEN
 from myomorph.rigid.kernels import inner
 
-FLOOR, TONE = 1e-3, 1e-3
+FLOOR, TONE = 1e-3, 5e-4
 """Normalized force that fibers have per activation, and always, beside that of their curves: those that shorten so fast
 that the tendon is slack stay in equilibrium, and no activation becomes infinite."""
 
-SLACKENED = 2e-3
+SLACKENED = 1e-3
 """Width of the step from fibers that pull to fibers that are slack [normalized force]."""
 
 ROUNDED = 0.01

@@ -22,16 +22,16 @@ from myomorph.tension.elastic.program import LEAST, MOST, SMOOTH, Point, Program
 SLACK = 1e-6
 """Slack of the balance per multiplier: where no activation can balance, torques are missed least."""
 
-FIRST, LAST = 1e-2, 1e-7
+FIRST, LAST = 1e-2, 1e-6
 """Barrier parameter at the beginning and at the end, in units of the effort a^2 of one muscle."""
 
-TOLERANCE = 1e-5
-"""KKT residual at which the problem is solved."""
+TOLERANCE = (5e-4, 1e-5, 1e-5)
+"""Residuals of the gradient, of bounds and of constraints at which the problem is solved."""
 
 ENOUGH = 50.0
 """Residual, in units of the barrier parameter, at which that is made smaller."""
 
-STEPS = 200
+STEPS = 300
 NEAR = 1e-2
 """How far from its bounds, in shares of their distance, an unknown begins at least."""
 
@@ -229,7 +229,7 @@ class Solver:
         return found
 
     def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
-        """Residuals of the gradient, relative to the mean slope of the cost over forces, of bounds and of constraints."""
+        """Residuals of the gradient (relative to the mean slope of the cost over forces), of bounds, of constraints."""
         f = self.v[0]
         _, multiplier = self.multipliers(at)
         pulled = np.matmul(self.y[:, None], self.p.pulls)[:, 0]
@@ -390,7 +390,7 @@ class Solver:
                 self.filter = []
             if log is not None:
                 log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
-            if self.mu <= LAST and max(errors) <= TOLERANCE:
+            if self.mu <= LAST and _solved(errors):
                 break
             found = self.step(at, shift)
             there = None if found is None else self.advance(at, *found)
@@ -409,9 +409,13 @@ class Solver:
             float(np.abs(at.g[..., 0]).max(initial=0.0)),
             at.cost,
             steps,
-            max(errors) <= TOLERANCE,
+            _solved(errors),
             at.fibers,
         )
+
+
+def _solved(errors: tuple[float, float, float]) -> bool:
+    return all(one <= most for one, most in zip(errors, TOLERANCE, strict=True))
 
 
 def _not_negative(kk: Array, kn: Array, nn: Array) -> tuple[Array, Array, Array]:

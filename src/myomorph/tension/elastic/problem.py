@@ -24,7 +24,7 @@ from myomorph.tension.elastic.fibers_at import fibers_at
 from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.parts import parts_of
 from myomorph.tension.elastic.term import ElasticMuscleTerm
-from myomorph.tension.elastic.windows import Frames, filled, program_of, runs, solve_part, start_of
+from myomorph.tension.elastic.windows import Frames, drawn, filled, program_of, runs, solve_part, start_of
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionProblem, problem_setup
 from myomorph.tension.tension import Tension, TensionOptions
@@ -40,6 +40,10 @@ MARGIN = 0.3
 
 SHORTEST_BRIDGE = 0.1
 """Gaps up to this long are bridged [s]."""
+
+PASSES = 2
+"""Passes over a window whose contact forces are smoothed: each frame is given those beside it of the pass before, the
+first those of the solution with rigid tendons."""
 
 TRANSIENT = 0.1
 """Time from the beginning and before the end in which what lies beyond is felt [s]."""
@@ -110,7 +114,8 @@ class _Found(NamedTuple):
     residual: float
     equilibrium: float
     steps: int
-    seconds: list[tuple[float, float]]
+    solved: bool
+    far: tuple[float, float]
 
 
 class ElasticProblem(TensionProblem):
@@ -191,16 +196,12 @@ class ElasticProblem(TensionProblem):
         x, residual = np.full((end - begin, len(self.separable.weight)), np.nan), np.full(end - begin, np.nan)
         forces = np.full((end - begin, len(self.muscles.strength)), np.nan)
         iterations, status = np.zeros(end - begin, np.int64), np.full(end - begin, MISSING, np.int8)
+        out = (x, forces, residual, iterations, status)
         for first, last in runs(good, self._bridgeable(begin, good)):
-            self._solve_run(
-                given, begin, slice(first, last), good[first:last], (x, forces, residual, iterations, status)
-            )
+            self._solve_run(given, begin, slice(first, last), good[first:last], out)
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        self._residual[part], self._iterations[part], self._status[part] = (
-            residual[kept],
-            iterations[kept],
-            status[kept],
-        )
+        self._residual[part], self._iterations[part] = residual[kept], iterations[kept]
+        self._status[part] = status[kept]
         self._tendon_forces[part] = forces[kept]
         self._bridged[part] = (~good & np.isfinite(x[:, 0]))[kept]
         self._store_window(part, x[kept], forces[kept], Balance(*(one[kept] for one in given)))
@@ -221,21 +222,17 @@ class ElasticProblem(TensionProblem):
         """Solve frames without a gap that is not bridged, into the arrays of the window."""
         frames, status = self._frames(given, begin, part, good)
         x, forces, residual, iterations, steps_status = out
-        others = frames.x.copy()
         found: list[_Found] = []
         if len(frames.time) > 1:
-            dynamics, again = self.options.activation_dynamics, self.options.second_start
-            programs = [program_of(one, frames, self.separable, self.muscles, dynamics) for one in self.parts]
-            tasks = [
-                partial(solve_part, program, *start_of(one, frames, program), again)
-                for one, program in zip(self.parts, programs, strict=True)
-            ]
-            for one, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
-                frames.forces[:, one.muscles] = outcome.point.f
-                found.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, [far]))
-                status = np.where(outcome.solved, status, STALLED)
-                others[:, one.muscles] = _at_frames(outcome.point.a)
-                others[:, one.others] = outcome.point.x
+            own = frames.penalties
+            for _ in range(1 if self.smooth is None else PASSES):
+                if self.smooth is not None:
+                    links = self.smooth.links(begin + part.start, begin + part.stop)
+                    frames.penalties = drawn(own, links, frames.x, self.separable)
+                found = self._pass(frames)
+            if not all(one.solved for one in found):
+                status[:] = STALLED
+        others = frames.x
         x[part], forces[part] = others, frames.forces
         residual[part], scale = self._missed(frames, others)
         iterations[part] = max((one.steps for one in found), default=0)
@@ -243,6 +240,22 @@ class ElasticProblem(TensionProblem):
         steps_status[part] = np.where(good, status, MISSING)
         self._certificates += found
         self._mark(begin + part.start, begin + part.stop)
+
+    def _pass(self, frames: Frames) -> list[_Found]:
+        """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
+        dynamics, again = self.options.activation_dynamics, self.options.second_start
+        programs = [program_of(one, frames, self.separable, self.muscles, dynamics) for one in self.parts]
+        tasks = [
+            partial(solve_part, program, *start_of(one, frames, program), again)
+            for one, program in zip(self.parts, programs, strict=True)
+        ]
+        found = []
+        for one, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
+            frames.forces[:, one.muscles] = outcome.point.f
+            frames.x[:, one.muscles] = _at_frames(outcome.point.a)
+            frames.x[:, one.others] = outcome.point.x
+            found.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
+        return found
 
     def _frames(self, given: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
         """What programs are made of in a run of frames, with the solution on rigid tendons."""
@@ -304,7 +317,7 @@ class ElasticProblem(TensionProblem):
         found = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
         all_names = self.assembly.tree.model.muscle_names
         rigid = tuple(name for name, one in zip(all_names, self.muscles.elastic, strict=True) if not one)
-        seconds = np.array([far for one in self._certificates for far in one.seconds]).reshape(-1, 2)
+        seconds = np.array([one.far for one in self._certificates]).reshape(-1, 2)
         certificate = Certificate(
             max((one.residual for one in self._certificates), default=0.0),
             max((one.equilibrium for one in self._certificates), default=0.0),

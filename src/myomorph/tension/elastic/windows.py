@@ -13,7 +13,7 @@ from myomorph.tension.elastic.interior import Outcome, Solver
 from myomorph.tension.elastic.parts import Part
 from myomorph.tension.elastic.program import LEAST, MOST, Costs, Point, Program, Rates
 from myomorph.tension.elastic.term import ElasticMuscleTerm
-from myomorph.tension.separable import Separable
+from myomorph.tension.separable import Links, Separable
 
 START_ROOM = 0.02
 """How far from its bounds an activation begins at least, in shares of their distance."""
@@ -93,6 +93,31 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
     mean = [(share[0] * one[:-1] + share[1] * one[1:]) / count for one in ends]
     # Where one frame alone knows of the activation, it counts half.
     return np.stack([*mean[:2], mean[2] * count / 2.0])
+
+
+def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
+    """Interval penalties (frames, 3, unknowns) with those that draw linked unknowns to the amounts of frames beside.
+
+    Parameters
+    ----------
+    penalties : (1 or frames, 3, unknowns) without
+    x : (frames, unknowns) whose amounts the frames beside have
+    """
+    found = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
+    own = slice(links.first, links.first + links.scale.shape[1])
+    pull, total = np.zeros_like(links.scale), np.zeros_like(links.scale)
+    stiff = links.stiffness[:, None] * shared.weight[own]
+    amount, touches = links.scale * x[:, own], links.scale > 0.0
+    both = touches[1:] & touches[:-1]
+    for here, beside in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        pull[here] += stiff * both
+        total[here] += stiff * both * amount[beside]
+    linked = pull > 0.0
+    middle = total / np.where(linked, pull * links.scale, 1.0)
+    found[:, 0, own] = np.where(linked, middle, found[:, 0, own])
+    found[:, 1, own] = np.where(linked, middle, found[:, 1, own])
+    found[:, 2, own] = np.where(linked, pull * links.scale**2, found[:, 2, own])
+    return found
 
 
 def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscleTerm, dynamics: bool) -> Program:
