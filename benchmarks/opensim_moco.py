@@ -12,9 +12,9 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
+import opensim
 
 from myomorph.model.arrays import Array
 
@@ -50,7 +50,7 @@ class MocoFound:
     success: bool
 
 
-def moco_inverse(opensim: ModuleType, folder: Path, start: float, end: float, dynamics: bool = False) -> MocoFound:
+def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False) -> MocoFound:
     """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read what was found before.
 
     Parameters
@@ -63,12 +63,12 @@ def moco_inverse(opensim: ModuleType, folder: Path, start: float, end: float, dy
     place = root / f"rajagopal-{start:g}-{end:g}-{'excitations' if dynamics else 'activations'}"
     if not (place / "found.json").exists():
         place.mkdir(parents=True, exist_ok=True)
-        _solve(opensim, folder, place, start, end, dynamics)
+        _solve(folder, place, start, end, dynamics)
     return _read(place)
 
 
-def _solve(opensim: ModuleType, folder: Path, place: Path, start: float, end: float, dynamics: bool) -> None:
-    processor = _model(opensim, folder, dynamics)
+def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) -> None:
+    processor = _model(folder, dynamics)
     model = processor.process()
     model.printToXML(str(place / "model.osim"))
     inverse = opensim.MocoInverse()
@@ -101,7 +101,7 @@ def _solve(opensim: ModuleType, folder: Path, place: Path, start: float, end: fl
     (place / "found.json").write_text(json.dumps(facts), encoding="utf-8")
 
 
-def _model(opensim: ModuleType, folder: Path, dynamics: bool) -> object:
+def _model(folder: Path, dynamics: bool) -> object:
     """The recording's model with De Groote's muscles without passive force, as MocoInverse can solve it."""
     processor = opensim.ModelProcessor(str(folder / "subject_walk_scaled.osim"))
     welded = opensim.StdVectorString()
