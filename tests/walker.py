@@ -118,6 +118,7 @@ class Tension:
         self.solved = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()
         self.passive: tuple[tuple[str, float, float], ...] | None = None
+        self.fibers = None
 
 
 def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:

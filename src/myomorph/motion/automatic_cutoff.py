@@ -25,7 +25,8 @@ def automatic_cutoff(motion: Motion) -> float | None:
     """The cutoff that a motion needs before it is differentiated, None where it is smooth already.
 
     It is the frequency below which 99.8 % of the variance of a coordinate lies, white noise taken off, the median over
-    those that move. A motion whose accelerations lie below it for the most part is smooth, and filtering it again takes motion away.
+    those that move. A motion whose accelerations lie below it for the most part is smooth, and filtering it again takes
+    motion away.
 
     Source: Winter 2009, section 3.4.4.2, for the harmonics that hold 99.7 % of the power of walking.
 

@@ -96,7 +96,7 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
         worst = int(torn[np.argmax(most[torn])])
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
-            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, which tears tendons; "
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, which tears them; "
             f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
