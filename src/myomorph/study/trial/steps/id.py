@@ -16,6 +16,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
+from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, TorqueTable
@@ -50,16 +52,12 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
 
     Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
     """
-    from myomorph.rigid.closed_motion import closed_motion
-
     motion = differentiate(recorded, trial.options[Differentiation].cutoff)
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
     """Inverse dynamics of coordinates; external forces are filtered as the motion."""
-    from myomorph.rigid.dynamics import inverse_dynamics
-
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
     wrenches = None
@@ -79,6 +77,7 @@ def shown_torques(trial: TrialInputs, found: Torques) -> Series:
     """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
     torques, options = found.torques, trial.options[TorqueTable]
     if options.net:
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.muscles.passive import passive_generalized_forces
 
         passive = passive_generalized_forces(trial.model, found.motion).values
