@@ -31,6 +31,7 @@ def calibrate_command(
     threads: Threads = None,
 ) -> int:
     """Link lengths and marker positions of the body that the recordings show."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import calibrating
     from myomorph.study.subject.calibrating import CalibrationFiles

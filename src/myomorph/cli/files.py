@@ -19,6 +19,7 @@ from myomorph.cli.output import said, warn
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
     """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.info.inspect import inspect
 
     for line in inspect(file).lines():
@@ -40,6 +41,7 @@ def report_command(
     ] = (),
 ) -> int:
     """Make report.html of a folder of results."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.demo.jump import demo_model
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
@@ -60,6 +62,7 @@ def run_tool_command(
     threads: Threads = None,
 ) -> int:
     """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.opensim_tools.run import run_tool
 
     use_threads(threads)
@@ -82,6 +85,7 @@ def view_command(
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> int:
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.demo.jump import demo_model
     from myomorph.study.trial.viewing import open_replay
 

@@ -54,6 +54,7 @@ def identify_command(
     threads: Threads = None,
 ) -> int:
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.identification import live_motions
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape

@@ -44,6 +44,7 @@ def live_command(
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
     """Joint angles, torques and muscle activations while frames arrive."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
     from myomorph.store.settings import with_settings
 

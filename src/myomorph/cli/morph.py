@@ -61,6 +61,7 @@ def morph_command(
     threads: Threads = None,
 ) -> int:
     """A model's muscles in other bones: those of a subject, from a scan or a shape model."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.subject import morphing
     from myomorph.study.subject.morph_files import MorphFiles
     from myomorph.study.subject.subjects import check_out_model

@@ -57,6 +57,7 @@ def use_threads(threads: int | None) -> None:
     BadData
         where that is less than one
     """
+    # Imported by the command that needs it: --help and the others start without.
     import os
 
     from myomorph.model.errors import BadData

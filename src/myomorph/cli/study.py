@@ -38,6 +38,7 @@ def demo_command(
     """The main job on data that come with the installation, from markers to a report."""
     use_threads(threads)
     if study == "shoulder":
+        # Imported by the command that needs it: --help and the others start without.
         from myomorph.cli.viscosity import ended, print_outcome
         from myomorph.demo.shoulder import run_shoulder_demo
 
@@ -79,6 +80,7 @@ def _say_remarks(plan: Plan) -> None:
 
 def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     """Print what a run by so many workers would do."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.run.dry_run import dry_run, dry_run_lines
 
     _say_remarks(plan)
@@ -90,6 +92,7 @@ def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
 
 def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int | None) -> Workers:
     """Workers of this machine for a study; raises `BadData` where there cannot be any."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
     from myomorph.study.run.local_workers import local_workers
 
@@ -143,6 +146,7 @@ def run_command(
     ] = None,
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
     from myomorph.study.plan.plan import read_plan
     from myomorph.study.run.run import run_study
@@ -174,6 +178,7 @@ def run_command(
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say what a run came to, where its results are and what failed where; the exit status."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.run.run import FULL
     from myomorph.study.summary.study_tables import PAGE, PARQUET, has_parquet
 

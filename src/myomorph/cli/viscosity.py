@@ -68,6 +68,7 @@ def viscosity_command(
     threads: Threads = None,
 ) -> int:
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
     from myomorph.viscosity.study.run import run_viscosity
 
@@ -85,6 +86,7 @@ def viscosity_command(
 
 def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
     """Say how many specimens were done and where the report is; the exit status."""
+    # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.results import REPORT
 
     failed = [one for one in outcomes if one.report.failure]

@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.model.errors import UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
+from myomorph.motion.envelope import envelopes
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
@@ -42,6 +43,7 @@ def run_demo(name: str, out: Path) -> Outcome:
     finally:
         ahead.stop()
     if name == "judo":
+        # Brings MuJoCo: loaded only where it is needed.
         from myomorph.demo.judo import run_judo_demo
 
         return run_judo_demo(out)
@@ -63,10 +65,12 @@ def demo_trial(name: str) -> TrialInputs:
     if name == "jump":
         return _jump_trial()
     if name == "simulated":
+        # Each demo loads its own simulation only.
         from myomorph.simulate.squat import simulated_trial
 
         return simulated_trial()
     if name == "judo":
+        # Each demo loads its own simulation only.
         from myomorph.demo.judo import BOUT, CUTOFF, judo_trial
         from myomorph.simulate.pair import virtual_pair
 
@@ -77,6 +81,7 @@ def demo_trial(name: str) -> TrialInputs:
 def demo_model(name: str) -> Model:
     """The model of a demo's recording; raises `UnknownName`."""
     if name == "judo":
+        # Each demo loads its own simulation only.
         from myomorph.demo.judo import judo_model
 
         return judo_model()
@@ -84,7 +89,7 @@ def demo_model(name: str) -> Model:
 
 
 def _jump_trial() -> TrialInputs:
-    from myomorph.motion.envelope import envelopes
+    # Each demo loads its own simulation only.
     from myomorph.simulate.jump import jump_study
 
     jump = jump_study()

@@ -233,6 +233,7 @@ def run_morph_demo(out: Path) -> MorphDemo:
     ------
     BadData : `myo-sim` is not installed
     """
+    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.study.trial.reporting import REPORT
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from myomorph.io.parsing.text import file_text, line_from, parse_cells, quick_numbers, rising, split_cells
+from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Series
 
@@ -26,6 +27,7 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".c3d":
+        # Each kind of file brings its own reader.
         from myomorph.io.c3d.read import read_c3d
 
         analog = read_c3d(path).analog
@@ -33,8 +35,6 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
             raise BadFile(path, "holds no analog channels", "export the load cells' channels with it")
         return analog
     if ending in (".mot", ".sto"):
-        from myomorph.io.sto import read_sto
-
         return read_sto(path)
     if ending not in (".csv", ".tsv", ".txt"):
         raise BadFile(path, f"holds no channels: its name ends in '{ending}'", "expected .c3d, .csv, .mot or .sto")

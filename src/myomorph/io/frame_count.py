@@ -103,6 +103,7 @@ def _number(text: str) -> float:
 
 
 def _keypoints(path: Path) -> FrameCount:
+    # Brings h5py: loaded only where it is needed.
     import h5py
 
     try:

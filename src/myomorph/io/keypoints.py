@@ -126,6 +126,7 @@ def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
 
 def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointNames]:
     """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of them."""
+    # Brings h5py: loaded only where it is needed.
     import h5py
 
     if not path.is_file():
@@ -167,6 +168,7 @@ def _check_hdf5(path: Path) -> None:
 
 def _read_all(path: str) -> None:
     """The child's side: touch everything that the reader may read."""
+    # Loaded only where such a file is read or written.
     import h5py
 
     try:
@@ -264,6 +266,7 @@ def _parsed(text: str, path: Path) -> Any:
             return json.loads(text)
         except (ValueError, RecursionError) as error:
             raise BadFile(path, f"is not JSON ({error})") from None
+    # Brings PyYAML: loaded only where it is needed.
     import yaml
 
     try:

@@ -114,6 +114,7 @@ def _unpacked(data: np.ndarray, path: Path) -> int:
 
 def _recording(path: Path) -> tuple[str, Any]:
     """The first structure with trajectories, and its name."""
+    # Brings SciPy: loaded only where it is needed.
     from scipy.io import loadmat
 
     try:

@@ -183,6 +183,7 @@ class LabStreams:
 def streaming_library() -> Any:
     """The package `pylsl`; raises `MyomorphError` where it is not installed."""
     try:
+        # Brings pylsl: loaded only where it is needed.
         import pylsl
     except (ImportError, RuntimeError) as error:
         raise MyomorphError(

@@ -210,6 +210,7 @@ def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
     """Median frequency outside what surface EMG has: the declared rate is wrong, or this is an envelope."""
+    # Brings SciPy: loaded only where it is needed.
     from scipy.signal import welch
 
     if len(column) < 256:

@@ -99,6 +99,7 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
     BadData
         where the recording is too short or too slow for the filters
     """
+    # Brings SciPy: loaded only where it is needed.
     from scipy.signal import butter, sosfiltfilt
 
     options = options or EnvelopeOptions()
@@ -134,6 +135,7 @@ def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) ->
 
 def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
     """Second-order sections of the notches at the mains and at its harmonics within the band."""
+    # Half a second to import, for raw EMG only.
     from scipy.signal import iirnotch, tf2sos
 
     if options.notch is None:

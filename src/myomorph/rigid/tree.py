@@ -15,6 +15,7 @@ from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
+from myomorph.rigid.couplers import couple_frames
 
 ROTATION, TRANSLATION = 0, 1
 
@@ -149,8 +150,6 @@ class Tree:
 
         What the motion does not have stands at its default; dependent coordinates follow couplers.
         """
-        from myomorph.rigid.couplers import couple_frames
-
         columns = {name: i for i, name in enumerate(motion.names)}
         values = np.tile(self.defaults, (len(motion), 1))
         for j, name in enumerate(self.model.coordinate_names):

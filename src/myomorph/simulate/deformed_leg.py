@@ -159,6 +159,7 @@ def _mirrored(surface: Surface) -> Surface:
 
 def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
     """A surface deformed, with other triangles than it had: each cut into four."""
+    # Brings SciPy and trimesh: loaded only where it is needed.
     import trimesh
 
     vertices, faces = trimesh.remesh.subdivide(np.array(surface.vertices), np.array(surface.faces))

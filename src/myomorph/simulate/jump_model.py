@@ -186,6 +186,7 @@ def leg_model() -> Model:
     bending and twist of the trunk and the toes are locked.
     """
     try:
+        # Brings MuJoCo and myo-sim: loaded only where it is needed.
         import myo_sim
     except ImportError:
         raise BadData(

@@ -106,6 +106,7 @@ def arm_model() -> Model:
     BadData : that package is not installed
     """
     try:
+        # Brings myo-sim: loaded only where it is needed.
         import myo_sim
     except ImportError:
         raise BadData("virtual specimens need the package 'myo-sim': pip install myo-sim") from None

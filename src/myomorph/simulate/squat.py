@@ -81,6 +81,7 @@ class SimulationOptions:
 
 def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     """The simulated capture, ready for all steps, with its truth."""
+    # Brings SciPy: loaded only where it is needed.
     from myomorph.tension.solve import TensionOptions, solve_tension
 
     options = options or SimulationOptions()
@@ -145,6 +146,7 @@ def marked_body() -> Model:
         where the package `myo-sim` is not installed
     """
     try:
+        # Brings myo-sim: loaded only where it is needed.
         import myo_sim
     except ImportError:
         raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None

@@ -74,6 +74,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
 
 
 def _bar(title: str, total: int, done: float) -> Progress:
+    # Brings rich: loaded only where it is needed.
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -92,6 +93,7 @@ def _bar(title: str, total: int, done: float) -> Progress:
 @contextmanager
 def silent_mujoco() -> Iterator[None]:
     """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the user's folder."""
+    # Brings MuJoCo: loaded only where it is needed.
     import mujoco
 
     mujoco.set_mju_user_warning(lambda text: None)

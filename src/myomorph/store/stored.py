@@ -242,6 +242,7 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
 
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
     """What `put_tension` wrote, or None."""
+    # Brings SciPy: loaded only where it is needed.
     from myomorph.tension.solve import Tension
 
     values, names = stored.values, stored.names

@@ -237,6 +237,7 @@ def quaternions(rotations: Array) -> Array:
 
 def _viser() -> Any:
     try:
+        # Brings viser: loaded only where it is needed.
         import viser
     except ImportError as error:
         raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install 'myomorph[view]'") from None

@@ -11,7 +11,7 @@ from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study.trial import inputs
 from myomorph.study.trial.inputs import fitted_to, open_model, read_loads, read_motion
-from myomorph.study.trial.trial_files import assigned_wrenches
+from myomorph.study.trial.plate_wrenches import assigned_wrenches
 
 
 @pytest.fixture(scope="module")

@@ -71,6 +71,7 @@ def _stored(value: object) -> dict[str, object]:
 
 def _save_arrays(source: str, target: str) -> None:
     """The child's side of reading: a C3D file as plain arrays."""
+    # Brings ezc3d: loaded only where it is needed.
     import ezc3d
 
     file = ezc3d.c3d(source, extract_forceplat_data=False)
@@ -141,6 +142,7 @@ def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecord
 
 def _save_c3d(source: str, target: str) -> None:
     """The child's side of writing: plain arrays as a C3D file."""
+    # Loaded only where such a file is read or written.
     import ezc3d
 
     file = ezc3d.c3d()

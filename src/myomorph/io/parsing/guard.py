@@ -85,6 +85,7 @@ def run_guarded(
 def limit_memory(gigabytes: float) -> None:
     """Let this process take `gigabytes` of address space at most, where the system can do that."""
     try:
+        # Not on every system.
         import resource
     except ImportError:
         return

@@ -119,6 +119,7 @@ def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, A
 
 def _nearest_on_triangles(point: Array, corners: Array) -> Array:
     """(m, 3) the nearest point of each triangle (m, 3, 3)."""
+    # Brings SciPy and trimesh: loaded only where it is needed.
     from trimesh.triangles import closest_point
 
     return np.asarray(closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64)

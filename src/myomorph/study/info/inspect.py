@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.formats import model_format, read_model, trial_format
+from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.study.info.inspection import Inspection
@@ -33,12 +34,12 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     ending = path.suffix.lower()
     recording = trial_format(path)
     if recording is not None:
+        # Brings Numba and SciPy: loaded only where it is needed.
         from myomorph.study.info.inspect_recording import inspect_trial
         from myomorph.study.trial.inputs import read_recording
 
         return inspect_trial(read_recording(path), recording.name)
     if ending in TABLES:
-        from myomorph.io.sto import read_sto
         from myomorph.study.info.inspect_recording import inspect_table
 
         return inspect_table(read_sto(path))
@@ -51,6 +52,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
 
 def _inspect_xml(path: Path) -> Inspection:
     """A MuJoCo model, or one of OpenSim's settings."""
+    # Each kind of file brings its own reader.
     from myomorph.io.parsing.xml import read_xml
 
     file = read_xml(path)
@@ -74,8 +76,8 @@ def _inspect_xml(path: Path) -> Inspection:
 
 
 def _inspect_loads(path: Path) -> Inspection:
+    # Each kind of file brings its own reader.
     from myomorph.io.loads import read_load_entries
-    from myomorph.io.sto import read_sto
 
     entries = read_load_entries(path)
     facts = [("forces", str(len(entries)))]

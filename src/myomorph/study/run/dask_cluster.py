@@ -137,6 +137,7 @@ def _ends_when_unwanted() -> Iterator[None]:
     nothing else at the same time, ends itself.
     """
     try:
+        # Brings distributed and jinja2: loaded only where it is needed.
         from distributed import get_worker
         from distributed.worker import thread_state
 
@@ -201,6 +202,7 @@ def connected(address: str, patience: float) -> Any:
         where the extra `cluster` is not installed
     """
     try:
+        # An extra, and slow to import.
         from distributed import Client
         from distributed.versions import VersionMismatchWarning
     except ImportError as error:

@@ -14,7 +14,7 @@ from typing import Any
 from myomorph.model.model import Model
 from myomorph.store.locks import RunMark, folder_lock
 from myomorph.store.netcdf import open_netcdf
-from myomorph.store.outcome import Key, Outcome
+from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import STORED, file_name, file_source, made_from, stored_values
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_work import do_subject, do_together, do_trial
@@ -113,7 +113,7 @@ def unchanged(trial: TrialInputs, steps: Sequence[str], folder: Path) -> Outcome
 
 def reused_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:
     """The outcome of the tables of a study where they would come out the same, else None."""
-    from myomorph.store.outcome import GATHERED
+    # Needed at the end of a study only, not by its workers.
     from myomorph.study.summary.study_tables import PAGE, made_here
 
     if not (out / PAGE).is_file() or not made_of(out / PAGE, made_here(plan, outcomes, out)):
@@ -123,6 +123,7 @@ def reused_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], 
 
 def reused_groups(model: Model | None, plan: Plan, out: Path) -> Outcome | None:
     """The outcome of the comparison of groups where it would come out the same, else None."""
+    # Needed at the end of a study only, not by its workers.
     from myomorph.study.summary.grouping import PAGE, TABLES
 
     assert plan.groups is not None

@@ -124,6 +124,7 @@ def do_together(
 
 def do_groups(model: Model | None, plan: Plan, out: Path) -> Outcome:
     """Two groups compared, from the results of their subjects' trials."""
+    # Needed at the end of a study only, not by its workers.
     from myomorph.study.summary.grouping import compare_stored
 
     assert plan.groups is not None
@@ -139,6 +140,7 @@ def do_groups(model: Model | None, plan: Plan, out: Path) -> Outcome:
 
 def do_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome:
     """The tables and the report of the whole study, from the results of its trials."""
+    # Needed at the end of a study only, not by its workers.
     from myomorph.study.summary.study_tables import gather_study
 
     started = time.monotonic()

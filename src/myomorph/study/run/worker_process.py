@@ -78,6 +78,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     given, told = os.dup(0), os.dup(1)
     if sys.platform == "win32":
+        # Windows only.
         import msvcrt
 
         for descriptor in (given, told):
@@ -99,6 +100,7 @@ def main() -> None:
 
 
 def _work(messages: queue.SimpleQueue[Any], told: int) -> None:
+    # After the messages are taken: what the process prints must not meddle with them.
     from myomorph.store.progress import silence
 
     silence()

@@ -11,9 +11,11 @@ import numpy as np
 from scipy import sparse
 
 from myomorph.identify.body.envelope import envelope_points
-from myomorph.identify.body.points import Links, MassPoints, links_of
+from myomorph.identify.body.points import Links, MassPoints, fill, links_of, reference_masses
+from myomorph.identify.body.skin import check_skin, inside
 from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.validation import Inside
+from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
@@ -100,9 +102,8 @@ def _in_skin(
     model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
     """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
+    # Only this option of the step needs it.
     from myomorph.identify.body.fit_pose import pose_model_to_skin
-    from myomorph.identify.body.points import fill, reference_masses
-    from myomorph.identify.body.skin import inside
 
     if shape.skin is not None:
         skin = _read_skin(shape.skin, shape.height)
@@ -135,14 +136,12 @@ def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
 
 
 def _read_skin(path: Path, height: float | None) -> Skin:
-    from myomorph.identify.body.skin import check_skin
-    from myomorph.io.mesh import read_mesh
-
     with about(path):
         return check_skin(read_mesh(path), height)
 
 
 def _statistical(shape: BodyShape, mass: float) -> Shape:
+    # Only this option of the step needs it.
     from myomorph.identify.body.shape import body_shape
 
     if shape.height is None or shape.chest is None:

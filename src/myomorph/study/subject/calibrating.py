@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -20,6 +21,7 @@ from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
+from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
@@ -114,8 +116,6 @@ def _recording(path: Path, model: Model, time: tuple[float, float] | None, warni
 
 def _weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
-    from myomorph.io.osim.setup_parts import read_ik_tasks
-
     given = read_ik_tasks(path).marker_weights
     return {name: given.get(name, 0.0) for name in model.marker_names}
 
@@ -252,7 +252,8 @@ def calibration_page(calibrated: Calibrated) -> str:
     # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
     from myomorph.report.page.parts import Note, PageHead, SourceFile
     from myomorph.report.trial.given import ReportInput
-    from myomorph.report.trial.identified import IdentificationInput, calibrated_body
+
+    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import surfaces_of
 

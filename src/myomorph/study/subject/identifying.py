@@ -20,6 +20,10 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
+from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.trial.given import Recorded, ReportInput
+from myomorph.report.trial.identification_tables import identification_tables
+from myomorph.report.trial.identified import identification_input
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import SettingGroup
@@ -219,10 +223,7 @@ def write_identified(
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
-    from myomorph.report.page.parts import Note, PageHead, SourceFile
-    from myomorph.report.trial.given import Recorded, ReportInput
-    from myomorph.report.trial.identification_tables import identification_tables
-    from myomorph.report.trial.identified import identification_input
+    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import REPORT
 
@@ -258,6 +259,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
 
 
 def _surfaces(model: Model) -> Mapping[str, Surface]:
+    # Only this option of the step needs it.
     from myomorph.study.trial.reporting import surfaces_of
 
     return surfaces_of(model)

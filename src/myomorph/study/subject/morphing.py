@@ -89,6 +89,7 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     with inputs.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
         morph = morph_model(model, bones, settings.morph, mass=files.mass, together=files.together, progress=advance)
     if files.mass is not None or skin is not None:
+        # Only this option of the step needs it.
         from myomorph.study.subject.morph_masses import with_morphed_masses
 
         weighed, notes = with_morphed_masses(morph, files.mass, skin)
@@ -172,6 +173,7 @@ def write_morphed(
     -------
     what the model's file could not hold, one line each
     """
+    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.report.morph.tables import morphing_tables
     from myomorph.study.trial.reporting import REPORT

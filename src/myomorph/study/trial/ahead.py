@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from numba import types
 
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
@@ -23,6 +24,8 @@ from myomorph.model.paths import Path as MusclePath
 from myomorph.model.series import Markers, Motion, Series
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kernels import kernel_folder, signatures_on_disk
 from myomorph.store.progress import progress
 
 MUSCLE_STEPS = ("muscles", "tension")
@@ -89,10 +92,8 @@ def wraps_of(model: Model) -> frozenset[str]:
 
 def cached(wraps: frozenset[str] = frozenset()) -> bool:
     """Whether an earlier command has left the muscle kernels on disk."""
-    from numba import types
-
+    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.muscles.path_kernels import path_frames
-    from myomorph.rigid.kernels import signatures_on_disk
 
     wanted = [one in wraps for one in (SURFACES, TENDONS)]
     found = signatures_on_disk(path_frames)
@@ -101,8 +102,8 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
 
 def motion_cached() -> bool:
     """Whether an earlier command has left the kernels of inverse kinematics on disk."""
+    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.motion.least_squares import solve_frames
-    from myomorph.rigid.kernels import signatures_on_disk
 
     return bool(signatures_on_disk(solve_frames))
 
@@ -110,8 +111,6 @@ def motion_cached() -> bool:
 @contextmanager
 def compiling() -> Iterator[None]:
     """A bar while this process or a child compiles, by the files that appear in the cache."""
-    from myomorph.rigid.kernels import kernel_folder
-
     folder, ended = kernel_folder(), threading.Event()
 
     def watch() -> None:
@@ -176,8 +175,8 @@ def uncollected() -> Iterator[None]:
 @uncollected()
 def compile_motion() -> None:
     """Run every kernel of inverse kinematics and dynamics once."""
+    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.motion.ik import inverse_kinematics
-    from myomorph.rigid.dynamics import inverse_dynamics
     from myomorph.rigid.kinematics import forward_kinematics
     from myomorph.rigid.tree import compile_tree
 
@@ -200,6 +199,7 @@ def compile_motion() -> None:
 @uncollected()
 def compile_curves() -> None:
     """Run the muscle curves once, which need no paths."""
+    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.muscles.hill import hill_forces
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
@@ -208,6 +208,7 @@ def compile_curves() -> None:
 @uncollected()
 def compile_muscles(wraps: frozenset[str] = frozenset()) -> None:
     """Run every muscle and tension kernel once, paths first."""
+    # As above; tensions bring SciPy, too.
     from myomorph.muscles.path import muscle_kinematics
     from myomorph.tension.solve import solve_tension
 

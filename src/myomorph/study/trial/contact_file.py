@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from myomorph.contact.sites import body_sites
+from myomorph.io.contact_events import read_events
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
@@ -235,8 +236,6 @@ def _when(given: _Site) -> When:
 
 
 def _touches(path: Path, camera: _Camera) -> Contacts:
-    from myomorph.io.contact_events import read_events
-
     return read_events(path, rate=camera.rate, start=camera.start)
 
 

@@ -102,6 +102,7 @@ def _channels(path: str | Path) -> Series:
     """All channels of a file."""
     ending = Path(path).suffix.lower()
     if ending in TABLE_FILES:
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.io.sto import read_sto
 
         return read_sto(path)
@@ -146,6 +147,7 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
     ----------
     side : "right" or "left", of channels whose names tell none
     """
+    # Brings Numba and SciPy: loaded only where it is needed.
     from myomorph.analysis.selection import MAJOR_MUSCLES
     from myomorph.model.sides import split_side
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.formats import read_model, read_trial
+from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.model import Model
@@ -125,9 +126,11 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     shared = [name for name in model.marker_names if name in markers.names]
     if not shared:
         with about(trial.source):
+            # Brings Numba and SciPy: loaded only where it is needed.
             from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
 
             tracked_markers(model, markers, InverseKinematicsOptions())
+    # Brings Numba and SciPy: a model alone is read without.
     from myomorph.motion.measurements import default_markers
 
     own = default_markers(model, shared)
@@ -218,8 +221,6 @@ def read_motion(path: str | Path, model: Model) -> Motion:
     >>> len(motion), motion.names
     (61, ('shoulder_flexion', 'elbow_flexion'))
     """
-    from myomorph.io.sto import motion_from_table, read_sto
-
     ending = Path(path).suffix.lower()
     if ending not in TABLE_FILES:
         raise BadFile(path, f"is not a motion: its name ends in '{ending}'", "expected .mot or .sto")
@@ -281,6 +282,7 @@ def read_loads(
             path, "holds forces, but not the bodies they act on", "give an external loads file (.xml) that names both"
         )
     elif ending == ".xml":
+        # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
 
         with about(path):
@@ -308,6 +310,7 @@ def force_table(path: str | Path, bodies: Mapping[str, str]) -> Wrenches:
     ----------
     bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
     """
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.io.sto import read_sto
 
     table = read_sto(path)
@@ -337,6 +340,7 @@ class PosesBy:
 
     def __call__(self, body: str, time: Array) -> tuple[Array, Array]:
         """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.rigid.kinematics import forward_kinematics
         from myomorph.rigid.tree import compile_tree
 

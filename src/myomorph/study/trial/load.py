@@ -100,6 +100,7 @@ class TrialResult:
             where xarray, which brings pandas, is not installed
         """
         dataset = self.to_xarray()
+        # Brings pandas: loaded only where it is needed.
         import pandas
 
         parts = {

@@ -104,6 +104,7 @@ def sound_plan(table: SoundTable, instruments: Sequence[InstrumentTable], path: 
     BadData
         where no instrument is named, or loudness is to tell impulses and no stroke of known impulse is given
     """
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.io.wav import read_wav
 
     if not instruments:

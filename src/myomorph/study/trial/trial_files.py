@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from myomorph.analysis.presets import preset_of
+from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion, Trial, Wrenches
+from myomorph.model.series import Motion
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
+from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
+from myomorph.study.trial.plate_wrenches import assigned_wrenches, recorded_wrenches
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
@@ -141,54 +143,6 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
-    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
-
-    Raises
-    ------
-    BadData
-        where there are fewer plates than bodies
-    """
-    from myomorph.contact.plates import wrenches_from_plates
-
-    if len(bodies) > len(trial.plates):
-        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
-        raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
-    used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
-    wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
-    return replace(wrenches, bodies=tuple(body for _, body in used))
-
-
-def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
-    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
-
-    Raises
-    ------
-    BadData
-        where the model has no foot
-    """
-    from myomorph.contact.assign import assign_bodies
-    from myomorph.contact.plates import wrenches_from_plates
-
-    feet = feet_of(model)
-    if not feet:
-        raise BadData(
-            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
-        )
-    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
-    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
-    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
-    wrenches = replace(wrenches, **parts)
-    poses = inputs.PosesBy(model, motion)
-    places = {}
-    for foot in feet:
-        rotations, origins = poses(foot, wrenches.time)
-        # Heel and ball: twice the way from the body's origin to its mass center.
-        ahead = 2.0 * rotations @ model.body(foot).mass_center
-        places[foot] = np.stack([origins, origins + ahead], axis=1)
-    return assign_bodies(wrenches, places).wrenches
-
-
 def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
@@ -209,6 +163,7 @@ def _old_names(files: TrialFiles) -> tuple[str, ...]:
     named = (*((files.loads,) if files.loads else ()), *((Path(files.contacts),) if files.contacts else ()))
     if not any(one.suffix.lower() == ".toml" for one in named):
         return ()
+    # Brings pydantic: loaded only where it is needed.
     from myomorph.study.trial.contact_file import old_names
 
     return tuple(dict.fromkeys(text for one in named for text in old_names(one)))
@@ -232,8 +187,6 @@ def _rate_warnings(trial: TrialInputs, time: Array) -> tuple[str, ...]:
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
     """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
-    from myomorph.rigid.tree import compile_tree
-
     if set(motion.names) == set(model.coordinate_names):
         return motion, ()
     values = compile_tree(model).coordinates_of(motion)
@@ -333,6 +286,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
 
 def contact_sources(files: TrialFiles) -> list[Source]:
     """What tells of contacts, as inputs by their hashes."""
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_file import AUTO, contact_files
 
     told = value_source("contacts", files.contacts, files.contacts, files.measured)
@@ -344,6 +298,7 @@ def contact_sources(files: TrialFiles) -> list[Source]:
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.study.trial.stairs_file import recording_of
 
         return [file_source("load table", one) for one in recording_of(path, markers)]
@@ -360,7 +315,6 @@ def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, mod
     """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
         return options
-    from myomorph.io.osim.setup_parts import read_ik_tasks
 
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
@@ -408,8 +362,6 @@ def options_of(settings: Settings) -> OptionSet:
             own = step_head(name).options
             found = found.having(*(with_settings(found[kind], settings[name]) for kind in own))
     if found[ReportOptions].preset:
-        from myomorph.analysis.presets import preset_of
-
         preset_of(found[ReportOptions].preset)
     return found
 
@@ -418,6 +370,7 @@ def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
     """What is known of contacts whose forces are to be estimated."""
     if not files.contacts:
         return None
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_file import read_contacts
 
     return read_contacts(files.contacts, model, files.measured)
@@ -426,6 +379,7 @@ def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
 def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
     """Options of contacts and EMG, which count wherever a recording has contacts or EMG."""
     if files.contacts:
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.tension.terms.contacts import ContactOptions
 
         yield options[ContactOptions]
@@ -447,6 +401,7 @@ def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
 def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
     if files.actuators is None:
         return None
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.io.osim.actuators import read_actuators
 
     with inputs.about(files.actuators):

@@ -46,6 +46,7 @@ def open_replay(
         where the port is taken
     """
     choices = [recordings(one, demo_model) for one in folders]
+    # Brings Numba and rich: loaded only where it is needed.
     from myomorph.viewer.replay import Replay
 
     return Replay(choices, port, served)

@@ -68,7 +68,7 @@ class Influences:
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """(count, estimates) of the bootstrap."""
-        from scipy import stats
+        from scipy import stats  # As above.
 
         chance = generator.uniform(size=(count, 1))
         found = []

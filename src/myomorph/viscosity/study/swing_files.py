@@ -153,6 +153,7 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     """The model of a file; of MJCF, whose sites may be anything, those that are called as recorded markers are."""
     if path.suffix.lower() == ".osim":
         return open_model(path)
+    # Brings MuJoCo: loaded only where it is needed.
     from myomorph.io.mjcf.read import read_mjcf
 
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)

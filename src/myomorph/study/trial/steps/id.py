@@ -17,6 +17,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
+from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, TorqueTable
@@ -66,8 +68,6 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
 
     Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
     """
-    from myomorph.rigid.closed_motion import closed_motion
-
     motion = differentiate(recorded, cutoff_of(trial, recorded))
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
@@ -78,8 +78,6 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
         motion, notes = with_derivatives(trial, recorded)
         notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
         return Torques(motion, torques_at(trial.torques, motion), None, notes)
-    from myomorph.rigid.dynamics import inverse_dynamics
-
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
     wrenches = None
@@ -99,6 +97,7 @@ def shown_torques(trial: TrialInputs, found: Torques) -> Series:
     """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
     torques, options = found.torques, trial.options[TorqueTable]
     if options.net:
+        # Most trials start without: loaded where a trial has such input.
         from myomorph.muscles.passive import passive_generalized_forces
 
         passive = passive_generalized_forces(trial.model, found.motion).values
