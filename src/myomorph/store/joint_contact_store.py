@@ -33,10 +33,14 @@ def get_joint_contacts(stored: Stored) -> JointContactForces | None:
     if "joint_contact_force" not in values:
         return None
     return JointContactForces(
-        stored.time,
-        names["contact_joint"],
-        names["joint_contact_point"],
-        names["joint_contact_joint"],
-        *(values[name] for name in MEANINGS),
+        time=stored.time,
+        joints=names["contact_joint"],
+        points=names["joint_contact_point"],
+        joint_of=names["joint_contact_joint"],
+        forces=values["joint_contact_force"],
+        totals=values["joint_contact_total"],
+        shear=values["joint_contact_shear"],
+        unbalanced_forces=values["joint_contact_unbalanced_force"],
+        unbalanced_moments=values["joint_contact_unbalanced_moment"],
         weight=float(stored.facts[WEIGHT]),
     )

@@ -223,14 +223,16 @@ def joint_contact_forces(
         )
     forces, shear, pulled, moments = zip(*found, strict=True)
     return JointContactForces(
-        reactions.time,
-        joints,
-        tuple(one.name for one in ordered),
-        tuple(one.joint for one in ordered),
-        np.hstack(forces),
-        np.linalg.norm(reactions.forces, axis=2),
-        *(np.stack(one, axis=1) for one in (shear, pulled, moments)),
-        model.weight,
+        time=reactions.time,
+        joints=joints,
+        points=tuple(one.name for one in ordered),
+        joint_of=tuple(one.joint for one in ordered),
+        forces=np.hstack(forces),
+        totals=np.linalg.norm(reactions.forces, axis=2),
+        shear=np.stack(shear, axis=1),
+        unbalanced_forces=np.stack(pulled, axis=1),
+        unbalanced_moments=np.stack(moments, axis=1),
+        weight=model.weight,
     )
 
 

@@ -73,7 +73,7 @@ def lift_off_notes(found: JointContactForces, half: dict[str, float]) -> tuple[s
             own = [k for k, name in enumerate(found.joint_of) if name == joint]
             up = ", ".join(found.points[k] for k in own if found.forces[worst, k] <= 1e-6 * force[worst])
             notes.append(
-                f"{joint}: in {100.0 * bad.mean():.0f} % of the frames a contact point of the loaded joint would have "
+                f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded joint would have "
                 f"to pull; it lifts off, and a moment of up to {moment[worst]:.1f} N m is left (at "
                 f"{found.time[worst]:.2f} s, {up or 'none'} off)"
             )
@@ -81,7 +81,7 @@ def lift_off_notes(found: JointContactForces, half: dict[str, float]) -> tuple[s
         if pulled.any():
             worst = int(np.argmax(np.where(pulled, pull, -1.0)))
             notes.append(
-                f"{joint}: in {100.0 * pulled.mean():.0f} % of the frames the joint is pulled apart, which its contact "
+                f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled apart, which its contact "
                 f"points cannot carry, by up to {pull[worst]:.0f} N (at {found.time[worst]:.2f} s); do the normals "
                 "point towards the child?"
             )
