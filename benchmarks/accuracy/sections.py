@@ -13,6 +13,7 @@ from benchmarks.accuracy import (
     calibration,
     certificates,
     conditions,
+    cutoff,
     emg,
     groups,
     hands,
@@ -21,6 +22,7 @@ from benchmarks.accuracy import (
     interrupted,
     kernels,
     kinematics,
+    knee,
     live,
     loop_forces,
     loops,
@@ -75,6 +77,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _kinematics_and_dynamics(folder),
         _opensim_setups(folder),
         _tensions(folder),
+        _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _ground_forces(folder),
@@ -121,6 +124,7 @@ def _kinematics_and_dynamics(folder: Path) -> Page:
             ),
             "loops_inverse_kinematics": lambda: loops.measure_inverse_kinematics(folder),
             "inverse_dynamics": lambda: (kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES),
+            "cutoff": lambda: cutoff.measure(folder),
             "loop_torques": lambda: loop_forces.measure_torques(folder),
             "live": lambda: live.measure(folder),
             "live_markers": lambda: live.measure_losses(folder),
@@ -156,6 +160,20 @@ def _tensions(folder: Path) -> Page:
             "passive": lambda: passive.measure(folder),
             "passive_muscles": lambda: passive.measure_muscles(folder),
             "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _joint_loads(folder: Path) -> Page:
+    return Page(
+        "joint-loads",
+        "Loads of joints that were measured",
+        "Beside an instrumented knee, and beside OpenSim.",
+        {
+            "knee": lambda: knee.measure(folder),
+            "knee_peaks": lambda: knee.measure_peaks(folder),
+            "knee_where": lambda: knee.measure_where(folder),
+            "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
         },
     )
 

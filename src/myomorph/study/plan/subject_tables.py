@@ -92,11 +92,13 @@ class TrialTable(Strict):
     name: str = ""
     condition: str = ""
     loads: str | None = None
+    torques: str | None = None
     bodies: dict[str, str] = Field(default_factory=dict)
     plates: list[str] = Field(default_factory=list)
     emg: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
 
@@ -127,6 +129,7 @@ class SubjectTable(Strict):
     actuators: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     time: tuple[float, float] | None = None
     labels: dict[str, str] = Field(default_factory=dict)
     bones: BonesTable | None = None
