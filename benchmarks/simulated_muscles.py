@@ -7,7 +7,7 @@ of `tension.personal` takes part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,14 +62,14 @@ class Spread:
     sides: float = 0.8
 
 
-def person(model: Model, motion: Motion, spread: Spread, rng: np.random.Generator, groups: Array) -> Model:
-    """A model with muscles of another person, that work in a physiological range.
+def person(model: Model, motions: Sequence[Motion], spread: Spread, rng: np.random.Generator, groups: Array) -> Model:
+    """A model with muscles of another person, that work in a physiological range in some motions.
 
     Parameters
     ----------
     groups : (muscles,) muscles of one number share their strength
     """
-    lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths
+    lengths = np.vstack([muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths for one in motions])
     rise = np.exp(spread.strength * rng.standard_normal(int(groups.max()) + 1))
     shared = {name: rng.standard_normal((200, 2)) for name in {split_side(one.name)[0]: 0 for one in model.muscles}}
     muscles = []
@@ -83,7 +83,7 @@ def person(model: Model, motion: Motion, spread: Spread, rng: np.random.Generato
             new = lo * np.exp(spread.fiber * draw[0])
             point = (mean - ls) / lo + spread.point * draw[1]
             slack = mean - point * new
-            if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.5:
+            if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.55:
                 break
         else:
             new, slack = lo, ls
@@ -193,8 +193,11 @@ def integrated_degroote(person: Model, lengths: Array, time: Array, activations:
         lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls, (0.0, 0.5), first, "LSODA",
         rtol=1e-5, atol=1e-7, lband=0, uband=0,
     ).y[:, -1]  # fmt: skip
-    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-5, atol=1e-6, lband=0, uband=0)
-    return done.y.T * force
+    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-6, atol=1e-8, lband=0, uband=0)
+    found = done.y.T
+    if found.shape != lengths.shape or not -0.3 < found.min() <= found.max() < 3.0:
+        raise RuntimeError(f"fibers were not followed: normalized forces {found.min():.2g} to {found.max():.2g}")
+    return found * force
 
 
 def recorded(

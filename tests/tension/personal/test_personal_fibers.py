@@ -18,7 +18,7 @@ from myomorph.tension.personal.fibers import follow
 from myomorph.tension.personal.prior import sizes_of
 
 TIME = np.arange(0.0, 1.2, 0.01)
-RANGES = {"r_shoulder_elev": (-0.3, 1.3), "r_elbow_flex": (0.3, 2.0)}
+RANGES = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.3, 2.0)}
 
 
 @pytest.fixture(scope="module", params=["Thelen2003Muscle", "DeGrooteFregly2016Muscle"])

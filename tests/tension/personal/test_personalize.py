@@ -35,7 +35,7 @@ def someone(arm26):
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 4.0, 0.01)
     motions = [swings(arm26, ARM, time, rng) for _ in range(3)]
-    own = person(arm26, motions[0], Spread(), rng, np.array([0, 0, 0, 1, 1, 1]))
+    own = person(arm26, motions, Spread(), rng, np.array([0, 0, 0, 1, 1, 1]))
     gains = some_gains(arm26, CAREFUL, rng)
     trials = [
         recorded(arm26, own, motion, smooth_activations(time, 6, rng), CAREFUL, rng, gains, f"swing {k}")
