@@ -70,5 +70,5 @@ def id_command(
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
-    said(f"{counts}, {dynamics.filter_summary(trial, poses.recorded)}; wrote {out}")
+    said(f"{counts}{dynamics.filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0

@@ -75,7 +75,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
             feet=False,
             sites=sites,
             when=FrozenMap({site.name: "file" for site in sites}),
-            told=touches_of(pair.touching),
+            reported=touches_of(pair.touching),
             measured="hidden",
         ),
         mass=model.mass,

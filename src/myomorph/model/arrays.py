@@ -125,14 +125,16 @@ def _lock(value: Any) -> None:
     for name in _may_hold_arrays(kind):
         # Where a derived class calls this one's __init__ first, its own fields come later.
         held = getattr(value, name, None)
-        change = _change_of(type(held))
+        sort: Any = type(held)
+        change = _change_of(sort)
         if change is not None and (locked := change(held)) is not held:
             object.__setattr__(value, name, locked)
 
 
 def _locked(value: Any) -> Any:
     """The value with read-only arrays; itself where it has none that can be written."""
-    change = _change_of(type(value))
+    kind: Any = type(value)
+    change = _change_of(kind)
     return value if change is None else change(value)
 
 

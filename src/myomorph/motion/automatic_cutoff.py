@@ -24,8 +24,8 @@ SHORTEST, LONGEST = 30, 4096
 def automatic_cutoff(motion: Motion) -> float | None:
     """The cutoff that a motion needs before it is differentiated, None where it is smooth already.
 
-    It is the frequency below which 99.8 % of the variance of a coordinate lies, the median over those that move. A motion
-    whose accelerations lie below that frequency for the most part is smooth, and filtering it again takes motion away.
+    It is the frequency below which 99.8 % of the variance of a coordinate lies, white noise taken off, the median over
+    those that move. A motion whose accelerations lie below it for the most part is smooth, and filtering it again takes motion away.
 
     Source: Winter 2009, section 3.4.4.2, for the harmonics that hold 99.7 % of the power of walking.
 
@@ -64,6 +64,8 @@ def _spectra(time: Array, values: Array) -> tuple[Array, Array]:
     size = bent.std(axis=0)
     bent = bent[:, size > MOVING * size.max()] if size.max() > 0.0 else bent[:, :0]
     power = np.abs(np.fft.rfft(bent, axis=0)[1:]) ** 2
+    # White noise is as strong in the upper half, where no body moves, as elsewhere.
+    power = np.maximum(power - power[len(power) // 2 :].mean(axis=0), 0.0)
     frequency = np.fft.rfftfreq(len(time), (time[-1] - time[0]) / (len(time) - 1))
     zero = np.zeros((1, bent.shape[1]))
     return frequency, np.concatenate([zero, power / power.sum(axis=0)])

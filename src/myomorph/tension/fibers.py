@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.labelled import Variable
 
 
 @dataclass(frozen=True)
@@ -73,3 +75,37 @@ class Fibers:
     rigid: tuple[str, ...]
     unreachable: tuple[Unreachable, ...]
     certificate: Certificate
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, velocities, strains and powers, and which frames are at an end or bridged: joined by `Tension`'s."""
+        two = ("time", "muscle")
+        return {
+            "fiber_length": Variable(two, self.lengths, "m"),
+            "fiber_velocity": Variable(two, self.velocities, "m/s"),
+            "tendon_strain": Variable(two, self.tendon_strains),
+            "fiber_power": Variable(two, self.fiber_powers, "W"),
+            "tendon_power": Variable(two, self.tendon_powers, "W"),
+            "transient": Variable(("time",), self.transient),
+            "bridged": Variable(("time",), self.bridged),
+        }
+
+    def of(self, muscles: Mapping[int, str], names: Sequence[str]) -> Fibers:
+        """Fibers of some muscles, by other names.
+
+        Parameters
+        ----------
+        muscles : column to new name
+        names : present name of every column
+        """
+        columns = list(muscles)
+        new = {names[k]: own for k, own in muscles.items()}
+        return replace(
+            self,
+            lengths=self.lengths[:, columns],
+            velocities=self.velocities[:, columns],
+            tendon_strains=self.tendon_strains[:, columns],
+            fiber_powers=self.fiber_powers[:, columns],
+            tendon_powers=self.tendon_powers[:, columns],
+            rigid=tuple(new[name] for name in self.rigid if name in new),
+            unreachable=tuple(replace(one, muscle=new[one.muscle]) for one in self.unreachable if one.muscle in new),
+        )

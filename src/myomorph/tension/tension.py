@@ -83,6 +83,8 @@ class TensionOptions:
                 f"recruitment 'minmax' with the exponent {self.exponent:g}: the greatest activation has none; leave "
                 "the exponent out, or take recruitment 'power'"
             )
+        if self.recruitment == "minmax" and self.tendons == "elastic":
+            raise BadData("recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take 'power'")
         for name in ("reserve", "residual"):
             given = getattr(self, name)
             if given is not None and not given > 0.0:
@@ -123,6 +125,8 @@ class Tension(Labelled):
     overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
         it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
     viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
+    passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric force, and when [s];
+        0 where passive force takes no part
     contacts : forces found at contact sites, NaN where the frame was not solved; None where none were looked for
     fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
@@ -143,17 +147,22 @@ class Tension(Labelled):
     overstretched: tuple[str, ...]
     options: TensionOptions
     viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    passive_share: Array = field(default_factory=lambda: np.zeros(1))
+    passive_time: Array = field(default_factory=lambda: np.zeros(1))
     contacts: ContactForces | None = None
     fibers: Fibers | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
+        for name in ("passive_share", "passive_time"):
+            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), (len(self.muscles),)))
 
     def __len__(self) -> int:
         return len(self.time)
 
     def variables(self) -> dict[str, Variable]:
-        """Activations, forces, reserves and torques, and what became of each frame."""
+        """Activations, forces, reserves and torques, what became of each frame, and fibers where tendons stretch."""
+        fibers = {} if self.fibers is None else self.fibers.variables()
         return {
             "activation": Variable(("time", "muscle"), self.activations),
             "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
@@ -163,6 +172,7 @@ class Tension(Labelled):
             "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
             "status": Variable(("time",), self.status),
             "iterations": Variable(("time",), self.iterations),
+            **fibers,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
@@ -219,6 +229,8 @@ def tension_of(whole: Tension, part: str) -> Tension:
         activations=whole.activations[:, columns],
         forces=whole.forces[:, columns],
         viscous=np.array(whole.viscous[:, columns]),
+        passive_share=np.array(whole.passive_share[columns]),
+        passive_time=np.array(whole.passive_time[columns]),
         lower=whole.lower[columns],
         upper=whole.upper[columns],
         reserve_names=tuple(reserves.values()),
@@ -227,6 +239,7 @@ def tension_of(whole: Tension, part: str) -> Tension:
         torques=whole.torques[:, rows],
         overstretched=tuple(_own(whole.overstretched, part).values()),
         contacts=None,
+        fibers=None if whole.fibers is None else whole.fibers.of(muscles, whole.muscles),
     )
 
 

@@ -20,6 +20,7 @@ from myomorph.store.settings import ReportOptions
 
 if TYPE_CHECKING:
     from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.tension.joint_contact import JointPoints
 
 Held = TypeVar("Held")
 EXTREMES = ("minimum", "maximum", "range", "mean")
@@ -88,6 +89,7 @@ class TrialInputs:
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
     loads : external forces of a motion, or None where there are none
+    torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
     events : of the recording
     plates : force plates, for pictures and for feet that share one
@@ -95,6 +97,7 @@ class TrialInputs:
     mass : of the subject [kg], None where only the model has one
     time : start and end of what is used [s], None for all
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
+    contact_points : of joints whose forces are shared among them, None for none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
     phases : parts of the motion that the report shows apart, name to start and end [s]
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
@@ -110,6 +113,7 @@ class TrialInputs:
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
     loads: Callable[[Motion], Wrenches] | None = None
+    torques: Series | None = None
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     events: tuple[Event, ...] = ()
@@ -118,6 +122,7 @@ class TrialInputs:
     mass: float | None = None
     time: tuple[float, float] | None = None
     contacts: ContactPlan | None = None
+    contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))

@@ -5,7 +5,7 @@
 Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has the covariance
 S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known of activations says. Gauss-Newton
 steps in p use S^-1; activations follow as their mean given p, within 0 and 1. Errors of neighbouring frames are alike:
-frames count by (1 - rho) / (1 + rho), rho the correlation of the whitened misfit from frame to frame. Errors of
+frames count by 1 / (1 + 2 sum rho_k), rho_k the correlation of the whitened misfit over k frames. Errors of
 torques and activations are estimated beside p from the squared misfits (Rasmussen and Williams 2006 for the marginal).
 """
 
@@ -22,7 +22,11 @@ from myomorph.tension.personal.fibers import Followed, follow, rigid_lengths
 from myomorph.tension.personal.prior import OUTSIDE, PHYSIOLOGICAL, Prior
 from myomorph.tension.personal.recordings import Windows
 
-STEPS = 25
+STEPS = 30
+TRUSTING = 8
+"""First steps, in which errors are what was assumed of them."""
+SHORTEST_ERROR, LONGEST_ERROR = 20, 50
+"""Frames over which errors are taken to be alike at least, the length of a burst of EMG, and at most."""
 SETTLED = 0.02
 """Steps end where no parameter moves by more of its standard deviation."""
 LONGEST = 0.1
@@ -33,6 +37,8 @@ EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
 REST = 0.003
 """Standard deviation of an activation at rest."""
+REST_ERROR = 0.05
+"""Standard deviation of a measured passive torque, of its root mean square; at least half a newton metre."""
 SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 ACTIVE_SETS = 16
@@ -85,6 +91,7 @@ def fit(
     floors: Array,
     free: np.ndarray | None = None,
     advance: Callable[[int], None] | None = None,
+    steps: int = STEPS,
 ) -> Fitted:
     """The most probable parameters given the recordings.
 
@@ -92,17 +99,21 @@ def fit(
     ----------
     floors : (rows,) least standard deviation of the torques
     free : (parameters,) which ones are estimated; None for all that have a prior spread
+    advance : called with the number of steps just done
+    steps : at most
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     p, noise = np.zeros(len(prior.deviation)), Noise(floors)
     parts = [_Part(prior, shapes, one) for one in windows]
-    covariance, moved, done = np.linalg.inv(prior.precision), np.inf, 0
-    for done in range(1, STEPS + 1):  # noqa: B007
+    covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
+    moved, done, shrink = np.inf, 0, 1.0
+    for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
             part.linearize(p, noise)
-            normal += part.weight * part.jacobian.T @ part.jacobian
-            right += part.weight * part.jacobian.T @ part.misfit
+            weight = shrink * part.weight
+            normal += weight * part.jacobian.T @ part.jacobian
+            right += weight * part.jacobian.T @ part.misfit
         rows, misfit = _outside(prior, shapes, windows, p)
         normal += rows.T @ rows
         right += rows.T @ misfit
@@ -112,17 +123,21 @@ def fit(
         step *= min(1.0, LONGEST / max(np.abs(step).max(initial=0.0), 1e-12))
         new = prior.kept(p + step)
         step, p = new - p, new
-        effective = float(np.sum(free)) - float(np.trace(covariance @ prior.precision))
         for part in parts:
             part.settle(step)
-        noise = _noise(parts, noise, floors, effective)
+        # Before the parameters have found their places, misfits are theirs and not errors of the recordings.
+        if done > TRUSTING:
+            noise = _noise(parts, noise, floors, covariance)
+            for part in parts:
+                part.weigh()
+            shrink = _left_to_errors(parts, float(np.sum(free) - np.trace(covariance @ prior.precision)))
         spread = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
         moved = float((np.abs(step) / spread)[free].max(initial=0.0))
         if advance is not None:
             advance(1)
-        if moved < SETTLED and done > 4:
+        if moved < SETTLED and done > TRUSTING + 4:
             break
-    told = tuple(part.activations for part in parts), tuple(part.weight for part in parts)
+    told = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
     return Fitted(p, covariance, noise, *told, done, moved)
 
 
@@ -134,18 +149,16 @@ class Checked:
     ----------
     score : negative logarithm of the marginal probability, per frame
     left : (rows,) root mean square of the torque that activations within what is known of them leave [N m or N]
-    spread : (rows,) root mean square of what the activations that EMG alone tells leave [N m or N]
     """
 
     score: float
     left: Array
-    spread: Array
 
 
 def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array, noise: Noise) -> Checked:
     """How well parameters explain recordings that they need not have been fitted to."""
     score, frames = 0.0, 0
-    left, spread = np.zeros(len(noise.torque)), np.zeros(len(noise.torque))
+    left = np.zeros(len(noise.torque))
     for one in windows:
         part = _Part(prior, shapes, one)
         for _ in range(4):
@@ -155,8 +168,12 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
         score += part.score()
         frames += int(one.counted.sum())
         left += np.sum(part.plain**2, axis=0)
-        spread += np.sum(part.error**2, axis=0)
-    return Checked(score / frames, np.sqrt(left / frames), np.sqrt(spread / frames))
+    return Checked(score / frames, np.sqrt(left / frames))
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Products of each frame's matrix and vector."""
+    return (matrices @ vectors[..., None])[..., 0]
 
 
 class _Part:
@@ -167,7 +184,6 @@ class _Part:
     jacobian, misfit : whitened, (frames rows, parameters) and (frames rows,)
     weight : what a frame counts
     plain : (frames, rows) torque left at the present activations
-    error : (frames, rows) misfit at the activations that are expected
     """
 
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
@@ -178,8 +194,9 @@ class _Part:
         self.arms = windows.arms[windows.counted]
         self.torques = windows.torques[windows.counted]
         self.rest = not np.isfinite(windows.step)
+        # Passive torques are measured by themselves: none of the errors of inverse dynamics are theirs.
+        self.measured = np.maximum(0.5, REST_ERROR * np.sqrt(np.mean(self.torques**2, axis=0)))
         self.weight = 0.2
-        self.frames: Followed
 
     def _of(self, values: Array) -> Array:
         return values[self.windows.counted]
@@ -197,17 +214,17 @@ class _Part:
         variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), UNKNOWN**2)
         if self.rest:
             variance = np.full_like(variance, REST**2)
-        self.plain = self.torques - np.einsum("frm,fm->fr", self.arms, at.force)
+        self.plain = self.torques - _times(self.arms, at.force)
         self.columns = self.arms * at.by_activation[:, None]
-        self.of_torque = noise.torque**2
+        self.of_torque = self.measured**2 if self.rest else noise.torque**2
         S = self._bounded(now, expected, variance)
         self.whiten = np.linalg.inv(np.linalg.cholesky(S))
         self.covariance = S
-        white = np.einsum("frs,fs->fr", self.whiten, self.error)
+        white = _times(self.whiten, self.error)
         jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
-        self.jacobian = np.einsum("frs,fsp->frp", self.whiten, jacobian).reshape(-1, len(p))
+        self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes, self.misfit = jacobian, white.ravel()
-        self._weigh(white)
+        self.white = white
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
@@ -221,15 +238,18 @@ class _Part:
             held = fixed != 0
             self.variance = np.where(held, 0.0, variance)
             self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
-            self.error = self.plain + np.einsum("frm,fm->fr", self.columns, now - self.expected)
+            self.error = self.plain + _times(self.columns, now - self.expected)
             spread = self.columns * self.variance[:, None]
-            S = np.einsum("frm,fsm->frs", spread, self.columns) + np.diag(self.of_torque)
+            S = spread @ self.columns.transpose(0, 2, 1) + np.diag(self.of_torque)
             new = np.linalg.solve(S, self.error[..., None])[..., 0]
             y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
-            wanted = expected + variance * np.einsum("frm,fr->fm", self.columns, y)
+            wanted = expected + variance * _times(self.columns.transpose(0, 2, 1), y)
             before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
             if np.array_equal(before, fixed):
                 break
+            if k == ACTIVE_SETS - 2:
+                # Where bounds are still taken in turns, nothing is held: that leaves more open, not less.
+                fixed = np.where(before == fixed, fixed, 0).astype(np.int8)
         self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
         return S
 
@@ -253,23 +273,29 @@ class _Part:
             jacobian[..., part] = values @ members.astype(np.float64)
         return jacobian
 
-    def _weigh(self, white: Array) -> None:
+    def weigh(self) -> None:
         """What a frame counts, by how alike the misfits of neighbouring frames are."""
+        white = self.white
         if self.rest:
             self.weight = 1.0
             return
         frames = np.full((*self.windows.counted.shape, white.shape[1]), np.nan)
         frames[self.windows.counted] = white
-        first, second = frames[:, :-1], frames[:, 1:]
-        both = np.isfinite(first) & np.isfinite(second)
-        square = np.sqrt(np.sum(first[both] ** 2) * np.sum(second[both] ** 2))
-        rho = np.clip(np.sum(first[both] * second[both]) / max(square, 1e-12), 0.0, 0.98)
-        self.weight = 0.5 * (self.weight + (1.0 - rho) / (1.0 + rho))
+        square, length = np.nanmean(frames**2), 1.0
+        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] // 2)):
+            pairs = frames[:, :-lag] * frames[:, lag:]
+            known = np.isfinite(pairs)
+            rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / max(square, 1e-12)
+            if rho < 0.05:
+                break
+            length += 2.0 * rho
+        # What the parameters follow of slow errors is missing from the misfit, so that it looks quicker than they are.
+        self.weight = 0.5 * (self.weight + 1.0 / max(length, SHORTEST_ERROR))
 
     def settle(self, step: Array) -> None:
         """Activations given the recording, after a step of the parameters."""
         error = self.error - self.slopes @ step
-        wanted = self.expected + np.einsum("frm,fr->fm", self.gain, error)
+        wanted = self.expected + _times(self.gain.transpose(0, 2, 1), error)
         new = self.activations.copy()
         now = new[self.windows.counted]
         new[self.windows.counted] = np.clip(now + np.clip(np.clip(wanted, 0.0, 1.0) - now, -0.2, 0.2), 0.0, 1.0)
@@ -281,32 +307,40 @@ class _Part:
         return float(0.5 * np.sum(self.misfit**2) + 0.5 * np.sum(logarithm))
 
 
-def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, effective: float) -> Noise:
+def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
+    """Share of the independent misfits that the parameters do not follow: so much less is known than it looks."""
+    seen = sum(part.weight * part.misfit.size for part in parts)
+    return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.25, 1.0))
+
+
+def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
     """Errors of torques and of EMG as their means given the misfits (a step of expectation and maximization)."""
     moving = [one for one in parts if not one.rest]
     if not moving:
         return noise
-    squares, frames = np.zeros(len(noise.torque)), 0
-    carried, apart, known, seen = np.zeros(len(noise.torque)), 0.0, 0.0, 0.0
+    squares, carried, frames = np.zeros(len(noise.torque)), np.zeros(len(noise.torque)), 0
+    apart, known = 0.0, 0.0
     for part in moving:
         solved = np.linalg.inv(part.covariance)
-        mean = part.of_torque * np.einsum("frs,fs->fr", solved, part.error)
-        left = part.of_torque - part.of_torque**2 * np.einsum("frr->fr", solved)
+        # What the parameters leave open is no part of the errors, but of what is known of them.
+        among = part.slopes @ covariance @ part.slopes.transpose(0, 2, 1)
+        by_torque = part.of_torque[:, None] * solved
+        mean = _times(by_torque, part.error)
+        left = part.of_torque - part.of_torque * np.einsum("frr->fr", by_torque)
+        left += np.einsum("frs,fst,frt->fr", by_torque, among, by_torque)
         squares += np.sum(mean**2 + left, axis=0)
         carried += np.sum(part.torques**2, axis=0)
         frames += len(part.error)
-        seen += part.weight * part.error.size
-        free = part._of(part.told) & (part.variance > 0.0)
-        moved = np.einsum("frm,fr->fm", part.gain, part.error)
+        free = part.told[part.windows.counted] & (part.variance > 0.0)
+        moved = _times(part.gain.transpose(0, 2, 1), part.error)
         after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
+        after = after + np.einsum("frm,frm->fm", part.gain, among @ part.gain)
         own = np.where(free, part.variance, 1.0) / noise.told
         apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))
         known += float(free.sum())
-    # The parameters follow part of the errors: as many as are estimated of as many as frames count.
-    lost = min(max(seen / max(seen - effective, 0.3 * seen), 1.0), 2.0)
     most = np.maximum(MOST_ERROR**2 * carried / frames, floors**2)
-    torque = np.sqrt(np.clip(lost * squares / frames, floors**2, most))
-    told = float(np.clip(lost * apart / known, *SCALES)) if known else 1.0
+    torque = np.sqrt(np.clip(squares / frames, floors**2, most))
+    told = float(np.clip(apart / known, *SCALES)) if known else 1.0
     return replace(noise, torque=torque, told=told)
 
 

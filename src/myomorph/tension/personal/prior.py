@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,7 @@ class Prior:
         """Where the five kinds of parameters lie."""
         sizes = (len(self.names), len(self.names), len(self.groups), len(self.groups), len(self.gains))
         ends = np.cumsum([0, *sizes]).tolist()
-        return tuple(slice(*pair) for pair in zip(ends[:-1], ends[1:], strict=True))  # type: ignore[return-value]
+        return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
 
     def sizes(self, p: Array) -> MuscleSizes:
         """The muscles at parameters p (parameters,)."""
@@ -160,8 +161,12 @@ def prior_of(
     muscles = len(model.muscles)
     counts = (muscles, muscles, len(groups), len(groups), len(gains))
     spreads = (
-        options.fiber_spread, options.point_spread, options.strength_spread, options.passive_spread, options.gain_spread,
-    )  # fmt: skip
+        options.fiber_spread,
+        options.point_spread,
+        options.strength_spread,
+        options.passive_spread,
+        options.gain_spread,
+    )
     bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND)
     deviation = np.repeat(spreads, counts)
     for part in range(2):

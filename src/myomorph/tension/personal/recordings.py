@@ -33,6 +33,7 @@ class PersonalTrial:
 
     Attributes
     ----------
+    name : for messages and reports
     motion : with velocities
     torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
     emg : activations that EMG tells, at the motion's times, before gains; None for none
@@ -129,24 +130,27 @@ class _Read:
         if good.sum() < 6:
             raise BadData(f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected 6")
         if self.trial.passive:
-            one = [part[good][None] for part in parts]
-            one[1] = np.zeros_like(one[1])
-            counted = np.ones((1, int(good.sum())), bool)
-            return Windows(self.trial.name, self.time[good][None], *one, self.emg[good][None], counted, np.inf)
+            lengths, speeds, arms, torques = (part[good][None] for part in parts)
+            counted, at_rest = np.ones((1, int(good.sum())), bool), self.emg[good][None]
+            time, still = self.time[good][None], np.zeros_like(speeds)
+            return Windows(self.trial.name, time, lengths, still, arms, torques, at_rest, counted, np.inf)
         start, stop = self.time[good][0], self.time[good][-1]
         count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
         time = start + FRAME * np.arange(count)
-        even = [CubicSpline(self.time[good], part[good])(time) for part in parts]
+        lengths, speeds, arms, torques = (CubicSpline(self.time[good], part[good])(time) for part in parts)
         emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
         # A frame is compared where its neighbours in the recording are known.
         near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))
-        size, lead = int(round(WINDOW / FRAME)), int(round(LEAD / FRAME))
+        size, lead = round(WINDOW / FRAME), round(LEAD / FRAME)
         body = size - lead
         number = max(int(np.ceil((count - lead) / body)), 1)
         index = np.minimum(np.arange(number)[:, None] * body + np.arange(min(size, count)), count - 1)
         inside = np.arange(number)[:, None] * body + np.arange(min(size, count)) < count
         counted = near[index] & inside & (np.arange(index.shape[1]) >= min(lead, count // 3))
-        return Windows(self.trial.name, time[index], *(one[index] for one in even), emg[index], counted, FRAME)
+        return Windows(
+            self.trial.name, time[index], lengths[index], speeds[index], arms[index], torques[index], emg[index],
+            counted, FRAME,
+        )  # fmt: skip
 
 
 def _known_at(time: Array, own: Array, values: Array) -> Array:

@@ -23,6 +23,7 @@ from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
@@ -53,10 +54,11 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
 
 
 def filter_summary(trial: TrialInputs, recorded: Motion) -> str:
-    """The low-pass filter in a few words."""
-    cutoff, automatic = cutoff_of(trial, recorded), trial.options[Differentiation].cutoff is None
-    text = "no low-pass filter" if cutoff is None else f"low-pass filter at {cutoff:.3g} Hz"
-    return f"{text} (automatic)" if automatic else text
+    """What the motion was filtered with where nobody said it, as the end of a line; else nothing."""
+    if trial.options[Differentiation].cutoff is not None:
+        return ""
+    cutoff = cutoff_of(trial, recorded)
+    return "; smooth motion, not filtered" if cutoff is None else f"; low-pass filter at {cutoff:.3g} Hz (automatic)"
 
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
@@ -71,7 +73,11 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
-    """Inverse dynamics of coordinates; external forces are filtered as the motion."""
+    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives."""
+    if trial.torques is not None:
+        motion, notes = with_derivatives(trial, recorded)
+        notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
+        return Torques(motion, torques_at(trial.torques, motion), None, notes)
     from myomorph.rigid.dynamics import inverse_dynamics
 
     has_mass(trial.model, "inverse dynamics")
