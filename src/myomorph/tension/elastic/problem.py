@@ -32,7 +32,7 @@ from myomorph.tension.terms.contacts import ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Term
 
-WINDOW = 128
+WINDOW = 256
 """Frames kept of each window of a long recording."""
 
 MARGIN = 0.3
