@@ -27,7 +27,7 @@ UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "
 """Of the columns of the table of work, by the last word of their names."""
 
 LARGE_STRAIN = 0.1
-"""Strain of a tendon that tears tendons [Wang 2006]: where it is passed, the model's tendon does not fit."""
+"""Strain at which tendons tear: where it is passed, the model's tendon does not fit."""
 
 MOST_NAMED = 8
 """Muscles that a note names one by one."""
@@ -78,8 +78,8 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
             if one.worst <= 0.0
             else f"fibers would be {one.worst:.2f} optimal lengths long"
         )
-        at = f"from {tension.time[one.frame]:.3f} s (frame {one.frame})"
-        notes.append(f"{one.muscle}: {why}, first {at[5:]}; it is solved with a rigid tendon")
+        at = f"{tension.time[one.frame]:.3f} s (frame {one.frame})"
+        notes.append(f"{one.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
     left = [one.muscle for one in fibers.unreachable[MOST_NAMED:]]
     if left:
         notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
@@ -96,7 +96,7 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
         worst = int(torn[np.argmax(most[torn])])
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
-            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, which tears tendons; "
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, where tendons tear; "
             f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
