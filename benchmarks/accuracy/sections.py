@@ -23,6 +23,7 @@ from benchmarks.accuracy import (
     interrupted,
     kernels,
     kinematics,
+    knee,
     live,
     loop_forces,
     loops,
@@ -32,6 +33,7 @@ from benchmarks.accuracy import (
     muscles,
     pair,
     passive,
+    personalize,
     reaction,
     regressor,
     scale,
@@ -76,12 +78,14 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _kinematics_and_dynamics(folder),
         _opensim_setups(folder),
         _tensions(folder),
+        _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _ground_forces(folder),
         _two_bodies(folder),
         _calibration(folder),
         _identification(folder),
+        _personal(folder),
         _instruments(folder),
         _viscosity(folder),
         _bone_maps(folder),
@@ -159,6 +163,34 @@ def _tensions(folder: Path) -> Page:
             "passive": lambda: passive.measure(folder),
             "passive_muscles": lambda: passive.measure_muscles(folder),
             "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _joint_loads(folder: Path) -> Page:
+    return Page(
+        "joint-loads",
+        "Loads of joints that were measured",
+        "Beside an instrumented knee, and beside OpenSim.",
+        {
+            "knee": lambda: knee.measure(folder),
+            "knee_peaks": lambda: knee.measure_peaks(folder),
+            "knee_where": lambda: knee.measure_where(folder),
+            "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _personal(folder: Path) -> Page:
+    return Page(
+        "personal",
+        "Muscles of the person",
+        "Simulated people whose muscles are known, held-out strides of real walks, scaled models.",
+        {
+            "personal_truth": lambda: personalize.measure_truth(folder),
+            "personal_many": lambda: personalize.measure_many(folder),
+            "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_map": lambda: personalize.measure_map(folder),
         },
     )
 

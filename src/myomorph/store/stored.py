@@ -218,6 +218,10 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     by_muscle = ("time", "muscle")
     writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
     writer.put("muscle_force", by_muscle, tension.forces, "N", "muscle force along the tendon")
+    if tension.options.passive:
+        share = "largest passive force over F0"
+        writer.put("muscle_passive_share", ("muscle",), np.array(tension.passive_share), "1", share)
+        writer.put("muscle_passive_time", ("muscle",), np.array(tension.passive_time), "s", "when that was")
     if tension.viscous.any():
         writer.put("muscle_viscous_force", by_muscle, tension.viscous, "N", "part of muscle_force that is viscous")
     if tension.reserve_names:
@@ -260,6 +264,8 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         overstretched=tuple(np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()),
         options=options,
         viscous=values.get("muscle_viscous_force", np.zeros((1, 1))),
+        passive_share=values.get("muscle_passive_share", np.zeros(1)),
+        passive_time=values.get("muscle_passive_time", np.zeros(1)),
         fibers=get_fibers(stored),
     )
 

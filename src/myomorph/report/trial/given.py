@@ -72,6 +72,8 @@ class ShownTension:
     reserve_coordinates : coordinate of each reserve
     solved : (frames,) whether the frame is optimal
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
+    passive : muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where
+        passive force takes no part
     fibers : fibers and tendons, where tendons were elastic
     """
 
@@ -83,6 +85,7 @@ class ShownTension:
     reserve_coordinates: tuple[str, ...]
     solved: np.ndarray
     overstretched: tuple[str, ...] = ()
+    passive: tuple[tuple[str, float, float], ...] | None = None
     fibers: Fibers | None = None
 
 

@@ -20,7 +20,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify")
+FIRST = ("morph", "calibrate", "ik", "identify", "personalize")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
@@ -92,6 +92,7 @@ class TrialTable(Strict):
     name: str = ""
     condition: str = ""
     loads: str | None = None
+    torques: str | None = None
     bodies: dict[str, str] = Field(default_factory=dict)
     plates: list[str] = Field(default_factory=list)
     emg: str | None = None

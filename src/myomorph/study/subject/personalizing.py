@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from myomorph import __version__
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
+from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import Differentiation, Side, plain_settings, with_settings
@@ -37,6 +40,7 @@ from myomorph.tension.personal.personalize import (
 from myomorph.tension.terms.emg import EmgTarget
 
 TABLE, NOTES, HELD_OUT, FIBERS = "personalized_muscles.csv", "notes.txt", "held_out.csv", "fiber_lengths.csv"
+REPORT = "report.html"
 
 
 @dataclass(frozen=True)
@@ -197,6 +201,27 @@ def _write(made: PersonalizedFiles, folder: Path) -> None:
     if found.held_out is not None:
         _rows(held_out_rows(found), folder / HELD_OUT)
     (folder / NOTES).write_text("\n".join((*found.notes, *made.warnings)) + "\n", encoding="utf-8")
+    (folder / REPORT).write_text(_page(made), encoding="utf-8")
+
+
+def _page(made: PersonalizedFiles) -> str:
+    found = made.found
+    rows = tuple(
+        ParameterRow(
+            one.of, one.parameter, one.generic, one.person, one.low, one.high, one.identifiable, one.bound, one.kept
+        )
+        for one in found.estimates
+    )
+    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(summary(found)))
+    head = PageHead(
+        title=f"{found.model.name}: muscles of the person",
+        date=made.provenance.date,
+        version=__version__,
+        notes=(Note("real", f"Recordings: {', '.join(found.recordings) or 'none'}."),),
+        sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.provenance.sources),
+        warnings=(*found.notes, *made.warnings),
+    )
+    return personalized_page(head, given)
 
 
 def estimate_rows(found: Personalized) -> list[dict[str, object]]:
@@ -295,7 +320,9 @@ def _run(
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles to"
         )
-    generic = inputs.open_model(files.model) if prepared.done else None
+    # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
+    scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
+    generic = inputs.open_model(files.model) if scaled else None
     with inputs.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
         found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
     write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)

@@ -98,7 +98,8 @@ def _rigid(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Arr
         x = np.sqrt(along * along + shapes.sine**2)
         cosine = along / x
         v = speeds * cosine / (fiber * shapes.speed)
-        f_v = shapes.velocity(v / np.where(shapes.slower, 0.25 + 0.75 * activation, 1.0))[0]
+        # Linear in the activation, as `hill_forces`: velocity factors of full activation in Thelen's class too.
+        f_v = shapes.velocity(v)[0]
         f_v = np.where(f_v.real > 0.0, f_v, 0.0)
         total = activation * shapes.active(x)[0] * f_v + shapes.passive(1.0 + (x - 1.0) / strain)[0]
         total = total + shapes.damping * v

@@ -33,6 +33,7 @@ class PersonalTrial:
 
     Attributes
     ----------
+    name : for messages and reports
     motion : with velocities
     torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
     emg : activations that EMG tells, at the motion's times, before gains; None for none
