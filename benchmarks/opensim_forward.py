@@ -80,9 +80,12 @@ def forward_forces(
     Parameters
     ----------
     lengths, speeds : (frames, muscles) of the paths [m], [m/s], cubic between frames
-    activations : (frames, muscles), straight between frames
+    activations : (frames - 1, muscles) in the middle between frames, straight between them
     """
-    length, activation = CubicHermiteSpline(time, lengths, speeds), interp1d(time, activations, axis=0)
+    length = CubicHermiteSpline(time, lengths, speeds)
+    clock = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
+    held = np.concatenate([activations[:1], activations, activations[-1:]])
+    activation = interp1d(clock, held, axis=0)
     speed = length.derivative()
 
     def rates(t: float, states: Array) -> Array:
@@ -93,5 +96,5 @@ def forward_forces(
     found = solve_ivp(
         rates, (time[0], time[-1]), start, "LSODA", time, rtol=1e-7, atol=1e-8, lband=0, uband=0, max_step=0.01
     )
-    at = zip(lengths, speeds, activations, found.y.T, strict=True)
+    at = zip(lengths, speeds, activation(time), found.y.T, strict=True)
     return np.array([sliders.rates(*one)[1] for one in at])

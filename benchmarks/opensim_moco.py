@@ -35,7 +35,8 @@ class MocoFound:
     Attributes
     ----------
     activations, forces : (times, muscles), the latter normalized tendon forces
-    model : file of the model that it solved, with its muscles and paths
+    model : file of the model that it solved, but with paths around bones instead of the functions fitted to them,
+        which Myomorph does not read
     seconds : of the solution alone
     success : whether its solver converged
     """
@@ -68,9 +69,9 @@ def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False)
 
 
 def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) -> None:
+    _model(folder, dynamics, functions=False).process().printToXML(str(place / "model.osim"))
     processor = _model(folder, dynamics)
     model = processor.process()
-    model.printToXML(str(place / "model.osim"))
     inverse = opensim.MocoInverse()
     inverse.setModel(processor)
     table = opensim.TableProcessor(str(folder / "coordinates.sto"))
@@ -101,7 +102,7 @@ def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) 
     (place / "found.json").write_text(json.dumps(facts), encoding="utf-8")
 
 
-def _model(folder: Path, dynamics: bool) -> object:
+def _model(folder: Path, dynamics: bool, functions: bool = True) -> object:
     """The recording's model with De Groote's muscles without passive force, as MocoInverse can solve it."""
     processor = opensim.ModelProcessor(str(folder / "subject_walk_scaled.osim"))
     welded = opensim.StdVectorString()
@@ -111,12 +112,14 @@ def _model(folder: Path, dynamics: bool) -> object:
         opensim.ModOpReplaceJointsWithWelds(welded),
         opensim.ModOpReplaceMusclesWithDeGrooteFregly2016(),
         opensim.ModOpIgnorePassiveFiberForcesDGF(),
-        opensim.ModOpReplacePathsWithFunctionBasedPaths(str(folder / "subject_walk_scaled_FunctionBasedPathSet.xml")),
         opensim.ModOpTendonComplianceDynamicsModeDGF("implicit"),
         opensim.ModOpAddExternalLoads(str(folder / "grf_walk.xml")),
         opensim.ModOpAddResiduals(RESIDUAL, RESIDUAL),
         opensim.ModOpAddReserves(RESERVE),
     ]
+    if functions:
+        paths = str(folder / "subject_walk_scaled_FunctionBasedPathSet.xml")
+        parts.append(opensim.ModOpReplacePathsWithFunctionBasedPaths(paths))
     if not dynamics:
         parts.append(opensim.ModOpIgnoreActivationDynamics())
     for one in parts:

@@ -24,7 +24,6 @@ from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
-from myomorph.tension.terms.actuators import default_reserves
 
 RATE = 100.0
 """Frames a second that are solved."""
@@ -91,7 +90,8 @@ def forward_distances(model: Model, model_path: Path, motion: Motion, found: Ten
     ours = found.forces[:, columns]
     start = np.where(sliders.forces_state, ours[0] / strength, fibers.lengths[0, columns])
     lengths, speeds = paths.lengths[:, columns], paths.velocities[:, columns]
-    theirs = forward_forces(sliders, motion.time, lengths, speeds, found.activations[:, columns], start)
+    middle = between_frames(found.activations[:, columns])
+    theirs = forward_forces(sliders, motion.time, lengths, speeds, middle, start)
     inside = ~fibers.transient
     off = (theirs - ours)[inside]
     worst = int(np.argmax(np.sqrt(np.mean((off / strength) ** 2, axis=0))))
@@ -104,6 +104,19 @@ def forward_distances(model: Model, model_path: Path, motion: Motion, found: Ten
         "worst muscle": names[worst],
         "worst muscle's RMS / F0": _rms(off[:, worst] / strength[worst]),
     }
+
+
+def between_frames(activations: Array) -> Array:
+    """(frames - 1, muscles) activations between frames, of which those at the frames are the means.
+
+    What elastic tendons are solved for lies between frames; the first and the last frame have the nearest.
+    """
+    middle = np.empty_like(activations[1:])
+    middle[0] = activations[0]
+    for k in range(1, len(middle)):
+        middle[k] = 2.0 * activations[k] - middle[k - 1]
+    assert np.abs(middle[-1] - activations[-1]).max() < 1e-6
+    return middle
 
 
 def _rms(values: Array) -> float:
@@ -122,10 +135,10 @@ def compare_moco(recording: Path, theirs: MocoFound, options: TensionOptions = A
     whole = differentiate(motion_from_table(read_sto(recording / "coordinates.sto"), model), 6.0)
     motion = thinned(whole, float(theirs.time[0]), float(theirs.time[-1]))
     torques = _torques(model, motion, recording / "grf_walk.xml")
-    reserves = default_reserves(model, RESERVE, RESIDUAL)
-    solve_tension(model, motion, torques, options, reserves)
+    # The model has its reserves already.
+    solve_tension(model, motion, torques, options, ())
     began = time.perf_counter()
-    found = solve_tension(model, motion, torques, options, reserves)
+    found = solve_tension(model, motion, torques, options, ())
     seconds = time.perf_counter() - began
     fibers = found.fibers
     assert fibers is not None

@@ -14,6 +14,7 @@ from benchmarks.accuracy import (
     certificates,
     conditions,
     cutoff,
+    elastic,
     emg,
     groups,
     hands,
@@ -153,6 +154,8 @@ def _tensions(folder: Path) -> Page:
         "Against OpenSim's static optimization and joint reactions, and beside published studies.",
         {
             "tension": lambda: tension.measure(folder),
+            "elastic_forward": lambda: elastic.forward_rows(folder),
+            "elastic_moco": lambda: elastic.moco_rows(folder),
             "loop_static": lambda: loop_forces.measure_static(folder),
             "reaction": lambda: reaction.measure_same(folder),
             "reaction_tensions": lambda: reaction.measure_tensions(folder),

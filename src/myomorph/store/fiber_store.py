@@ -16,7 +16,7 @@ MEANINGS = {
     "transient": "1 near an end, where what lies beyond it can be felt",
     "bridged": "1 where torques or coordinates were interpolated",
 }
-"""Variables over time in the order of the fields of `Fibers`."""
+"""Of the variables over time."""
 
 CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
 """Fields of `Certificate`."""
@@ -29,9 +29,9 @@ def put_fibers(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -
     rigid = np.array([name in fibers.rigid for name in muscles], bool)
     writer.put("muscle_rigid_tendon", ("muscle",), rigid, "1", "1 where the tendon was taken as rigid")
     frames, worst = np.full(len(muscles), -1, np.int32), np.full(len(muscles), np.nan)
-    for one in fibers.unreachable:
-        place = muscles.index(one.muscle)
-        frames[place], worst[place] = one.frame, one.worst
+    for missed in fibers.unreachable:
+        place = muscles.index(missed.muscle)
+        frames[place], worst[place] = missed.frame, missed.worst
     writer.put("unreachable_frame", ("muscle",), frames, "1", "first frame that the fibers cannot reach, -1 for none")
     writer.put("unreachable_length", ("muscle",), worst, "1", "normalized fiber length furthest out of reach")
     writer.names("elastic_certificate", CERTIFICATE)
@@ -47,8 +47,13 @@ def get_fibers(stored: Stored) -> Fibers | None:
     muscles = names["muscle"]
     frames, worst = values["unreachable_frame"], values["unreachable_length"]
     told = dict(zip(names["elastic_certificate"], values["elastic_certificate_value"].tolist(), strict=True))
+    steps = int(told.pop("steps"))
     return Fibers(
-        *(values[name] for name in list(MEANINGS)[:5]),
+        lengths=values["fiber_length"],
+        velocities=values["fiber_velocity"],
+        tendon_strains=values["tendon_strain"],
+        fiber_powers=values["fiber_power"],
+        tendon_powers=values["tendon_power"],
         transient=values["transient"] != 0,
         bridged=values["bridged"] != 0,
         rigid=tuple(name for name, one in zip(muscles, values["muscle_rigid_tendon"], strict=True) if one),
@@ -57,5 +62,5 @@ def get_fibers(stored: Stored) -> Fibers | None:
             for name, frame, length in zip(muscles, frames, worst, strict=True)
             if frame >= 0
         ),
-        certificate=Certificate(**(told | {"steps": int(told["steps"])})),
+        certificate=Certificate(**told, steps=steps),
     )

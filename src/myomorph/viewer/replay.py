@@ -307,11 +307,26 @@ class Panel:
         if body.given.tension is None:
             return ", ".join(_plain(body.muscles[m]) for m in found[:MAX_ROWS])
         rows = ["| | activation | tension |", "|---|---|---|"]
+        if body.fibers is not None:
+            rows = ["| | activation | tension | fiber, optimal lengths | tendon strain |", "|---|---|---|---|---|"]
         for m in found[:MAX_ROWS]:
             tension = f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
             active = f"{body.activations[frame, m]:.2f}" if np.isfinite(body.activations[frame, m]) else "–"
-            rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |")
+            more = (
+                ""
+                if body.fibers is None
+                else "".join(
+                    f" {_shown(values[frame, m], form)} |"
+                    for values, form in zip(body.fibers, (".2f", ".1%"), strict=True)
+                )
+            )
+            rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |{more}")
         return "\n".join(rows) + (f"\n\nand {len(found) - MAX_ROWS} more" if len(found) > MAX_ROWS else "")
+
+
+def _shown(value: float, form: str) -> str:
+    """A number, or a dash where it is not known."""
+    return format(value, form) if np.isfinite(value) else "–"
 
 
 def _scale() -> str:

@@ -170,6 +170,11 @@ class PlayedBody:
         return self._muscles.tensions
 
     @property
+    def fibers(self) -> tuple[Array, Array] | None:
+        """Normalized fiber lengths and tendon strains (frames, muscles), where tendons were elastic."""
+        return self._muscles.fibers
+
+    @property
     def _heaviest(self) -> float:
         """Share of the heaviest subject in the mass of all, by whose weight arrows are drawn."""
         masses = [sum(self.model.body(name).mass for name in one.bodies) for one in self.subjects]
@@ -271,6 +276,7 @@ class _Muscles:
         self.activations, self.tensions = np.full(shape, np.nan), np.full(shape, np.nan)
         self._strengths = np.array([max(one.max_isometric_force, 0.0) for one in model.muscles])
         self._solved = given.tension is not None
+        self.fibers: tuple[Array, Array] | None = None
         if given.tension is not None and len(given.tension.time):
             columns = {name: i for i, name in enumerate(given.tension.muscles)}
             own = np.array([columns.get(name, -1) for name in model.muscle_names])
@@ -279,6 +285,14 @@ class _Muscles:
             for values, found in ((self.activations, given.tension.activations), (self.tensions, given.tension.forces)):
                 values[:, own >= 0] = found[near][:, own[own >= 0]]
                 values[~inside] = np.nan
+            if given.tension.fibers is not None:
+                found = given.tension.fibers
+                self.fibers = np.full(shape, np.nan), np.full(shape, np.nan)
+                optimal = np.array([one.optimal_fiber_length for one in model.muscles])
+                for values, each in zip(self.fibers, (found.lengths, found.tendon_strains), strict=True):
+                    values[:, own >= 0] = each[near][:, own[own >= 0]]
+                    values[~inside] = np.nan
+                self.fibers[0][:] /= optimal
 
     def look(self, frame: int, size: float, found: Collection[int]) -> tuple[Array, Array]:
         """Radii (muscles,) [m] and colors (muscles, 3) in 0..1 at a frame."""

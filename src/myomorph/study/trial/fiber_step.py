@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.analysis.strides import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
+from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table
@@ -27,7 +28,7 @@ UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "
 """Of the columns of the table of work, by the last word of their names."""
 
 LARGE_STRAIN = 0.1
-"""Strain of a tendon that tears tendons [Wang 2006]: where it is passed, the model's tendon does not fit."""
+"""Strain at which tendons tear: where it is passed, the model's tendon does not fit."""
 
 MOST_NAMED = 8
 """Muscles that a note names one by one."""
@@ -78,8 +79,8 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
             if one.worst <= 0.0
             else f"fibers would be {one.worst:.2f} optimal lengths long"
         )
-        at = f"from {tension.time[one.frame]:.3f} s (frame {one.frame})"
-        notes.append(f"{one.muscle}: {why}, first {at[5:]}; it is solved with a rigid tendon")
+        at = f"{tension.time[one.frame]:.3f} s (frame {one.frame})"
+        notes.append(f"{one.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
     left = [one.muscle for one in fibers.unreachable[MOST_NAMED:]]
     if left:
         notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
@@ -96,13 +97,13 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
         worst = int(torn[np.argmax(most[torn])])
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
-            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, which tears them; "
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, where tendons tear; "
             f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
 
 
-def inside_ends(fibers: Fibers, values: np.ndarray) -> np.ndarray:
+def inside_ends(fibers: Fibers, values: Array) -> Array:
     """Values with NaN where the start-up or the end can be felt."""
     return np.where(fibers.transient[:, None], np.nan, values)
 
@@ -115,15 +116,19 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     muscles = stored.names["muscle"]
     optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
     normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
-    kinds = (
-        (normal, "_normalized_fiber_length", "1", ("minimum", "maximum", "range"), "normalized fiber length", 1.0),
-        (fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0),
-        (fibers.fiber_powers, "_fiber_power", "W", ("minimum", "maximum", "mean"), "fiber power [W]", 1.0),
-        (fibers.tendon_powers, "_tendon_power", "W", ("minimum", "maximum", "mean"), "tendon power [W]", 1.0),
-    )
-    return tuple(
-        all_drawn("tension", Series(stored.time, muscles, inside_ends(fibers, values)), *rest)
-        for values, *rest in kinds
+
+    def signals(
+        values: Array, ending: str, unit: str, statistics: tuple[str, ...], curve: str, factor: float = 1.0
+    ) -> Signals:
+        series = Series(stored.time, muscles, inside_ends(fibers, values))
+        return all_drawn("tension", series, ending, unit, statistics, curve, factor)
+
+    ends, mean = ("minimum", "maximum"), ("minimum", "maximum", "mean")
+    return (
+        signals(normal, "_normalized_fiber_length", "1", (*ends, "range"), "normalized fiber length"),
+        signals(fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0),
+        signals(fibers.fiber_powers, "_fiber_power", "W", mean, "fiber power [W]"),
+        signals(fibers.tendon_powers, "_tendon_power", "W", mean, "tendon power [W]"),
     )
 
 

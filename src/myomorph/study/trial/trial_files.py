@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
