@@ -87,20 +87,26 @@ class Way:
     model: str = MODEL
 
 
-SAME = ("--cutoff", f"{CUTOFF:g}")
+AT_6_HZ = ("--cutoff", f"{CUTOFF:g}")
+ELASTIC = ("--tendons", "elastic")
+SHARED = ("--contacts", "auto", "--measured", "shared", "--intervals", "0")
 WAYS = (
     Way("default"),
-    Way("default, 6 Hz", SAME),
-    Way("6 Hz, activations from the model's 0.01", (*SAME, "--min-activation", "model")),
-    Way("6 Hz, passive muscle force on rigid tendons", (*SAME, "--passive")),
-    Way("6 Hz, exponent 3", (*SAME, "--exponent", "3")),
-    Way("6 Hz, weights by volume", (*SAME, "--weights", "volume")),
-    Way("6 Hz, min/max", (*SAME, "--recruitment", "minmax")),
-    Way("6 Hz, plates shared by both feet", (*SAME, "--contacts", "auto", "--measured", "shared", "--intervals", "0")),
-    Way("6 Hz, own joint angles", SAME, own_angles=True),
-    Way("6 Hz, EMG", SAME, emg=True),
-    Way("6 Hz, elastic tendons", (*SAME, "--tendons", "elastic")),
-    Way("6 Hz, elastic tendons, EMG", (*SAME, "--tendons", "elastic"), emg=True),
+    Way("default, but 6 Hz", AT_6_HZ),
+    Way("activations from the model's 0.01", ("--min-activation", "model")),
+    Way("passive muscle force on rigid tendons", ("--passive",)),
+    Way("exponent 3", ("--exponent", "3")),
+    Way("weights by volume", ("--weights", "volume")),
+    Way("min/max", ("--recruitment", "minmax")),
+    Way("plates shared by both feet", SHARED),
+    Way("plates shared, personalized", SHARED, personal=True),
+    Way("own joint angles", own_angles=True),
+    Way("EMG", emg=True),
+    Way("elastic tendons", ELASTIC),
+    Way("elastic tendons, EMG", ELASTIC, emg=True),
+    Way("personalized", personal=True),
+    Way("personalized, elastic tendons", ELASTIC, personal=True),
+    Way("personalized, elastic tendons, EMG", ELASTIC, emg=True, personal=True),
 )
 """Rows of the table; what a way needs beside `settings` is a field of `Way`."""
 
@@ -120,8 +126,7 @@ def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
 
 def own_cutoff(folder: Path, stride: str) -> float:
     """Low pass that `myomorph tension` takes for a stride where none is given [Hz]."""
-    model = read_model(folder / STUDY / MODEL)
-    found = automatic_cutoff(motion_from_table(read_sto(folder / STUDY / f"{stride}_ik.mot"), model))
+    found = automatic_cutoff(_inputs(folder, stride)[1])
     assert found is not None
     return found
 
@@ -215,7 +220,7 @@ def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
     here, out = folder / STUDY, work / "personal.osim"
     files = ("--model", model, "--motion", here / f"{other}_ik.mot", "--loads", here / f"{other}_grf.xml")
     emg = ("--emg", write_emg(folder, other, work))
-    _command("personalize", *files, *emg, "--generic", folder / GENERIC, *SAME, "--out", out)
+    _command("personalize", *files, *emg, "--generic", folder / GENERIC, "--out", out)
     return out
 
 

@@ -18,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
@@ -73,6 +74,7 @@ class ShownTension:
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
     passive : muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where
         passive force takes no part
+    fibers : fibers and tendons, where tendons were elastic
     """
 
     time: Array
@@ -84,6 +86,7 @@ class ShownTension:
     solved: np.ndarray
     overstretched: tuple[str, ...] = ()
     passive: tuple[tuple[str, float, float], ...] | None = None
+    fibers: Fibers | None = None
 
 
 @dataclass(frozen=True, eq=False)

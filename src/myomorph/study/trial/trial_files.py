@@ -39,6 +39,10 @@ Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
 
 
+COUPLED = 0.1
+"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
+
+
 @dataclass(frozen=True)
 class TrialFiles:
     """The files of one recording of one subject.
@@ -191,7 +195,9 @@ def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInput
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
     recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
+    recorded, apart = coupled_motion(recorded, model)
     warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
+    warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
@@ -234,6 +240,33 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
     given = (*motion.names, *model.dependent_coordinates)
     lacking = tuple(name for name in model.coordinate_names if name not in given)
     return Motion(motion.time, model.coordinate_names, values), lacking
+
+
+def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
+
+    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
+    column as it stands: one in degrees would be read as 57 times as much.
+    """
+    from myomorph.rigid.tree import compile_tree
+
+    driven = [name for name in model.dependent_coordinates if name in motion.names]
+    if not driven or not len(motion):
+        return motion, ()
+    told = compile_tree(model).coordinates_of(motion)
+    values = np.array(motion.values)
+    notes = []
+    for name in driven:
+        own, right = values[:, motion.names.index(name)], told[:, model.coordinate_names.index(name)]
+        apart = np.abs(np.nan_to_num(own - right))
+        worst = int(np.argmax(apart))
+        if apart[worst] > COUPLED:
+            notes.append(
+                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
+                f"{right[worst]:.4g}: the coupler's value is taken throughout"
+            )
+        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
+    return replace(motion, values=values), tuple(notes)
 
 
 def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:

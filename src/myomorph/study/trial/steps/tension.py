@@ -37,6 +37,7 @@ from myomorph.study.trial.contact_warnings import (
     interval_table,
     put_warnings,
 )
+from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
     joint_contact_numbers,
     joint_contact_signals,
@@ -148,6 +149,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     if task.setting is not None and tension.options.recruitment == "minmax":
         notes += ("recruitment minmax: no intervals of the contact forces, and no list of contacts that cannot carry",)
     _write_tension(trial, tension, task.actuators, output)
+    notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
         notes += task.emg.notes
@@ -329,6 +331,7 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             tension.optimal,
             tension.overstretched,
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
+            tension.fibers,
         )
     return replace(given, contacts=contacts, tension=shown, joint_contacts=get_joint_contacts(stored))
 
@@ -359,7 +362,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
         )
         if name in stored.values
     )
-    return *own, *joint_contact_signals(stored)
+    return *own, *fiber_signals(stored, model), *joint_contact_signals(stored)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
@@ -367,6 +370,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     if "tension_status" not in stored.values:
         return
     yield Value("tension", "frames not optimal", float((stored.values["tension_status"] != 0).sum()), "1")
+    yield from fiber_numbers(stored)
     yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")
     if forces is None or not forces.size:
