@@ -49,7 +49,8 @@ def tables() -> dict[str, str]:
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         headings = {_text(page, name).splitlines()[0]: name for name in page.sections}
         starts = [i for i, line in enumerate(lines) if line in headings]
-        for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        # A page that is new has no sections yet.
+        for start, end in zip(starts, [*starts[1:], len(lines)][: len(starts)], strict=True):
             table = [line for line in lines[start:end] if line.startswith(("|", "(nothing measured"))]
             found[headings[lines[start]]] = "\n".join(table) + "\n"
     return found

@@ -44,6 +44,7 @@ from benchmarks.accuracy import (
     stairs,
     strides,
     tension,
+    tension_defaults,
     transfer,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
@@ -158,6 +159,7 @@ def _tensions(folder: Path) -> Page:
             "elastic_moco": lambda: elastic.moco_rows(folder),
             "loop_static": lambda: loop_forces.measure_static(folder),
             "reaction": lambda: reaction.measure_same(folder),
+            "tension_defaults": lambda: tension_defaults.measure_settings(folder),
             "reaction_tensions": lambda: reaction.measure_tensions(folder),
             "reaction_loads": lambda: reaction.measure_loads(folder),
             "passive": lambda: passive.measure(folder),

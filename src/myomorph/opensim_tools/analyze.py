@@ -110,9 +110,11 @@ def static_optimization(
     """Activations and forces of muscles and actuators: OpenSim's problem, so without the muscles' passive force."""
     if not settings.use_model_forces:
         raise BadData("StaticOptimization: use_model_force_set is false, which leaves no muscles to solve for")
-    curves = "opensim" if settings.use_physiology else "constant"
-    options = TensionOptions(  # type: ignore[arg-type]
-        exponent=settings.exponent, passive=False, min_activation="model", curves=curves
+    options = TensionOptions(
+        exponent=settings.exponent,
+        passive=False,
+        min_activation="model",
+        curves="opensim" if settings.use_physiology else "constant",
     )
     with progress(f"{name}: static optimization", len(motion)) as advance:
         tension = solve_tension(model, motion, torques, options, actuators, advance)

@@ -32,7 +32,8 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
         raise BadFile(path, f"is no table of torques: its name ends in '{path.suffix}'", "expected .sto or .mot")
     with inputs.about(path):
         table = read_sto(path)
-    columns, unused = {}, []
+    columns: dict[str, int] = {}
+    unused: list[str] = []
     for k, column in enumerate(table.names):
         name = _coordinate(column, model, path)
         if name is None:
