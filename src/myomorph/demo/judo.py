@@ -63,7 +63,9 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         loads=lambda motion: truth.wrenches,
         emg=emg,
         emg_muscles=FrozenMap({name: (name,) for name in channels}),
-        options=OptionSet(EmgOptions(delay=0.0, gains="given"), Differentiation(CUTOFF), ReportOptions(preset="judo")),
+        options=OptionSet(
+            EmgOptions(delay=0.0, gains="normalized"), Differentiation(CUTOFF), ReportOptions(preset="judo")
+        ),
         contacts=ContactPlan(
             feet=False,
             sites=sites,
