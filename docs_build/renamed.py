@@ -10,6 +10,10 @@ from myomorph.model import deprecated
 def tables() -> str:
     """One table for options, files, variables, columns and arguments."""
     options = [_row(one.place, f"--{one.old}", f"--{one.new}") for one in deprecated.OPTIONS]
+    options += [
+        (f"`{one.place.split()[0]}`", f"{one.place.split()[1]} {one.old}", f"{one.place.split()[1]} {one.new}")
+        for one in deprecated.OPTION_VALUES
+    ]
     parts = [("Options of commands", ("command", "old", "new"), options)]
     keys = [
         (f"{kind}, `[{one.place}]`" if one.place else kind, one.old, one.new)

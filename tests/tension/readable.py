@@ -52,7 +52,10 @@ def balance(directions: ArrayLike, torques: ArrayLike) -> Constraint:
 
 
 def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
-    """Soft target weight (a_m - emg_m)^2 of the first variables, activations; NaN asks for nothing.
+    """Soft target weight (a_m - t_m)^2 of the first variables, activations; NaN asks for nothing.
+
+    With the effort a^2 beside it the cost is (1 + weight) (a - emg (weight + s) / (1 + weight))^2 but for a constant,
+    where t = emg (1 + s / weight): of the effort of a firm target nothing is left, s = weight / (1 + weight).
 
     Parameters
     ----------
@@ -60,7 +63,7 @@ def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
     variables : n, of which the activations come first
     """
     wanted = np.full(variables, np.nan)
-    wanted[: len(np.asarray(emg))] = emg
+    wanted[: len(np.asarray(emg))] = np.asarray(emg) * (1.0 + 1.0 / (1.0 + weight))
     return nearness(wanted, np.where(np.isnan(wanted), 0.0, weight))
 
 
@@ -202,7 +205,7 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
     names += [] if contacts is None else contacts.generators.names
     known = next((one for one in problem.terms if isinstance(one, EmgTarget)), None)
     emg = _emg(problem, known, frame)
-    equality = known is not None and known.mode == "equality"
+    equality = known is not None and known.mode == "driven"
     base = len(names)
     if equality:
         names += [f"{muscles[m]} excess" for m in np.flatnonzero(np.isfinite(emg))]

@@ -1,4 +1,4 @@
-"""EMG in the tension problem: soft targets, equalities with slack, any exponent, and channels that do not fit."""
+"""EMG in the tension problem: soft targets, driven muscles with slack, any exponent, and channels that do not fit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def optimality(problem, found, exponent: float) -> float:
 
 
 @pytest.mark.parametrize("exponent", [1.5, 2.0, 3.0])
-@pytest.mark.parametrize("mode", ["soft", "equality"])
+@pytest.mark.parametrize("mode", ["soft", "driven"])
 def test_the_conditions_of_an_optimum_hold_with_emg_for_any_exponent(walker, exponent, mode):
     model, motion, tau, told = walker
     emg = EmgTarget(MUSCLES, told, mode)
@@ -59,7 +59,7 @@ def test_the_conditions_of_an_optimum_hold_with_emg_for_any_exponent(walker, exp
     assert optimality(problem, found, exponent) < 1e-5
 
 
-@pytest.mark.parametrize("mode", ["soft", "equality"])
+@pytest.mark.parametrize("mode", ["soft", "driven"])
 def test_emg_without_contacts_is_the_readable_program(walker, mode):
     model, motion, tau, told = walker
     told = told.copy()
@@ -73,14 +73,14 @@ def test_emg_without_contacts_is_the_readable_program(walker, mode):
         np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-4)
 
 
-def test_a_soft_target_draws_and_an_equality_holds(walker):
+def test_a_soft_target_draws_and_a_driven_muscle_holds(walker):
     """Activations that balance the torques too, but at another cost, are told of."""
     model, motion, tau, _ = walker
     columns = [model.muscle_names.index(name) for name in MUSCLES]
     free = solve_tension(model, motion, tau)
     told = solve_tension(model, motion, tau, TensionOptions(exponent=4.0)).activations[:, columns]
     soft = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told))
-    held = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, "equality", slack=0.03))
+    held = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told, "driven", slack=0.03))
     missed = [np.abs(one.activations[:, columns] - told) for one in (free, soft, held)]
     assert missed[0].max() > 0.08
     assert missed[1].mean() < 0.7 * missed[0].mean()
@@ -94,7 +94,7 @@ def test_what_emg_does_not_tell_changes_nothing(walker):
     silent = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, np.full_like(told, np.nan)))
     np.testing.assert_allclose(silent.activations, free.activations, atol=1e-9)
     itself = free.activations[:, [model.muscle_names.index(name) for name in MUSCLES]]
-    same = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, itself, "equality"))
+    same = solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, itself, "driven"))
     np.testing.assert_allclose(same.activations, free.activations, atol=1e-7)
 
 

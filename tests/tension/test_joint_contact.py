@@ -1,4 +1,4 @@
-"""Forces at contact points of joints: known pushes come back, points lift off, what is left is told, frames are free."""
+"""Forces at contact points of joints: known pushes come back, points lift off, what is left is reported."""
 
 from __future__ import annotations
 

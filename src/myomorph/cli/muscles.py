@@ -70,6 +70,13 @@ def tension_command(
         Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
     ] = None,
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_mvc: Annotated[
+        list[Path] | None,
+        Parameter(
+            help="Recordings of maximum voluntary contractions (as --emg): EMG is scaled to their largest "
+            "envelopes, and no gain is larger than that."
+        ),
+    ] = None,
     contacts: Annotated[
         str,
         Parameter(
@@ -104,6 +111,8 @@ def tension_command(
         raise BadData(f"--measured {measured} without --contacts: give --contacts auto, or a contact file")
     if measured == "shared" and loads is None:
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
+    if emg_mvc and emg is None:
+        raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
     use_threads(threads)
     files = TrialFiles(
         model=model,
@@ -112,6 +121,7 @@ def tension_command(
         torques=torques,
         emg=emg,
         emg_side=emg_side,
+        emg_mvc=tuple(emg_mvc or ()),
         actuators=actuators,
         contacts=contacts,
         measured=measured,
@@ -121,7 +131,7 @@ def tension_command(
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
-    warn((*trial.warnings, *results.notes), f"the report lists them ('myomorph report {out}')")
+    warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_summary(results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")
     return 0

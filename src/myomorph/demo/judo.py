@@ -65,7 +65,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         emg=emg,
         emg_muscles=FrozenMap({name: (name,) for name in channels}),
         options=OptionSet(
-            EmgOptions(delay=0.0, gains="given"),
+            EmgOptions(delay=0.0, gains="normalized"),
             # MuJoCo's muscles have passive force, and no tendon that could take up their stretch.
             TensionOptions(passive=True),
             Differentiation(CUTOFF),

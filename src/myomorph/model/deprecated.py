@@ -43,6 +43,7 @@ OPTIONS = (
     Renamed("ik", "crossings-shortest", "passes-min-duration"),
     Renamed("live", "late", "max-age"),
     Renamed("morph", "reach", "match-kernel-width"),
+    Renamed("tension", "emg-shown-only", "emg-display-only"),
     Renamed("viscosity", "with", "intact"),
     Renamed("viscosity", "with-loads", "intact-loads"),
     Renamed("viscosity", "without", "removed"),
@@ -55,6 +56,12 @@ OPTIONS = (
 )
 """Options of commands, without their dashes."""
 
+OPTION_VALUES = (
+    Renamed("tension --emg-gains", "given", "normalized"),
+    Renamed("tension --emg-mode", "equality", "driven"),
+)
+"""Values of options of commands (by their new names)."""
+
 KEYS: Mapping[str, tuple[Renamed, ...]] = {
     "study file": (
         Renamed("options.id", "folded", "independent_coordinates"),
@@ -64,6 +71,8 @@ KEYS: Mapping[str, tuple[Renamed, ...]] = {
         Renamed("options.ik", "crossings_gap", "passes_max_gap"),
         Renamed("options.ik", "crossings_shortest", "passes_min_duration"),
         Renamed("options.morph", "reach", "match_kernel_width"),
+        Renamed("options.tension", "emg_shown_only", "emg_display_only"),
+        Renamed("subject", "emg_reference", "emg_mvc"),
     ),
     "viscosity study": (
         Renamed("options", "arms", "moment_arms"),
@@ -87,6 +96,10 @@ KEYS: Mapping[str, tuple[Renamed, ...]] = {
 """Keys of TOML files, by the kind of file."""
 
 VALUES: Mapping[str, tuple[Renamed, ...]] = {
+    "study file": (
+        Renamed("options.tension.emg_gains", "given", "normalized"),
+        Renamed("options.tension.emg_mode", "equality", "driven"),
+    ),
     "contact file": (Renamed("site.intervals", "told", "file"),),
 }
 """Values of keys (by their new names)."""
@@ -170,6 +183,13 @@ def current_options(command: str, words: Sequence[str]) -> tuple[list[str], list
                 raise BadData(f"{flag} is the old name of {new}: give one of them")
         notices[name] = notice(command, flag, new)
         found.append(new + equals + value)
+    for renamed in OPTION_VALUES:
+        place, option = renamed.place.split()
+        for k, word in enumerate(found if place == command else ()):
+            joined = f"{option}={renamed.old}"
+            if word == joined or (word == renamed.old and k > 0 and found[k - 1] == option):
+                found[k] = f"{option}={renamed.new}" if word == joined else renamed.new
+                notices[renamed.place] = notice(command, f"{option} {renamed.old}", f"{option} {renamed.new}")
     return found, list(notices.values())
 
 
@@ -210,7 +230,7 @@ def current_keys(kind: str, raw: Mapping[str, Any], file: str) -> tuple[dict[str
         if isinstance(value, list):
             return [table(one, path) if isinstance(one, Mapping) else one for one in value]
         for one in VALUES.get(kind, ()):
-            if value == one.old and path == one.place:
+            if value == one.old and _within(path, one.place):
                 notices.setdefault((path, value), notice(file, f'{path} = "{value}"', f'{path} = "{one.new}"'))
                 return one.new
         return value

@@ -82,10 +82,10 @@ class EmgUse:
 
     Attributes
     ----------
-    emg_shown_only : EMG does not take part; it is shown beside the activations
+    emg_display_only : EMG does not take part; it is shown beside the activations
     """
 
-    emg_shown_only: bool = False
+    emg_display_only: bool = False
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ class SubjectTable(Strict):
     sex: Literal["female", "male"] | None = None
     age: float | None = Field(default=None, gt=0.0)
     emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
-    emg_reference: list[str] = Field(default_factory=list)
+    emg_mvc: list[str] = Field(default_factory=list)
     emg_side: Side = ""
     tasks: str | None = None
     actuators: str | None = None

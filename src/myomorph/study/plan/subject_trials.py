@@ -166,16 +166,14 @@ def subject_trials(
         role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (("model", table.model), ("tasks", table.tasks), ("actuators", table.actuators))
     }
-    reference = [
-        path for given in table.emg_reference for path in matching(folder, given, f"{where}: emg_reference", problems)
-    ]
+    reference = [path for given in table.emg_mvc for path in matching(folder, given, f"{where}: emg_mvc", problems)]
     if not table.trials:
         problems.append(f"{where}: has no trials")
     whole = TrialFiles(
         model=model or shared["model"] or folder,
         subject=one.name,
         emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
-        emg_reference=tuple(reference),
+        emg_mvc=tuple(reference),
         emg_side=table.emg_side,
         tasks=shared["tasks"],
         actuators=shared["actuators"],

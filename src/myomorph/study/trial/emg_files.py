@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
 from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
@@ -28,12 +29,14 @@ class OpenedEmg:
     ----------
     emg : envelopes of all channels that the file has, of a C3D file of those that tell a muscle
     muscles : channel to the muscles it was measured on
+    maxima : envelope of channels in maximum voluntary contractions, empty where nobody measured any
     notes : what was done, and what is wrong with it, one line each
     """
 
     emg: Emg
     muscles: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...]
+    maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
 
 def open_emg(
@@ -47,13 +50,13 @@ def open_emg(
     """EMG of a table or of the analog channels of a C3D file, as envelopes.
 
     Channels that swing about zero are raw: they are filtered (see `envelopes`) and scaled to their largest value in
-    the reference recordings, or to their own. Envelopes are taken as they are; a table whose largest value is
-    over 1.5 has every channel scaled to its own.
+    the reference recordings, or to their own. Envelopes are scaled to the reference, too, or taken as they are; a table
+    whose largest value is over 1.5 has every channel scaled to its own.
 
     Parameters
     ----------
     named : channel to muscles, as a user tells it; other channels find theirs by name
-    reference : recordings of maximum voluntary contractions, raw
+    reference : recordings of maximum voluntary contractions, raw or envelopes as the EMG itself
     side : "right" or "left", of channels whose names tell none
 
     Raises
@@ -74,14 +77,15 @@ def open_emg(
                 raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
             found = _picked(found, tuple(told))
         if not _is_raw(found):
-            made = _as_envelopes(found, told, Path(path).name)
+            made = _as_envelopes(found, told, Path(path).name, reference)
             return replace(made, notes=(*mended, *made.notes))
         maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
         faults = raw_faults(found)
         whole = without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
-    return OpenedEmg(whole, told, (*mended, *notes))
+    at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
+    return OpenedEmg(whole, told, (*mended, *notes), at_maximum)
 
 
 def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
@@ -125,16 +129,36 @@ def _is_raw(series: Series) -> bool:
     return bool(np.median(negative) > SWINGS) if negative.size else False
 
 
-def _as_envelopes(found: Series, told: Mapping[str, tuple[str, ...]], name: str) -> OpenedEmg:
-    values, notes = found.values, []
+def _as_envelopes(
+    found: Series, told: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
+) -> OpenedEmg:
+    values, notes, maxima = found.values, [], FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
-    if peak > BEYOND_ONE:
+    if reference:
+        values = values / np.array([_largest_of(reference, channel) for channel in found.names])
+        maxima = FrozenMap(dict.fromkeys(found.names, 1.0))
+        notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
+    elif peak > BEYOND_ONE:
         values = values / np.nanmax(values, axis=0).clip(1e-12)
         notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
     emg = Emg(found.time, found.names, values)
     faults = envelope_faults(emg)
     used = [one.text for one in faults if not told or one.channel in told]
-    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used))
+    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used), maxima)
+
+
+def _largest_of(reference: Sequence[Path], channel: str) -> float:
+    """Largest envelope of a channel in recordings of maximum voluntary contractions."""
+    largest_found = 0.0
+    for path in reference:
+        one = _channels(path)
+        index_of("EMG channel", channel, one.names, str(path))
+        if _is_raw(one):
+            raise BadFile(path, "holds raw EMG, but the recording has envelopes", "give envelopes of the same units")
+        largest_found = max(largest_found, float(np.nanmax(np.append(one[channel], 0.0))))
+    if not largest_found > 0.0:
+        raise BadFile(reference[0], f"has nothing on channel '{channel}'", "leave it out, or give another recording")
+    return largest_found
 
 
 def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:

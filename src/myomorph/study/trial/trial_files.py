@@ -60,7 +60,7 @@ class TrialFiles:
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
-    emg_reference : recordings of maximum voluntary contractions, that raw EMG is scaled to
+    emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
@@ -83,7 +83,7 @@ class TrialFiles:
     plates: tuple[str, ...] = ()
     emg: Path | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
-    emg_reference: tuple[Path, ...] = ()
+    emg_mvc: tuple[Path, ...] = ()
     emg_side: Side = ""
     tasks: Path | None = None
     actuators: Path | None = None
@@ -234,7 +234,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ("emg", files.emg),
         ("tasks", files.tasks),
         ("actuators", files.actuators),
-        *(("emg reference", path) for path in files.emg_reference),
+        *(("emg mvc", path) for path in files.emg_mvc),
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
@@ -253,7 +253,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     found = None
     if files.emg is not None:
         envelope = options[EnvelopeOptions]
-        found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_reference, files.emg_side)
+        found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_mvc, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
     if files.labels:
         sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
@@ -272,6 +272,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
+        emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
         contacts=contact_plan(files, model),
         contact_points=points,

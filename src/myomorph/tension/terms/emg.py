@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.deprecated import notice
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
+from myomorph.model.series import Series
+from myomorph.tension.terms.muscles import MuscleTerm
 from myomorph.tension.terms.term import Penalties, Term, Unknowns
 
 STIFFNESS = 1e4
-"""Cost of passing the slack of an equality, of the excess squared, in units of the effort a^2 of one muscle."""
+"""Cost of passing the slack of driven muscles, of the excess squared, in units of the effort a^2 of one muscle."""
 
 
 @read_only
@@ -25,28 +29,39 @@ class EmgTarget(Term):
     ----------
     muscles : names of the muscles that are known of
     activations : (frames, muscles) in 0..1, NaN where unknown
-    mode : "soft": the cost gains weight (a - activation)^2; "equality": a may differ by `slack` only, beyond
-        which a stiff cost of the same form gives way, so that the problem always has a solution
+    mode : "soft": in place of the effort, the cost has weight (a - activation)^2; "driven": a may differ by `slack`
+        only, beyond which a stiff cost of the same form gives way, so that the problem always has a solution
     weight : of the soft target, in units of the effort a^2 of one muscle
     slack : [activation]
+    others : (frames, muscles) what synergies say of further muscles, drawn softly; None for nothing
+    others_weight : of that, in units of the effort a^2 of one muscle
     """
 
     muscles: tuple[str, ...]
     activations: Array
-    mode: Literal["soft", "equality"] = "soft"
+    mode: Literal["soft", "driven"] = "soft"
     weight: float = 10.0
     slack: float = 0.02
+    others: Series | None = None
+    others_weight: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "muscles", tuple(self.muscles))
         object.__setattr__(self, "activations", frozen_array(self.activations, (-1, len(self.muscles))))
-        if self.mode not in ("soft", "equality"):
-            raise BadData(f"unknown use of EMG '{self.mode}': there are 'soft', 'equality'")
+        if self.mode == "equality":  # type: ignore[comparison-overlap]
+            warnings.warn(notice("EMG", "equality", "driven"), FutureWarning, stacklevel=4)
+            object.__setattr__(self, "mode", "driven")
+        if self.mode not in ("soft", "driven"):
+            raise BadData(f"unknown use of EMG '{self.mode}': there are 'soft', 'driven'")
         if not (self.weight > 0.0 and self.slack >= 0.0):
             raise BadData(f"EMG weight {self.weight:g}, slack {self.slack:g}: expected above 0, and 0 or more")
 
     def penalties(self, unknowns: Unknowns) -> Penalties:
-        """L = h = EMG with a soft target, EMG -+ slack with an equality.
+        """L = h near EMG with a soft target, EMG -+ slack with driven muscles.
+
+        Beside a firm target the effort says nothing more of a muscle: w a^p + k (a - t)^2 is least at the EMG where
+        t = EMG + w p EMG^(p-1) / (2 k), so that co-contraction costs nothing. The share k / (1 + k) of that is added:
+        all of it to a firm target, nothing to one that is hardly there.
 
         Raises
         ------
@@ -56,12 +71,30 @@ class EmgTarget(Term):
             where it knows of a muscle that the model does not have
         """
         frames = len(unknowns.time)
-        if len(self.activations) != frames:
-            raise BadData(f"EMG has {len(self.activations)} frames, the motion {frames}: both must have the same times")
-        columns = [index_of("muscle", name, unknowns.muscles, "the model, for EMG,") for name in self.muscles]
+        names, values = self.muscles, self.activations
+        if self.others is not None:
+            names, values = (*names, *self.others.names), np.hstack([values, self.others.values])
+        if len(values) != frames:
+            raise BadData(f"EMG has {len(values)} frames, the motion {frames}: both must have the same times")
+        columns = [index_of("muscle", name, unknowns.muscles, "the model, for EMG,") for name in names]
         if len(set(columns)) != len(columns):
-            twice = next(name for name in self.muscles if self.muscles.count(name) > 1)
+            twice = next(name for name in names if names.count(name) > 1)
             raise BadData(f"EMG is given for muscle '{twice}' twice: combine its channels first")
-        slack, stiffness = (0.0, self.weight) if self.mode == "soft" else (self.slack, STIFFNESS)
-        weight = np.where(np.isfinite(self.activations), stiffness, 0.0)
-        return Penalties(columns, self.activations - slack, self.activations + slack, weight)
+        measured = np.arange(len(names)) < len(self.muscles)
+        soft = ~measured | (self.mode == "soft")
+        weight = np.where(measured, self.weight if self.mode == "soft" else STIFFNESS, self.others_weight)
+        goals = np.where(soft, _beyond_effort(values, weight, columns, unknowns), values)
+        slack = np.where(soft, 0.0, self.slack)
+        stiffness = np.where(np.isfinite(values), weight, 0.0)
+        return Penalties(columns, goals - slack, goals + slack, stiffness)
+
+
+def _beyond_effort(values: Array, weight: Array, columns: list[int], unknowns: Unknowns) -> Array:
+    """Targets (frames, muscles) at which effort and the cost of a weight (muscles,) are least at `values` together."""
+    effort = next((one.variables() for one in unknowns.terms if isinstance(one, MuscleTerm)), None)
+    if effort is None:
+        return values
+    factors, exponents = effort.weight[columns], effort.exponent[columns]
+    held = np.clip(values, 0.0, 1.0)
+    found: Array = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
+    return found

@@ -18,7 +18,7 @@ from myomorph.model.contacts import Contacts
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.motion.emg_delay import USUAL, EmgCalibration
+from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -48,6 +48,7 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solv
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_conflicts import conflict_line, emg_conflicts
 from myomorph.tension.passive_share import LARGE, passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
@@ -64,8 +65,7 @@ OBJECT_RESIDUAL = 0.01
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 EMG_TABLE = "emg_channels.csv"
-SHORTEST = 2.0
-"""Recordings that are shorter do not tell a delay [s]."""
+EMG_CONFLICTS = "emg_conflicts.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
-        notes += task.emg.notes
+        notes = (*_write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
     known = torques.wrenches if task.setting is None else task.setting.exact
     frame = trial.options[TensionTables].reactions
     if frame != "none":
@@ -188,7 +188,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
 def emg_takes_part(trial: TrialInputs) -> bool:
     """Whether EMG was given to take part in the tensions, rather than to be shown."""
     options = trial.options
-    return trial.emg is not None and options.get(EmgOptions) is not None and not options[EmgUse].emg_shown_only
+    return trial.emg is not None and options.get(EmgOptions) is not None and not options[EmgUse].emg_display_only
 
 
 def emg_targets_of(
@@ -211,15 +211,13 @@ def emg_targets_of(
         names = ", ".join(trial.emg.names)
         note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
         return EmgTargets(None, None, (note,))
-    notes: list[str] = []
-    short = motion.time[-1] - motion.time[0] < SHORTEST
-    if short and chosen.delay is None:
-        chosen = replace(chosen, delay=USUAL)
-        notes.append(f"EMG: the recording is shorter than {SHORTEST:g} s, so a delay of {USUAL:g} s is taken")
     recorded = EmgTrial(motion, torques, trial.emg, contacts)
-    calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators)
+    maxima = {name: one for name, one in trial.emg_maxima.items() if name in trial.emg_muscles}
+    calibration = None if trial.emg_subject is None else trial.emg_subject()
+    if calibration is None:
+        calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
     target = emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, chosen, calibration)
-    return EmgTargets(target, calibration, (*notes, *calibration.warnings))
+    return EmgTargets(target, calibration, calibration.warnings)
 
 
 def added_actuators(trial: TrialInputs, options: TensionOptions) -> tuple[Actuator, ...]:
@@ -243,9 +241,36 @@ def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], pa
     found = told.calibration
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow(("channel", "delay_s", "gain", "offset", "muscles"))
-        for name, delay, gain, offset in zip(found.channels, found.delays, found.gains, found.offsets, strict=True):
-            table.writerow((name, f"{delay:.4f}", f"{gain:.6g}", f"{offset:.6g}", " ".join(muscles[name])))
+        table.writerow(
+            ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
+            + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
+        )
+        for k, name in enumerate(found.channels):
+            low, high = (_cell(one) for one in found.intervals[k])
+            source = "torques" if found.by_torque[k] else "usual" if low else "file"
+            held = (_cell(one) for one in found.held_out[k])
+            row: tuple[str, ...] = (name, f"{found.delays[k]:.4f}", f"{found.gains[k]:.6g}", low, high, source)
+            row += (f"{found.offsets[k]:.6g}", f"{found.shapes[k]:g}", f"{found.weight:g}", *held)
+            table.writerow((*row, " ".join(muscles.get(name, ()))))
+
+
+def _cell(value: float) -> str:
+    """A number of a table, empty where it is not known."""
+    return f"{value:.4g}" if np.isfinite(value) else ""
+
+
+def _write_conflicts(model: Model, tension: Tension, target: EmgTarget | None, output: StepOutput) -> tuple[str, ...]:
+    """Where EMG and torques contradict each other, as a table and as a line."""
+    if target is None:
+        return ()
+    found = emg_conflicts(model, tension, target)
+    with written(output.folder / EMG_CONFLICTS) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))
+        for one in found:
+            times = (f"{value:.4f}" for value in (one.start, one.stop, one.worst))
+            table.writerow((one.muscle, one.coordinate, *times, f"{one.emg:.5g}", f"{one.found:.5g}"))
+    return conflict_line(found, EMG_CONFLICTS)
 
 
 def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, ...], output: StepOutput) -> None:

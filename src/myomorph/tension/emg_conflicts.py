@@ -1,0 +1,113 @@
+"""What EMG and torques cannot both have: stretches where muscles leave their EMG, or reserves bear what EMG leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.muscles.path import compile_paths
+from myomorph.tension.tension import RESERVE, Tension
+from myomorph.tension.terms.emg import EmgTarget
+
+APART = 0.1
+"""Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven muscles."""
+SHORTEST = 0.03
+"""Stretches that are shorter count for nothing [s]."""
+BORNE = 0.05
+"""Share of a joint's largest torque from which on a reserve bears too much of it."""
+
+
+@dataclass(frozen=True)
+class EmgConflict:
+    """One stretch of time.
+
+    Attributes
+    ----------
+    muscle : with EMG; "" where a reserve bears what muscles and EMG leave
+    coordinate : of the reserve, "" of a muscle
+    start, stop, worst : times, the last that of the largest difference [s]
+    emg, found : activation by EMG and by the solution then; of a reserve the torque wanted and the reserve's [N m or N]
+    """
+
+    muscle: str
+    coordinate: str
+    start: float
+    stop: float
+    worst: float
+    emg: float
+    found: float
+
+
+def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[EmgConflict, ...]:
+    """Stretches in which EMG and torques contradict each other, by muscle and then by reserve.
+
+    Muscles count where they are more than `APART` from their EMG (driven ones: beyond the slack), reserves of
+    coordinates that muscles with EMG cross where they bear more than `BORNE` of the largest torque.
+    """
+    return (*_by_muscle(tension, target), *_by_reserve(model, tension, target))
+
+
+def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
+    limit = APART + (target.slack if target.mode == "driven" else 0.0)
+    for name, told in zip(target.muscles, target.activations.T, strict=True):
+        found = tension.activations[:, tension.muscles.index(name)]
+        for first, last, worst in _stretches(tension.time, np.abs(found - told), limit):
+            start, stop, at = tension.time[[first, last, worst]].tolist()
+            yield EmgConflict(name, "", start, stop, at, float(told[worst]), float(found[worst]))
+
+
+def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
+    paths = compile_paths(model)
+    measured = [model.muscle_names.index(name) for name in target.muscles]
+    crossed = {
+        model.coordinate_names[int(j)]
+        for m, j in zip(paths.arm_muscle, paths.arm_coordinate, strict=True)
+        if int(m) in measured
+    }
+    known = np.isfinite(target.activations).any(axis=1)
+    for name, values in zip(tension.reserve_names, tension.reserves.T, strict=True):
+        coordinate = name.removeprefix(RESERVE)
+        if not name.startswith(RESERVE) or coordinate not in crossed or coordinate not in tension.coordinates:
+            continue
+        wanted = tension.torques[:, tension.coordinates.index(coordinate)]
+        largest = float(np.nanmax(np.abs(wanted), initial=0.0))
+        borne = np.where(known, np.abs(values), 0.0)
+        for first, last, worst in _stretches(tension.time, borne, max(BORNE * largest, 1e-9)):
+            start, stop, at = tension.time[[first, last, worst]].tolist()
+            yield EmgConflict("", coordinate, start, stop, at, float(wanted[worst]), float(values[worst]))
+
+
+def _stretches(time: Array, values: Array, limit: float) -> Iterator[tuple[int, int, int]]:
+    """First, last and worst frame of each stretch in which values (frames,) are beyond a limit."""
+    beyond = np.nan_to_num(values) > limit
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(np.int8), [0]])))
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        last = int(stop) - 1
+        if time[last] - time[first] >= SHORTEST:
+            yield int(first), last, int(first + np.argmax(values[first:stop]))
+
+
+def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:
+    """One line for all conflicts, the largest first; () for none."""
+    muscles = sorted((one for one in conflicts if one.muscle), key=lambda one: -abs(one.found - one.emg))
+    reserves = sorted((one for one in conflicts if one.coordinate), key=lambda one: -abs(one.found))
+    parts = []
+    names = dict.fromkeys(one.muscle for one in muscles)
+    if names:
+        worst = [next(one for one in muscles if one.muscle == name) for name in list(names)[:3]]
+        text = ", ".join(
+            f"{one.muscle} {one.found:.2f} where EMG says {one.emg:.2f} at {one.worst:.3g} s" for one in worst
+        )
+        parts.append(f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})")
+    joints = dict.fromkeys(one.coordinate for one in reserves)
+    if joints:
+        one = reserves[0]
+        parts.append(
+            f"reserves of {len(joints)} coordinates bear what EMG leaves ({one.coordinate} {abs(one.found):.3g} of "
+            f"{abs(one.emg):.3g} at {one.worst:.3g} s)"
+        )
+    return (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",) if parts else ()

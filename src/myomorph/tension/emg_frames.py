@@ -1,0 +1,106 @@
+"""The balance of some frames of trials with EMG, as full matrices, for the calibration of its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Emg, Motion, Series
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.contacts import ContactTask
+
+LOUD = 10.0
+"""How many times the RMS of the torques an unmeasured contact may make of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrames:
+    """What the balance of some frames of a trial is made of.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    columns : (frames, rows, muscles) generalized force of one unit of activation [N m or N]
+    torques : (frames, rows) to be balanced [N m or N]
+    others : (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    emg : envelopes, its channels those that are calibrated
+    """
+
+    time: Array
+    columns: Array
+    torques: Array
+    others: Array
+    emg: Emg
+
+
+def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
+    """Every so many frames of a motion with velocities, and of its torques."""
+    chosen = slice(None, None, every)
+    assert motion.velocities is not None
+    few = replace(
+        motion,
+        time=motion.time[chosen],
+        values=motion.values[chosen],
+        velocities=motion.velocities[chosen],
+        accelerations=None,
+    )
+    return few, Series(few.time, torques.names, torques.values[chosen])
+
+
+def tracked_frames(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    emg: Emg,
+    tells: Array,
+    options: TensionOptions | None,
+    actuators: Sequence[Actuator] | None,
+    contacts: ContactTask | None,
+    every: int,
+) -> TrackedFrames:
+    """Every so many frames of a trial, on the rows that say anything of the muscles under EMG.
+
+    Parameters
+    ----------
+    tells : (muscles, channels) True where a channel tells of a muscle
+    options, actuators, contacts : as for `solve_tension`
+    """
+    few, wanted = few_frames(motion, torques, every)
+    touching = None if contacts is None else _thinned(contacts, slice(None, None, every))
+    problem, _ = tension_problem(model, few, wanted, options, actuators, contacts=touching)
+    given = problem.balance(0, len(few))
+    shape, rows = problem.separable, problem.assembly.coordinate_row
+    whole = np.zeros((len(few), given.right.shape[1], len(shape.weight)))
+    whole[:, shape.row, np.repeat(np.arange(len(shape.weight)), np.diff(shape.start))] = given.values
+    whole, right = whole[:, rows], given.right[:, rows]
+    count = len(model.muscles)
+    size = np.sqrt(np.mean(right**2)) + 1e-12
+    others = [np.zeros((len(few), len(rows), 0))]
+    if problem.contacts is not None:
+        amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
+        largest = np.abs(amplitudes).max(axis=(0, 1), initial=0.0)
+        others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
+    added = {one.name for one in default_reserves(model)} if actuators is None else {one.name for one in actuators}
+    place = problem.unknowns.of(problem.actuators)
+    own = [k for k, name in enumerate(problem.unknowns.names[place]) if name not in added]
+    others.append(whole[:, :, place][:, :, own])
+    reached = np.abs(whole[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
+    # Contacts that nobody measured act on all rows at once, so that one row says something of the others.
+    kept = reached if contacts is None else np.ones(len(rows), dtype=bool)
+    acting = np.concatenate(others, axis=2)[:, kept]
+    good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
+    return TrackedFrames(few.time[good], whole[good][:, kept, :count], right[good][:, kept], acting[good], emg)
+
+
+def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
+    """The same contacts at fewer instants."""
+    strengths = Series(contacts.strengths.time[chosen], contacts.strengths.names, contacts.strengths.values[chosen])
+    preferred = None if contacts.preferred is None else contacts.preferred[chosen]
+    measured = tuple(replace(one, forces=one.forces[chosen], moments=one.moments[chosen]) for one in contacts.measured)
+    return replace(contacts, strengths=strengths, preferred=preferred, measured=measured)

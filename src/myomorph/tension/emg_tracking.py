@@ -1,0 +1,342 @@
+"""What joint torques say of EMG gains: a regression of measured torques on muscles driven by their envelopes.
+
+At frame k the free coordinates balance
+
+    tau_k = sum_c g_c b_ck + sum_u w_u . h_k B_uk + eps_k,    b_ck = sum_m share_mc B_mk s(e_c(t_k - d))
+
+with B_m the generalized force of one unit of activation of muscle m, e envelopes, s their shape, h the courses of the
+synergies of the measured channels and w the weights, 0 or more, of muscles that nobody measured. eps has the
+covariance C_k = diag(sigma^2) + N_k N_k^T of an error of each torque and of what else may act: how far unmeasured
+muscles leave their synergies, actuators, and forces of contacts that nobody measured. No effort is in it:
+co-contraction costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
+
+from myomorph.model.arrays import Array
+from myomorph.model.series import Emg
+from myomorph.motion.emg_delay import independent_samples, shaped, shifted
+from myomorph.motion.synergies import Synergies
+from myomorph.tension.emg_frames import TrackedFrames
+
+UNMEASURED = 0.1
+"""How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]."""
+UNKNOWN = 0.3
+"""The same of a measured muscle while its channels are silent."""
+NEAR, WEIGHT = 0.5, 0.03
+"""How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share, and activation."""
+LIKE = 4.0
+"""Power of the cosine between what two muscles do at the joints, by which one counts for the other."""
+REST = 0.05
+"""Activation at rest: scale of a half-normal prior."""
+LEVEL, COMMON, SHARED, APART = 0.4, 1.0, 0.7, 0.5
+"""Prior of gains: median of the activation at a channel's largest envelope where every channel is in units of its own;
+median of the gain where all are in common units, as of maximum contractions; standard deviations of the logarithm of
+what all channels share, and of each about it. Torque decides where it says anything; this decides where it does not."""
+ALIKE = 1.5
+"""Largest envelopes that differ by no more than this factor are taken to be each channel's unit."""
+AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
+"""Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
+SURE, ROUGH = 0.01, 0.1
+"""Error of a torque in shares of its RMS: least that is believed, and first guess."""
+ROUNDS = 5
+CLOCK, EARLIER = 0.01, 0.6
+"""Of the courses of synergies: step of their clock, and how far it begins before the motion [s]."""
+
+
+class Prior(NamedTuple):
+    """Normal prior of the logarithm of gains (channels,): mean, precision, and upper bound."""
+
+    mean: Array
+    precision: Array
+    upper: Array
+
+
+def gain_prior(peaks: Array, maxima: Array) -> Prior:
+    """Prior of log gains (channels,).
+
+    Parameters
+    ----------
+    peaks : (channels,) largest envelope over all trials
+    maxima : (channels,) envelope in a maximum voluntary contraction, NaN where nobody measured one
+    """
+    told, alive = np.isfinite(maxima), peaks > 0.0
+    largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
+    own = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
+    usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
+    upper = -np.log(largest)
+    mean = np.where(told, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
+    shared = np.where(told, 0.0, SHARED)
+    spread = np.where(told, NEAR_MAXIMUM, APART)
+    covariance = np.diag(spread**2) + np.outer(shared, shared)
+    return Prior(mean, np.linalg.inv(covariance), upper)
+
+
+class Fit(NamedTuple):
+    """The most probable gains and what belongs to them.
+
+    Attributes
+    ----------
+    cost : minus the logarithm of the posterior, at the errors of torques that were assumed
+    gains, offsets : (channels,)
+    weights : of each group of synergies (muscles, synergies)
+    deviation : (channels,) standard deviation of the gains' logarithms
+    """
+
+    cost: float
+    gains: Array
+    offsets: Array
+    weights: tuple[Array, ...]
+    deviation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Unmeasured muscles that share joints with some channels, and these channels' synergies.
+
+    Attributes
+    ----------
+    synergies : of the channels
+    channels, muscles : their columns among all channels, and all muscles
+    like : (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see `alike`
+    """
+
+    synergies: Synergies
+    channels: np.ndarray
+    muscles: np.ndarray
+    like: Array
+
+
+def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
+    """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
+
+    Parameters
+    ----------
+    tells : (all muscles, channels) True where a channel tells of a muscle
+    """
+    product = sum(np.einsum("krm,krn->mn", one.columns, one.columns) for one in frames)
+    size = np.sqrt(np.maximum(np.diag(product), 1e-300))
+    cosine = np.maximum(product / np.outer(size, size), 0.0)[muscles]
+    near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
+    strong = near**LIKE
+    found: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
+    return found
+
+
+class TorqueTracking:
+    """The regression over all trials.
+
+    Parameters
+    ----------
+    frames : of all trials
+    tells : (muscles, channels) True where a channel tells of a muscle
+    groups : synergies for unmeasured muscles
+    prior : of the gains
+    offsets : whether channels may have an activation at rest
+    errors : of the torques, and what a frame is worth, where they are known from elsewhere
+    """
+
+    def __init__(
+        self,
+        frames: Sequence[TrackedFrames],
+        tells: Array,
+        groups: Sequence[Group],
+        prior: Prior,
+        offsets: bool,
+        errors: tuple[Array, float] | None = None,
+    ):
+        self.frames, self.tells, self.groups, self.prior, self.offsets = frames, tells, groups, prior, offsets
+        self.measured = np.flatnonzero(tells.any(axis=1))
+        torques = np.vstack([one.torques for one in frames])
+        self._rms = np.sqrt(np.mean(torques**2, axis=0))
+        self._least = np.maximum(SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6))
+        self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
+        self._white: list[tuple[Array, Array]] = []
+        self._courses = [[_courses(one, group) for group in groups] for one in frames]
+        self._log_gains = np.minimum(prior.mean, prior.upper)
+
+    def learn_errors(self, delays: Array, shapes: Array) -> None:
+        """Errors of the torques from what is left of them, by expectation maximization at a delay and shape."""
+        for _ in range(ROUNDS):
+            self.whiten(delays)
+            fit = self.fit(delays, shapes)
+            sigma, share = self.errors
+            squares, count, worth = np.zeros_like(sigma), 0, []
+            for k, one in enumerate(self.frames):
+                good, covariance = self._covariance(one, delays)
+                left = self._left(k, fit, delays, shapes)[good]
+                inverse = np.linalg.inv(covariance)
+                error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
+                rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
+                squares, count = squares + np.sum(error**2 + rest, axis=0), count + len(left)
+                worth += [independent_samples(e, e) / len(e) for e in error.T if len(e) > 8 and np.std(e) > 0.0]
+            sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
+            self.errors = (sigma, float(np.median(worth)) if worth else share)
+        self.whiten(delays)
+
+    def fit(self, delays: Array, shapes: Array) -> Fit:
+        """The most probable gains at delays (channels,) [s] and shape factors (channels,)."""
+        parts = [self._design(k, delays, shapes) for k in range(len(self.frames))]
+        size = parts[0][0].shape[1]
+        matrix, slope, square = np.zeros((size, size)), np.zeros(size), 0.0
+        for design, target in parts:
+            matrix += design.T @ design
+            slope += design.T @ target
+            square += float(target @ target)
+        worth = self.errors[1]
+        return self._most_probable(worth * matrix, worth * slope, worth * square)
+
+    def _covariance(self, one: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
+        """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
+        known = np.isfinite(shifted(one.emg, one.time, delays))
+        good = known.any(axis=1)
+        silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
+        spread = np.full((int(good.sum()), one.columns.shape[2]), UNMEASURED)
+        spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
+        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good]], axis=2)
+        return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
+
+    def whiten(self, delays: Array) -> None:
+        """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
+        self._white = []
+        for one in self.frames:
+            good, covariance = self._covariance(one, delays)
+            lower = np.linalg.cholesky(covariance)
+            both = np.concatenate([one.columns[good], one.torques[good][..., None]], axis=2)
+            white = np.zeros((*one.columns.shape[:2], both.shape[2]))
+            white[good] = np.linalg.solve(lower, both)
+            self._white.append((white[..., :-1], white[..., -1]))
+
+    def _drives(self, k: int, delays: Array, shapes: Array) -> tuple[Array, Array, list[Array]]:
+        """Shaped envelopes (frames, channels), shares (frames, measured, channels), courses of each group."""
+        one = self.frames[k]
+        envelopes = shifted(one.emg, one.time, delays)
+        known = np.isfinite(envelopes)
+        tells = self.tells[self.measured]
+        shares = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        drives = shaped(np.where(known, envelopes, 0.0), shapes)
+        courses = [
+            np.nan_to_num(shifted(one_course, one.time, np.full(1, delays[group.channels].mean())))
+            for group, one_course in zip(self.groups, self._courses[k], strict=True)
+        ]
+        return drives, shares, courses
+
+    def _rows(self, columns: Array, k: int, delays: Array, shapes: Array) -> Array:
+        """Generalized force of one unit of each parameter, (frames, rows, parameters)."""
+        drives, shares, courses = self._drives(k, delays, shapes)
+        mixed = np.einsum("krm,kmc->krc", columns[..., self.measured], shares)
+        parts = [mixed * drives[:, None]]
+        parts += [mixed] if self.offsets else []
+        for group, course in zip(self.groups, courses, strict=True):
+            both = columns[..., group.muscles, None] * course[:, None, None]
+            parts.append(both.reshape(*both.shape[:2], -1))
+        return np.concatenate(parts, axis=2)
+
+    def _design(self, k: int, delays: Array, shapes: Array) -> tuple[Array, Array]:
+        columns, torques = self._white[k]
+        rows = self._rows(columns, k, delays, shapes)
+        return rows.reshape(-1, rows.shape[2]), torques.reshape(-1)
+
+    def _left(self, k: int, fit: Fit, delays: Array, shapes: Array) -> Array:
+        """Torques (frames, rows) that the fit leaves."""
+        parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(one.ravel() for one in fit.weights)]
+        rows = self._rows(self.frames[k].columns, k, delays, shapes)
+        left: Array = self.frames[k].torques - rows @ np.concatenate(parameters)
+        return left
+
+    def _ridge(self, size: int) -> Array:
+        """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
+
+        The weights of a muscle that nobody measured are near those of the measured muscles that act as it does.
+        """
+        count = self.tells.shape[1]
+        rows = [np.eye(size)[count : 2 * count] / REST] if self.offsets else []
+        start = count * (2 if self.offsets else 1)
+        for group in self.groups:
+            shape = (len(group.muscles), len(group.synergies))
+            part = np.zeros((shape[0] * shape[1], size))
+            part[:, start : start + len(part)] = np.eye(len(part))
+            like = np.einsum("uc,sc->usc", group.like, group.synergies.vectors * group.synergies.scale)
+            like = like.reshape(-1, len(group.channels))
+            part[:, group.channels] = -like
+            usual = like @ np.exp(np.minimum(self.prior.mean, self.prior.upper)[group.channels])
+            rows.append(part / (NEAR * usual + WEIGHT)[:, None])
+            start += len(part)
+        whole = np.vstack([np.zeros((0, size)), *rows])
+        found: Array = whole.T @ whole
+        return found
+
+    def _most_probable(self, matrix: Array, slope: Array, square: float) -> Fit:
+        """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
+        mean, precision, upper = self.prior
+        count, size = len(mean), len(slope)
+        ridge = self._ridge(size)
+        # From the gains of the last fit, which are near where delays differ little.
+        log_gains = self._log_gains
+        x = np.zeros(size)
+        for _ in range(20):
+            gains = np.exp(log_gains)
+            whole, right = matrix + ridge, slope.copy()
+            whole[:count, :count] += precision / np.outer(gains, gains)
+            right[:count] += (precision @ (1.0 - log_gains + mean)) / gains
+            x = _bounded(whole, right, np.concatenate([np.exp(upper), np.full(size - count, np.inf)]))
+            # The prior is straightened about the step before: steps are kept to a factor of 3.
+            moved = np.log(np.clip(x[:count] / gains, 1.0 / 3.0, 3.0)) + log_gains
+            done = float(np.abs(moved - log_gains).max(initial=0.0)) < 1e-5
+            log_gains = np.minimum(moved, upper)
+            if done:
+                break
+        gains, self._log_gains = np.exp(log_gains), log_gains
+        x[:count] = gains
+        apart = log_gains - mean
+        cost = 0.5 * (square - 2.0 * slope @ x + x @ matrix @ x) + 0.5 * (apart @ precision @ apart)
+        cost += 0.5 * float(x @ ridge @ x)
+        free = np.flatnonzero((x > 0.0) | (np.arange(size) < count))
+        scale = np.concatenate([gains, np.ones(size - count)])[free]
+        curved = (matrix + ridge)[np.ix_(free, free)] * np.outer(scale, scale)
+        curved[:count, :count] += precision
+        deviation = np.sqrt(np.diag(np.linalg.inv(curved))[:count])
+        offsets, start = np.zeros(count), count
+        if self.offsets:
+            offsets, start = x[count : 2 * count], 2 * count
+        weights = []
+        for group in self.groups:
+            shape = (len(group.muscles), len(group.synergies))
+            stop = start + shape[0] * shape[1]
+            weights.append(np.minimum(x[start:stop].reshape(shape), 1.0))
+            start = stop
+        return Fit(float(cost), gains, offsets, tuple(weights), deviation)
+
+
+def _courses(one: TrackedFrames, group: Group) -> Emg:
+    """Courses of a group's synergies on a coarse clock of the EMG, as far as delays may reach."""
+    step = max(int(CLOCK / max(float(np.median(np.diff(one.emg.time))), 1e-6)), 1)
+    first, last = np.searchsorted(one.emg.time, [one.time[0] - EARLIER, one.time[-1] + CLOCK]).tolist()
+    use = slice(first, last, step)
+    courses = group.synergies.courses(one.emg.values[use][:, group.channels])
+    return Emg(one.emg.time[use], tuple(str(k) for k in range(len(group.synergies))), courses)
+
+
+def _bounded(matrix: Array, right: Array, upper: Array) -> Array:
+    """The least x^T M x / 2 - r^T x with 0 <= x <= upper; the bounds above are few, and met one after the other."""
+    held = np.zeros(len(right), dtype=bool)
+    while True:
+        x = np.where(held, upper, 0.0)
+        free = ~held
+        part = matrix[np.ix_(free, free)]
+        part = part + 1e-12 * np.trace(part) / max(len(part), 1) * np.eye(len(part))
+        lower = np.linalg.cholesky(part)
+        target = solve_triangular(lower, right[free] - matrix[np.ix_(free, held)] @ upper[held], lower=True)
+        x[free] = nnls(lower.T, target, maxiter=30 * len(part))[0]
+        over = free & (x > upper * (1.0 + 1e-9))
+        if not over.any():
+            return x
+        held |= over
