@@ -1,7 +1,7 @@
 """Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds, memory, programs.
 
-The walk is Rajagopal's (rajagopal-walk-emg), 1.1 s of it at 100 Hz. The long recording is that stride forwards and
-backwards in turn, so that joints do not jump; its torques are those of the stride. Times are on the cores of
+The walk is Rajagopal's (rajagopal-walk-emg), 1.1 s of it at 100 Hz. The long recording is that stride again and
+again, made to close; its torques are those of the stride. Times are on the cores of
 MYOMORPH_THREADS, everything from coordinates and torques on.
 """
 
@@ -48,25 +48,26 @@ def stride() -> tuple[Model, Motion, Series]:
     return model, motion, inverse_dynamics(model, motion, loads)
 
 
-def picked(motion: Motion, keep: np.ndarray, time_: np.ndarray | None = None, sign: float = 1.0) -> Motion:
-    """Some frames of a motion, with other times and with rates of another sign."""
+def picked(motion: Motion, keep: np.ndarray) -> Motion:
+    """Some frames of a motion."""
     assert motion.velocities is not None
     assert motion.accelerations is not None
-    at = motion.time[keep] if time_ is None else time_
-    return Motion(at, motion.names, motion.values[keep], sign * motion.velocities[keep], motion.accelerations[keep])
+    return Motion(
+        motion.time[keep], motion.names, motion.values[keep], motion.velocities[keep], motion.accelerations[keep]
+    )
 
 
 def tiled(motion: Motion, torques: Series, seconds: float) -> tuple[Motion, Series]:
-    """The stride forwards and backwards in turn, as long as asked."""
-    count = len(motion)
-    there_and_back = np.concatenate([np.arange(count), np.arange(count)[::-1]])
-    frames = int(seconds * RATE)
-    keep = np.tile(there_and_back, frames // (2 * count) + 1)[:frames]
-    forwards = np.tile(np.repeat([1.0, -1.0], count), frames // (2 * count) + 1)[:frames, None]
+    """The stride again and again, made to close: what the last frame differs from the first is taken off evenly."""
+    count, frames = len(motion), int(seconds * RATE)
+
+    def closed(values: np.ndarray) -> np.ndarray:
+        drift = np.linspace(0.0, 1.0, count)[:, None] * (values[-1] - values[0])
+        return np.resize((values - drift)[:-1], (frames, values.shape[1]))
+
     time_ = np.arange(frames) / RATE
-    long = picked(motion, keep, time_)
-    assert long.velocities is not None
-    return replace(long, velocities=forwards * long.velocities), Series(time_, torques.names, torques.values[keep])
+    long = differentiate(Motion(time_, motion.names, closed(motion.values)), cutoff=6.0)
+    return long, Series(time_, torques.names, closed(torques.values))
 
 
 def run(degroote: bool = False) -> list[dict[str, object]]:
