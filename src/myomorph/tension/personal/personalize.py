@@ -353,6 +353,9 @@ def _estimate(
     level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
     bound = next(("high" if p[k] > 0.0 else "low" for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
     low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
+    if parameter == SLACK:
+        # Linear in the shift that people vary in; of a short tendon a logarithm would not be.
+        low, high = max(values[1] * (1.0 - spread), 0.0) if free else np.nan, values[1] * (1.0 + spread)
     return Estimate(
         of, parameter, float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio,
         "no" if kept else level, bound, kept,
