@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
@@ -201,8 +203,6 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
     OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
     column as it stands: one in degrees would be read as 57 times as much.
     """
-    from myomorph.rigid.tree import compile_tree
-
     driven = [name for name in model.dependent_coordinates if name in motion.names]
     if not driven or not len(motion):
         return motion, ()
