@@ -203,8 +203,6 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
     OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
     column as it stands: one in degrees would be read as 57 times as much.
     """
-    from myomorph.rigid.tree import compile_tree
-
     driven = [name for name in model.dependent_coordinates if name in motion.names]
     if not driven or not len(motion):
         return motion, ()
