@@ -84,7 +84,9 @@ def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) 
     inverse.set_convergence_tolerance(TOLERANCE)
     inverse.set_constraint_tolerance(TOLERANCE)
     began = time.perf_counter()
-    solution = inverse.solve().getMocoSolution()
+    # OpenSim's objects go with those that own them: each is kept.
+    whole = inverse.solve()
+    solution = whole.getMocoSolution()
     seconds = time.perf_counter() - began
     success = solution.success()
     if solution.isSealed():
