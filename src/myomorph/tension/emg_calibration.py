@@ -159,7 +159,7 @@ PEAK = 99.0
 
 def _groups(frames: Sequence[TrackedFrames], names: tuple[str, ...], tells: Array, peaks: Array) -> tuple[Group, ...]:
     """Channels whose muscles share joints, their synergies, and the unmeasured muscles of these joints."""
-    acts: np.ndarray = np.array([np.abs(one.columns).max(axis=0) for one in frames]).max(axis=0) > 0.0
+    acts: np.ndarray = np.max([np.abs(one.columns).max(axis=0) for one in frames], axis=0) > 0.0
     reach = (acts.astype(float) @ tells) > 0.0
     measured: np.ndarray = tells.any(axis=1)
     groups, left = list[Group](), list(np.flatnonzero(reach.any(axis=0)))
