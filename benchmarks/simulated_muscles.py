@@ -19,6 +19,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
+from myomorph.model.sides import split_side
 from myomorph.muscles.fiber_equations import Fibers, fibers_of
 from myomorph.muscles.fiber_equilibrium import equilibrium
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS
@@ -50,11 +51,15 @@ class Errors:
 
 @dataclass(frozen=True)
 class Spread:
-    """How people differ, standard deviations: of log optimal length, normalized length in a pose, log strength."""
+    """How people differ, standard deviations: of log optimal length, normalized length in a pose, log strength.
 
-    fiber: float = 0.1
-    point: float = 0.1
-    strength: float = 0.2
+    By default those that `personalize` assumes, as intervals can hold what they promise for no other people.
+    """
+
+    fiber: float = 0.15
+    point: float = 0.12
+    strength: float = 0.25
+    sides: float = 0.8
 
 
 def person(model: Model, motion: Motion, spread: Spread, rng: np.random.Generator, groups: Array) -> Model:
@@ -66,13 +71,17 @@ def person(model: Model, motion: Motion, spread: Spread, rng: np.random.Generato
     """
     lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths
     rise = np.exp(spread.strength * rng.standard_normal(int(groups.max()) + 1))
+    shared = {name: rng.standard_normal((200, 2)) for name in {split_side(one.name)[0]: 0 for one in model.muscles}}
     muscles = []
     for m, muscle in enumerate(model.muscles):
         lo, ls = muscle.optimal_fiber_length, muscle.tendon_slack_length
         mean, low, high = (float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max()))
-        for _ in range(200):
-            new = lo * np.exp(spread.fiber * rng.standard_normal())
-            point = (mean - ls) / lo + spread.point * rng.standard_normal()
+        base, side = split_side(muscle.name)
+        alike = spread.sides if side else 0.0
+        for k in range(200):
+            draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
+            new = lo * np.exp(spread.fiber * draw[0])
+            point = (mean - ls) / lo + spread.point * draw[1]
             slack = mean - point * new
             if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.5:
                 break

@@ -32,6 +32,7 @@ from benchmarks.accuracy import (
     muscles,
     pair,
     passive,
+    personalize,
     reaction,
     regressor,
     scale,
@@ -83,6 +84,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _two_bodies(folder),
         _calibration(folder),
         _identification(folder),
+        _personal(folder),
         _instruments(folder),
         _viscosity(folder),
         _bone_maps(folder),
@@ -172,6 +174,20 @@ def _joint_loads(folder: Path) -> Page:
             "knee_peaks": lambda: knee.measure_peaks(folder),
             "knee_where": lambda: knee.measure_where(folder),
             "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _personal(folder: Path) -> Page:
+    return Page(
+        "personal",
+        "Muscles of the person",
+        "Simulated people whose muscles are known, held-out strides of real walks, scaled models.",
+        {
+            "personal_truth": lambda: personalize.measure_truth(folder),
+            "personal_many": lambda: personalize.measure_many(folder),
+            "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_map": lambda: personalize.measure_map(folder),
         },
     )
 

@@ -21,6 +21,7 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 ARM = "opensim-reference-small/"
@@ -258,3 +259,22 @@ def test_bad_input_is_refused_by_name(data):
         TensionOptions(weights="mass")  # type: ignore[arg-type]
     with pytest.raises(BadData, match="reserve"):
         TensionOptions(reserve=0.0)
+
+
+def test_the_largest_share_of_passive_force_is_told_by_muscle(data):
+    model, motion, torques = walk(data, 5)
+    without = solve_tension(model, motion, torques)
+    assert passive_notes(without) == ()
+    np.testing.assert_array_equal(without.passive_share, 0.0)
+    found = solve_tension(model, motion, torques, TensionOptions(passive=True))
+    kinematics = muscle_kinematics(model, motion)
+    curves = hill_forces(model, kinematics.lengths, kinematics.velocities)
+    share = curves.passive / np.array([one.max_isometric_force for one in model.muscles])
+    np.testing.assert_allclose(found.passive_share, share.max(axis=0), atol=1e-9)
+    np.testing.assert_array_equal(found.passive_time, motion.time[share.argmax(axis=0)])
+    worst = int(share.max(axis=0).argmax())
+    assert share.max() > 0.2
+    first, second = passive_notes(found)
+    assert "on rigid tendons" in first
+    assert f"{model.muscle_names[worst]} {100 * share.max():.0f} %" in second
+    assert f"in {int((share.max(axis=0) > 0.2).sum())} of {len(model.muscles)} muscles" in second

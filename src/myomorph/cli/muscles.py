@@ -58,6 +58,13 @@ def tension_command(
     motion: MotionFile,
     out: OutFolder,
     loads: LoadsFile = None,
+    torques: Annotated[
+        Path | None,
+        Parameter(
+            help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
+            "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
+        ),
+    ] = None,
     emg: Annotated[
         Path | None,
         Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
@@ -102,6 +109,7 @@ def tension_command(
         model=model,
         motion=motion,
         loads=loads,
+        torques=torques,
         emg=emg,
         emg_side=emg_side,
         actuators=actuators,

@@ -83,6 +83,8 @@ class TensionOptions:
                 f"recruitment 'minmax' with the exponent {self.exponent:g}: the greatest activation has none; leave "
                 "the exponent out, or take recruitment 'power'"
             )
+        if self.recruitment == "minmax" and self.tendons == "elastic":
+            raise BadData("recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take 'power'")
         for name in ("reserve", "residual"):
             given = getattr(self, name)
             if given is not None and not given > 0.0:
@@ -123,6 +125,8 @@ class Tension(Labelled):
     overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
         it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
     viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
+    passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric force, and when [s];
+        0 where passive force takes no part
     contacts : forces found at contact sites, NaN where the frame was not solved; None where none were looked for
     fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
@@ -143,11 +147,15 @@ class Tension(Labelled):
     overstretched: tuple[str, ...]
     options: TensionOptions
     viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    passive_share: Array = field(default_factory=lambda: np.zeros(1))
+    passive_time: Array = field(default_factory=lambda: np.zeros(1))
     contacts: ContactForces | None = None
     fibers: Fibers | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
+        for name in ("passive_share", "passive_time"):
+            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), (len(self.muscles),)))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -221,6 +229,8 @@ def tension_of(whole: Tension, part: str) -> Tension:
         activations=whole.activations[:, columns],
         forces=whole.forces[:, columns],
         viscous=np.array(whole.viscous[:, columns]),
+        passive_share=np.array(whole.passive_share[columns]),
+        passive_time=np.array(whole.passive_time[columns]),
         lower=whole.lower[columns],
         upper=whole.upper[columns],
         reserve_names=tuple(reserves.values()),

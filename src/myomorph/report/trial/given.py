@@ -18,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
@@ -71,6 +72,9 @@ class ShownTension:
     reserve_coordinates : coordinate of each reserve
     solved : (frames,) whether the frame is optimal
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
+    passive : muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where
+        passive force takes no part
+    fibers : fibers and tendons, where tendons were elastic
     """
 
     time: Array
@@ -81,6 +85,8 @@ class ShownTension:
     reserve_coordinates: tuple[str, ...]
     solved: np.ndarray
     overstretched: tuple[str, ...] = ()
+    passive: tuple[tuple[str, float, float], ...] | None = None
+    fibers: Fibers | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,6 +199,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
             rows += reserve_verdicts(model, torques, names, reserves, tension.time, given.muscles.driven)
         bounds = {} if model is None else {one.name: one.max_activation for one in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
-        rows.append(stretch_verdict(tension.overstretched, len(tension.muscles)))
+        if tension.passive is not None or tension.overstretched:
+            rows.append(stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))
         rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

@@ -92,6 +92,7 @@ class TrialTable(Strict):
     name: str = ""
     condition: str = ""
     loads: str | None = None
+    torques: str | None = None
     bodies: dict[str, str] = Field(default_factory=dict)
     plates: list[str] = Field(default_factory=list)
     emg: str | None = None

@@ -208,7 +208,13 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
     assert whole.markers is not None
-    loads = _companion(whole, folder, trial.loads, "loads", notes)
+    torques = None
+    if trial.torques is not None:
+        torques = existing(folder, trial.torques, f"{where}: torques", problems)
+        if trial.loads is not None:
+            problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
+    # Torques that are given hold what the forces do, so none are looked for beside the recording.
+    loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
     if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
         if trial.loads is None:
             notes.found.pop()
@@ -226,6 +232,7 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
     return replace(
         whole,
         loads=loads,
+        torques=torques,
         bodies=FrozenMap(dict(trial.bodies)),
         plates=tuple(trial.plates),
         emg=_companion(whole, folder, trial.emg, "emg", notes),

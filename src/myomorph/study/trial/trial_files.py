@@ -21,12 +21,13 @@ from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, plain_settings, with_settings
+from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class TrialFiles:
     markers : TRC or C3D file
     motion : table of coordinates, where inverse kinematics is not asked for
     loads : external loads file, or a table of forces with `bodies`
+    torques : table of generalized forces, in the place of loads and inverse dynamics
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
@@ -72,6 +74,7 @@ class TrialFiles:
     markers: Path | None = None
     motion: Path | None = None
     loads: Path | None = None
+    torques: Path | None = None
     bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[str, ...] = ()
     emg: Path | None = None
@@ -126,7 +129,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         ),
     )
     assumed: tuple[str, ...] = ()
-    if files.loads is None and files.plates:
+    if files.torques is not None:
+        pass  # Whatever acts from outside is in the torques.
+    elif files.loads is None and files.plates:
         wrenches = recorded_wrenches(recording, files.plates)
         trial = replace(trial, loads=lambda motion: wrenches)
     elif files.loads is None and recording.plates and feet_of(model):
@@ -270,6 +275,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ("markers", files.markers),
         ("motion", files.motion),
         ("loads", files.loads),
+        ("torques", files.torques),
         ("emg", files.emg),
         ("tasks", files.tasks),
         ("actuators", files.actuators),
@@ -284,6 +290,8 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
     options = options_of(settings)
+    reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
+    torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
     points = _contact_points(files, model)
     if points is not None:
         sources.append(value_source("contact points", files.contact_points, points.points))
@@ -306,6 +314,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         loads=None
         if files.loads is None
         else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
+        torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         mass=files.mass,
@@ -317,6 +326,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         warnings=(
             *(f"{files.model.name}: {text}" for text in model.warnings),
             *(() if found is None else found.notes),
+            *unused,
         ),
     )
 
@@ -452,6 +462,8 @@ def _real(files: TrialFiles, trial: TrialInputs) -> tuple[str, ...]:
         parts.append(f"coordinates from {files.motion.name}")
     if trial.loads is not None:
         parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
+    if files.torques is not None:
+        parts.append(f"joint torques from {files.torques.name}")
     if files.emg is not None:
         parts.append(f"EMG from {files.emg.name}")
     text = ", ".join(parts)

@@ -89,6 +89,7 @@ class TrialInputs:
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
     loads : external forces of a motion, or None where there are none
+    torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
     events : of the recording
     plates : force plates, for pictures and for feet that share one
@@ -112,6 +113,7 @@ class TrialInputs:
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
     loads: Callable[[Motion], Wrenches] | None = None
+    torques: Series | None = None
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     events: tuple[Event, ...] = ()

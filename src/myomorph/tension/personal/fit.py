@@ -25,8 +25,8 @@ from myomorph.tension.personal.recordings import Windows
 STEPS = 30
 TRUSTING = 8
 """First steps, in which errors are what was assumed of them."""
-LONGEST_ERROR = 50
-"""Frames over which errors are taken to be alike at most."""
+SHORTEST_ERROR, LONGEST_ERROR = 20, 50
+"""Frames over which errors are taken to be alike at least, the length of a burst of EMG, and at most."""
 SETTLED = 0.02
 """Steps end where no parameter moves by more of its standard deviation."""
 LONGEST = 0.1
@@ -105,14 +105,15 @@ def fit(
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     p, noise = np.zeros(len(prior.deviation)), Noise(floors)
     parts = [_Part(prior, shapes, one) for one in windows]
-    covariance: Array = np.linalg.inv(prior.precision)
-    moved, done = np.inf, 0
+    covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
+    moved, done, shrink = np.inf, 0, 1.0
     for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
             part.linearize(p, noise)
-            normal += part.weight * part.jacobian.T @ part.jacobian
-            right += part.weight * part.jacobian.T @ part.misfit
+            weight = shrink * part.weight
+            normal += weight * part.jacobian.T @ part.jacobian
+            right += weight * part.jacobian.T @ part.misfit
         rows, misfit = _outside(prior, shapes, windows, p)
         normal += rows.T @ rows
         right += rows.T @ misfit
@@ -129,13 +130,14 @@ def fit(
             noise = _noise(parts, noise, floors, covariance)
             for part in parts:
                 part.weigh()
+            shrink = _left_to_errors(parts, float(np.sum(free) - np.trace(covariance @ prior.precision)))
         spread = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
         moved = float((np.abs(step) / spread)[free].max(initial=0.0))
         if advance is not None:
             advance(1)
         if moved < SETTLED and done > TRUSTING + 4:
             break
-    told = tuple(part.activations for part in parts), tuple(part.weight for part in parts)
+    told = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
     return Fitted(p, covariance, noise, *told, done, moved)
 
 
@@ -287,7 +289,8 @@ class _Part:
             if rho < 0.05:
                 break
             length += 2.0 * rho
-        self.weight = 0.5 * (self.weight + 1.0 / length)
+        # What the parameters follow of slow errors is missing from the misfit, so that it looks quicker than they are.
+        self.weight = 0.5 * (self.weight + 1.0 / max(length, SHORTEST_ERROR))
 
     def settle(self, step: Array) -> None:
         """Activations given the recording, after a step of the parameters."""
@@ -302,6 +305,12 @@ class _Part:
         """Half the whitened misfit and the logarithm of the spread, summed over frames."""
         _, logarithm = np.linalg.slogdet(self.covariance)
         return float(0.5 * np.sum(self.misfit**2) + 0.5 * np.sum(logarithm))
+
+
+def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
+    """Share of the independent misfits that the parameters do not follow: so much less is known than it looks."""
+    seen = sum(part.weight * part.misfit.size for part in parts)
+    return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.25, 1.0))
 
 
 def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Array) -> Noise:

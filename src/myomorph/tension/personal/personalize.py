@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.muscles.hill_classes import KINDS
 from myomorph.tension.personal.curves import MuscleShapes, muscle_shapes
 from myomorph.tension.personal.fibers import MuscleSizes, rigid_lengths
 from myomorph.tension.personal.fit import Fitted, fit
@@ -192,7 +192,8 @@ def personalize(
     before, after = (rigid_lengths(shapes, one, ends).T for one in (prior.start, sizes))
     counted = sum(weight * one.counted.sum() for weight, one in zip(fitted.weights, seen, strict=True))
     frames = (float(counted), sum(int(one.counted.sum()) for one in seen))
-    notes = [*reach, *_notes(fitted, estimates, checked, options, seen), *notes]
+    worst = [f"{len(reach)} muscles cannot reach; {reach[0]}"] if len(reach) > 1 else reach
+    notes = [*worst, *_notes(fitted, estimates, checked, options, seen), *notes, *reach[1:]]
     return Personalized(
         made, estimates, tuple(one.name for one in windows), rows, mapped, checked, before, after,
         fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes),
@@ -204,28 +205,31 @@ def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
     muscles = []
     for m, muscle in enumerate(model.muscles):
         factor = float(sizes.strain[m] / before.strain[m])
+        parameters = _stretched(muscle.kind, dict(muscle.parameters), factor)
+        if "default_fiber_length" in parameters:
+            parameters["default_fiber_length"] *= float(sizes.fiber[m]) / muscle.optimal_fiber_length
         muscles.append(
             replace(
                 muscle,
                 optimal_fiber_length=float(sizes.fiber[m]),
                 tendon_slack_length=float(sizes.slack[m]),
                 max_isometric_force=float(sizes.force[m]),
-                parameters=_stretched(muscle.kind, dict(muscle.parameters), factor),
+                parameters=FrozenMap(parameters),
             )
         )
     return replace(model, muscles=tuple(muscles))
 
 
 _STRAINS = {
-    KINDS["Millard2012EquilibriumMuscle"]: ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
-    KINDS["Thelen2003Muscle"]: ("FmaxMuscleStrain", 0.6),
-    KINDS["DeGrooteFregly2016Muscle"]: ("passive_fiber_strain_at_one_norm_force", 0.6),
+    "Millard2012EquilibriumMuscle": ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
+    "Thelen2003Muscle": ("FmaxMuscleStrain", 0.6),
+    "DeGrooteFregly2016Muscle": ("passive_fiber_strain_at_one_norm_force", 0.6),
 }
 
 
 def _stretched(kind: str, parameters: dict[str, float], factor: float) -> dict[str, float]:
     """Parameters of a class whose passive curve is reached at strains larger by a factor."""
-    known = _STRAINS.get(KINDS.get(kind, -1))
+    known = _STRAINS.get(kind)
     if known is None or abs(factor - 1.0) < 1e-12:
         return parameters
     name, default = known
@@ -296,7 +300,7 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
 def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
     """All parameters with their intervals."""
     sizes, found = prior.sizes(p), []
-    before: Array = np.linalg.inv(prior.precision)
+    before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
         group_kept = prior.groups[prior.group[m]] in kept

@@ -44,6 +44,7 @@ class MuscleTerm(Term):
     Attributes
     ----------
     strength : (muscles,) maximum isometric force [N]
+    viscous : whether a muscle has viscosity that takes part
     lower, upper : (muscles,) bounds of the activations, 0 of muscles that are switched off
     """
 
@@ -53,6 +54,7 @@ class MuscleTerm(Term):
         self._hill, self._paths = compile_hill(tree.model), compile_paths(tree.model)
         self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
         self._viscosity = viscosities(tree.model) * options.viscous
+        self.viscous = bool(self._viscosity.any())
         self.strength = np.array([one.max_isometric_force for one in muscles], dtype=np.float64)
         # A muscle that is switched off has no force, so its activation must not be free.
         least = [one.min_activation if options.min_activation == "model" else 0.0 for one in muscles]

@@ -23,6 +23,7 @@ from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
@@ -72,7 +73,11 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
-    """Inverse dynamics of coordinates; external forces are filtered as the motion."""
+    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives."""
+    if trial.torques is not None:
+        motion, notes = with_derivatives(trial, recorded)
+        notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
+        return Torques(motion, torques_at(trial.torques, motion), None, notes)
     from myomorph.rigid.dynamics import inverse_dynamics
 
     has_mass(trial.model, "inverse dynamics")

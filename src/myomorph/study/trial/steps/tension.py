@@ -37,6 +37,7 @@ from myomorph.study.trial.contact_warnings import (
     interval_table,
     put_warnings,
 )
+from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
     joint_contact_numbers,
     joint_contact_signals,
@@ -47,6 +48,7 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solv
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.passive_share import LARGE, passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
@@ -124,7 +126,9 @@ class TensionTask:
         emg = None if self.emg is None else self.emg.target
         told = (self.model, self.motion, self.torques, self.options, self.actuators)
         elastic = self.options.tendons == "elastic"
-        if contacts is None or contacts.options.formulation == "sequential" or elastic:
+        # What contacts leave open is asked of the power criterion alone.
+        closed = elastic or self.options.recruitment == "minmax"
+        if contacts is None or contacts.options.formulation == "sequential" or closed:
             return solve_tension(*told, advance, contacts=contacts, emg=emg), None
         problem, names = tension_problem(*told, contacts=contacts, emg=emg)
         over_frames(problem.solve, len(self.motion), advance, problem.window)
@@ -141,7 +145,11 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     task = _task(trial, poses, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, problem = task.solved(advance)
+    notes = (*passive_notes(tension), *notes)
+    if task.setting is not None and tension.options.recruitment == "minmax":
+        notes += ("recruitment minmax: no intervals of the contact forces, and no list of contacts that cannot carry",)
     _write_tension(trial, tension, task.actuators, output)
+    notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
         notes += task.emg.notes
@@ -322,8 +330,16 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             stored.names.get("actuator_coordinate", ()),
             tension.optimal,
             tension.overstretched,
+            _large_shares(tension) if "muscle_passive_share" in stored.values else None,
+            tension.fibers,
         )
     return replace(given, contacts=contacts, tension=shown, joint_contacts=get_joint_contacts(stored))
+
+
+def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
+    """Muscles with much passive force: name, share of the maximum isometric force, time [s], from the largest on."""
+    order = [i for i in np.argsort(-tension.passive_share) if tension.passive_share[i] > LARGE]
+    return tuple((tension.muscles[i], float(tension.passive_share[i]), float(tension.passive_time[i])) for i in order)
 
 
 def _residuals(tension: Tension | None) -> Series | None:
@@ -346,7 +362,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
         )
         if name in stored.values
     )
-    return *own, *joint_contact_signals(stored)
+    return *own, *fiber_signals(stored, model), *joint_contact_signals(stored)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
@@ -354,6 +370,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     if "tension_status" not in stored.values:
         return
     yield Value("tension", "frames not optimal", float((stored.values["tension_status"] != 0).sum()), "1")
+    yield from fiber_numbers(stored)
     yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")
     if forces is None or not forces.size:
