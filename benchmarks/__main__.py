@@ -13,6 +13,7 @@ COMPARISONS = {
     "size": ("benchmarks.speed.size", "36,000 frames of the 520-muscle model: time and memory"),
     "start": ("benchmarks.speed.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.speed.qp", "our tension solver against maintained QP solvers"),
+    "elastic": ("benchmarks.speed.elastic", "tensions on elastic tendons: a stride, and 60 s of walking"),
     "identify": ("benchmarks.speed.identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
     "live-delay": ("benchmarks.speed.live_delay", "how late angles, torques and tensions are while frames arrive"),
     "live": ("benchmarks.speed.live", "frames a second that live identification can take"),

@@ -102,7 +102,7 @@ LANDMARKS = ("landmarks.json", "landmarks_bodies.json", "landmarks_slicer.json")
 
 READERS = (
     Reader("OSIM", ".osim", read_osim, ("arm.osim",), "*/*.osim"),
-    Reader("OSIM, told of and written", ".osim", _written_again, ("arm.osim",), "*/*.osim"),
+    Reader("OSIM, described and written", ".osim", _written_again, ("arm.osim",), "*/*.osim"),
     Reader("MJCF", ".xml", read_mjcf, ("arm_mujoco.xml",), "mouse*/*.xml", guarded=True),
     Reader("MJCF before it is compiled", ".xml", check_files, ("arm_mujoco.xml",), "mouse*/*.xml"),
     Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),

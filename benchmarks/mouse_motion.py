@@ -256,7 +256,7 @@ def alone(folder: Path, name: str) -> Alone | None:
     torques = inverse_dynamics(one.model, part, loads)
     apart = (wrenches.points[frames, 0] - toes[side][frames])[:, [0, 2]]
     active = solve_tension(one.model, part, torques, TensionOptions(passive=False))
-    passive = solve_tension(one.model, part, torques)
+    passive = solve_tension(one.model, part, torques, TensionOptions(passive=True))
     return Alone(side, frames, loads, np.linalg.norm(apart, axis=1), torques, active, passive)
 
 

@@ -1,4 +1,4 @@
-"""OpenSim's static optimization (AnalyzeTool) on our cases: activations, forces, and the seconds it took."""
+"""OpenSim's static optimization and joint reactions (AnalyzeTool) on our cases: forces, and the seconds they took."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 import opensim
 
 from benchmarks.opensim_tools import read_table
+from myomorph.io.sto import write_sto
 from myomorph.model.model import Actuator
+from myomorph.model.series import Table
 
 opensim.Logger.setLevelString("Off")
 
@@ -118,3 +120,46 @@ def static_optimization(
         _, force_names, forces = read_table(Path(folder) / "so_StaticOptimization_force.sto")
     columns = [force_names.index(name) for name in names]
     return StaticResult(clock, names, activations, forces[:, columns], seconds)
+
+
+REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="jr">
+<model_file>{model}</model_file><replace_force_set>false</replace_force_set><force_set_files></force_set_files>
+<results_directory>{folder}</results_directory><initial_time>{start}</initial_time><final_time>{end}</final_time>
+<solve_for_equilibrium_for_auxiliary_states>false</solve_for_equilibrium_for_auxiliary_states>
+<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on><step_interval>1</step_interval>
+<forces_file>{forces}</forces_file><joint_names>{joint}</joint_names><apply_on_bodies>child</apply_on_bodies>
+<express_in_frame>child</express_in_frame></JointReaction></objects></AnalysisSet>
+<external_loads_file>{loads}</external_loads_file><coordinates_file>{motion}</coordinates_file>
+<lowpass_cutoff_frequency_for_coordinates>{cutoff}</lowpass_cutoff_frequency_for_coordinates></AnalyzeTool>
+</OpenSimDocument>"""
+
+
+def reaction_force(
+    model_path: Path, motion: Path, loads: Path, tensions: StaticResult, joint: str, cutoff: float = -1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Run AnalyzeTool with JointReaction on what the static optimization found.
+
+    Returns
+    -------
+    times (frames,) [s] and the force on the joint's child in its axes (frames, 3) [N]
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        forces, setup = Path(folder) / "forces.sto", Path(folder) / "setup.xml"
+        write_sto(Table(tensions.time, tensions.names, tensions.forces), forces)
+        setup.write_text(
+            REACTION_SETUP.format(
+                model=model_path.resolve(),
+                folder=folder,
+                start=tensions.time[0],
+                end=tensions.time[-1],
+                forces=forces,
+                joint=joint,
+                loads=loads.resolve(),
+                motion=motion.resolve(),
+                cutoff=cutoff,
+            )
+        )
+        tool = opensim.AnalyzeTool(str(setup))
+        tool.run()
+        clock, names, values = read_table(Path(folder) / "jr_JR_ReactionLoads.sto")
+    return clock, values[:, [k for k, name in enumerate(names) if name[-2:] in ("fx", "fy", "fz")]]

@@ -16,7 +16,8 @@ The value is counted in two ways.
   trial (`CARRY`) are gone through function by function. Of the other rooms, which know nothing of trials, the file that
   is called counts, and not what it does inside.
 
-For both:
+For both, the making of a report is left out: it is made of results (`RESULTS`).
+
 
 - files: modules under `src/myomorph` that define a function or class to which the value is passed on.
 - climbs: going through the calls in the order of the code, steps from one file to the next that lie in a higher room;
@@ -35,6 +36,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise, product
 from pathlib import Path
 
+RESULTS = ("report_folder", "write_report")
+"""What makes a report: of results, which are no inputs any more, so these functions are not gone through."""
 STARTS = (("opens", ("open_take", "open_trial")), ("runs", ("run_take", "run_trial")))
 PACKAGE = "myomorph"
 CARRY = ("study", "report", "store", "cli", "demo")
@@ -159,7 +162,7 @@ class Way:
                     self._made(there, what, given, named)
                 continue
             function = _method(own.classes[owner], what) if owner else own.functions.get(what)
-            if function is None:
+            if function is None or what in RESULTS:
                 continue
             parameters = [one.arg for one in (*function.args.posonlyargs, *function.args.args)]
             skip = 1 if owner and parameters[:1] in (["self"], ["cls"]) else 0

@@ -28,6 +28,7 @@ def tables() -> str:
     parts.append(("Keys and values of files", ("file", "old", "new"), keys))
     arguments = [_row(*one) for one in deprecated.ARGUMENTS]
     parts.append(("Arguments of public functions", ("function", "old", "new"), arguments))
+    parts.append(("Fields of public classes", ("class", "old", "new"), [_row(*one) for one in deprecated.FIELDS]))
     named = {"variable": deprecated.VARIABLES, "dimension": deprecated.DIMENSIONS, "attribute": deprecated.FACTS}
     stored = [(what, old, new) for what, names in named.items() for old, new in names.items()]
     parts.append(("NetCDF results", ("part", "old", "new"), stored))

@@ -75,8 +75,8 @@ def specimen(printed: PublishedSpecimen) -> SpecimenViscosity:
     )
     return SpecimenViscosity(
         printed.name,
-        condition(printed.mass_without, printed.com_without, printed.joint_viscosity),
-        condition(printed.mass_with, printed.com_with, printed.total_viscosity),
+        condition(printed.mass_muscles_removed, printed.com_muscles_removed, printed.joint_viscosity),
+        condition(printed.mass_intact, printed.com_intact, printed.total_viscosity),
         muscles,
         near(printed.estimated_muscle_mass),
         printed.measured_muscle_mass,

@@ -117,6 +117,7 @@ class Tension:
         self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
         self.solved = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()
+        self.passive: tuple[tuple[str, float, float], ...] | None = None
 
 
 def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:

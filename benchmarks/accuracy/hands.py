@@ -140,7 +140,7 @@ def measure_rim(folder: Path) -> Iterator[Row]:
                 "spread of the measured [N m]": float(told.measured.std()),
                 "mean measured [N m]": float(told.measured.mean()),
                 "correlation": told.correlation,
-                "RMS told with hands off [N m]": hands_off(wheel, told) if words == "every frame" else "",
+                "RMS predicted with hands off [N m]": hands_off(wheel, told) if words == "every frame" else "",
             }
 
 
@@ -151,7 +151,7 @@ def measure_rim_directions(folder: Path) -> Iterator[Row]:
         yield {
             "recording": wheel.name,
             **{f"{words} [N]": value for words, value in mean.items() if words != "share"},
-            "told at best": mean["share"],
+            "determined at best": mean["share"],
         }
 
 

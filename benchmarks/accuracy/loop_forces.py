@@ -249,7 +249,7 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
     some = Motion(
         theirs.time, motion.names, motion.values[frames], motion.velocities[frames], motion.accelerations[frames]
     )
-    ours = solve_tension(model, some, inverse_dynamics(model, some), TensionOptions(passive=False), actuators)
+    ours = solve_tension(model, some, inverse_dynamics(model, some), TensionOptions(min_activation="model"), actuators)
     columns = [theirs.names.index(name) for name in ours.muscles]
     controls = [theirs.names.index(name) for name in (*ours.muscles, *ours.reserve_names)]
     strength = np.array([one.optimal_force for one in actuators])

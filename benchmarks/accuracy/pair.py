@@ -19,7 +19,7 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
-from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -113,7 +113,9 @@ def estimate(
     strengths = Series(motion.time, names, pair.touching.values[:, columns])
     options = ContactOptions(formulation=formulation, compliance=compliance)  # type: ignore[arg-type]
     task = ContactTask(sites, strengths, options=options)
-    return solve_tension(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
+    # The truth's muscles, of MuJoCo, have passive force and no tendon.
+    options = TensionOptions(passive=True)
+    return solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg_target(pair, known.emg))
 
 
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:

@@ -227,8 +227,8 @@ class Line:
 
 
 LINES = (
-    Line("ours, no EMG, without passive force", TensionOptions(passive=False), False),
     Line("ours, no EMG", TensionOptions(), False),
+    Line("ours, no EMG, with passive force", TensionOptions(passive=True), False),
     Line("ours, EMG of 7 muscles as soft target", TensionOptions(), True),
 )
 

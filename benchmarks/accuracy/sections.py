@@ -13,6 +13,7 @@ from benchmarks.accuracy import (
     calibration,
     certificates,
     conditions,
+    cutoff,
     emg,
     groups,
     hands,
@@ -21,6 +22,7 @@ from benchmarks.accuracy import (
     interrupted,
     kernels,
     kinematics,
+    knee,
     live,
     loop_forces,
     loops,
@@ -30,6 +32,7 @@ from benchmarks.accuracy import (
     muscles,
     pair,
     passive,
+    personalize,
     reaction,
     regressor,
     scale,
@@ -74,12 +77,14 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _kinematics_and_dynamics(folder),
         _opensim_setups(folder),
         _tensions(folder),
+        _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _ground_forces(folder),
         _two_bodies(folder),
         _calibration(folder),
         _identification(folder),
+        _personal(folder),
         _instruments(folder),
         _viscosity(folder),
         _bone_maps(folder),
@@ -119,6 +124,7 @@ def _kinematics_and_dynamics(folder: Path) -> Page:
             ),
             "loops_inverse_kinematics": lambda: loops.measure_inverse_kinematics(folder),
             "inverse_dynamics": lambda: (kinematics.measure_inverse_dynamics(folder, case) for case in FORCE_CASES),
+            "cutoff": lambda: cutoff.measure(folder),
             "loop_torques": lambda: loop_forces.measure_torques(folder),
             "live": lambda: live.measure(folder),
             "live_markers": lambda: live.measure_losses(folder),
@@ -154,6 +160,34 @@ def _tensions(folder: Path) -> Page:
             "passive": lambda: passive.measure(folder),
             "passive_muscles": lambda: passive.measure_muscles(folder),
             "passive_forms": lambda: passive.measure_forms(folder),
+        },
+    )
+
+
+def _joint_loads(folder: Path) -> Page:
+    return Page(
+        "joint-loads",
+        "Loads of joints that were measured",
+        "Beside an instrumented knee, and beside OpenSim.",
+        {
+            "knee": lambda: knee.measure(folder),
+            "knee_peaks": lambda: knee.measure_peaks(folder),
+            "knee_where": lambda: knee.measure_where(folder),
+            "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _personal(folder: Path) -> Page:
+    return Page(
+        "personal",
+        "Muscles of the person",
+        "Simulated people whose muscles are known, held-out strides of real walks, scaled models.",
+        {
+            "personal_truth": lambda: personalize.measure_truth(folder),
+            "personal_many": lambda: personalize.measure_many(folder),
+            "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_map": lambda: personalize.measure_map(folder),
         },
     )
 

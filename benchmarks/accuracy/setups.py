@@ -182,7 +182,7 @@ def measure_setups(data: Path) -> Iterator[dict[str, object]]:
             row |= {"files": len(files), "against": against if pairs or theirs else ""}
             row |= dict.fromkeys(COLUMNS, "") | (compared(pairs) if pairs else {})
             missing = [one for one in theirs if one not in files and not one.endswith("_controls.xml")]
-            row["told"] = "; ".join(
+            row["notes"] = "; ".join(
                 one
                 for one in (
                     f"refused: {refused}" if refused else "",

@@ -146,8 +146,8 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
             for limb in limbs:
                 own = found.of(limb.name)
                 seen = float(np.isfinite(trial.markers[limb.points[0]][:, 0]).mean())
-                row: Row = {"feet told by": f"{joint}, {limb.name[-1]}", "frames seen [%]": 100.0 * seen}
-                row["belt"] = "told" if told else "found"
+                row: Row = {"feet by": f"{joint}, {limb.name[-1]}", "frames seen [%]": 100.0 * seen}
+                row["belt"] = "specified" if told else "estimated"
                 row["belt speed [m/s]"] = -found.ground_speed
                 row["strides"] = len(own)
                 for name, attribute, factor in (

@@ -213,7 +213,7 @@ def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
     if prepared.loads is not None:
         wrenches = resample_wrenches(read_external_loads(prepared.loads), motion.time)
     torques: Series = inverse_dynamics(prepared.model, motion, wrenches)
-    return solve_tension(prepared.model, motion, torques, TensionOptions(passive=False), prepared.actuators)
+    return solve_tension(prepared.model, motion, torques, TensionOptions(min_activation="model"), prepared.actuators)
 
 
 def theirs(prepared: Prepared) -> StaticResult:

@@ -46,6 +46,11 @@ from .study.trial.inputs import read_recording as read_recording
 from .study.trial.load import TrialResult as TrialResult
 from .study.trial.load import load as load
 from .study.trial.reporting import report_folder as report_folder
+from .tension.joint_contact import ContactPoint as ContactPoint
+from .tension.joint_contact import joint_contact_forces as joint_contact_forces
+from .tension.personal.personalize import PersonalizeOptions as PersonalizeOptions
+from .tension.personal.personalize import personalize as personalize
+from .tension.personal.recordings import PersonalTrial as PersonalTrial
 from .tension.reaction import joint_reactions as joint_reactions
 from .tension.solve import solve_tension as solve_tension
 from .tension.tension import TensionOptions as TensionOptions

@@ -219,7 +219,7 @@ def test_bad_options(change, words, arm, command):
 
 
 def test_bad_tension_options(arm, command):
-    refused(command(*steps_of(arm)["motion"][2], "--exponent", "0.5"), "exponent", "1.2 to 5")
+    refused(command(*steps_of(arm)["motion"][2], "--exponent", "0.5"), "exponent", "1.2 to 20")
     refused(command(*steps_of(arm)["motion"][2], "--weights", "heavy"), "weights")
     assert not arm.out.exists()
 

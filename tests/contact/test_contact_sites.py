@@ -188,7 +188,7 @@ def test_a_foot_that_swings_throughout_has_the_sole_of_the_other(data):
         assert_allclose(short.points, long.points, atol=0.015)
     assert_allclose(floor_under(site_motion(walk.model, part, sites), 0.0).velocity, 0.0)
     found = find_contacts(walk.model, part, sites, ContactStateOptions(floor=floor.height))
-    assert {one.site[-1] for one in found.touches} == {"r"}
+    assert {one.site[-1] for one in found.intervals} == {"r"}
 
 
 def test_sites_are_found_by_their_whole_name(data):

@@ -39,7 +39,7 @@ def test_contacts_of_a_walk_agree_with_plates(walk):
     model, motion, sites, wrenches, _ = walk
     found = find_contacts(model, motion, sites)
     assert not found.warnings
-    assert {one.source for one in found.touches} == {"kinematics"}
+    assert {one.source for one in found.intervals} == {"kinematics"}
     states = found.states(motion.time).values > 0.0
     feet = [
         states[:, [k for k, one in enumerate(sites) if one.group == group]].any(axis=1)
@@ -64,8 +64,8 @@ def test_order_of_sites_does_not_matter(walk):
     model, motion, sites, wrenches, _ = walk
     found = find_contacts(model, motion, sites, plates=wrenches)
     mixed = find_contacts(model, motion, (*sites[::2], *sites[1::2]), plates=wrenches)
-    assert [one for one in found.touches if one.source == "plates"]
-    assert set(mixed.touches) == set(found.touches)
+    assert [one for one in found.intervals if one.source == "plates"]
+    assert set(mixed.intervals) == set(found.intervals)
 
 
 def test_plates_of_another_clock_are_refused(walk):
@@ -79,7 +79,7 @@ def test_plates_tell_the_foot_and_come_first(walk):
     model, motion, sites, wrenches, _ = walk
     unknown = replace(wrenches, bodies=("", ""))
     found = find_contacts(model, motion, sites, plates=unknown)
-    by_plates = [one for one in found.touches if one.source == "plates"]
+    by_plates = [one for one in found.intervals if one.source == "plates"]
     assert by_plates
     assert {one.confidence for one in by_plates} == {1.0}
     heel = next(one for one in by_plates if one.site == "heel_lateral_r")
@@ -129,9 +129,9 @@ def test_size_and_belt_do_not_matter(scale, speed):
     assert floor.velocity[0] == pytest.approx(speed * np.sqrt(scale), abs=1e-6)
     found = by_kinematics(moving, floor, TWO)
     wanted = by_kinematics(reference, floor_under(reference), TWO)
-    assert [one.site for one in found.touches] == [one.site for one in wanted.touches]
-    starts = np.array([one.start for one in found.touches]) / np.sqrt(scale)
-    np.testing.assert_allclose(starts, [one.start for one in wanted.touches], atol=1e-9)
+    assert [one.site for one in found.intervals] == [one.site for one in wanted.intervals]
+    starts = np.array([one.start for one in found.intervals]) / np.sqrt(scale)
+    np.testing.assert_allclose(starts, [one.start for one in wanted.intervals], atol=1e-9)
     # On while a foot stands, off while it is higher than touches end.
     states = found.states(moving.time).values > 0.0
     assert states[moving.lowest < 1e-6 * scale].all()
@@ -149,7 +149,7 @@ def test_nothing_touches_in_flight_and_something_does_when_carried():
     assert held.states(moving.time).values.max(axis=1).min() == 0.5
     away = replace(moving, lowest=moving.lowest + 0.5)
     lost = by_kinematics(away, replace(floor_under(moving), height=0.0), TWO)
-    assert not lost.touches
+    assert not lost.intervals
     assert "is a site missing" in lost.warnings[0]
 
 

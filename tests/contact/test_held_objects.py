@@ -94,7 +94,7 @@ def test_a_hold_lasts_from_arriving_to_leaving():
     model, motion = reaching()
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
     options = HoldOptions(moving=0.1, near=0.03, far=0.05)
-    (touch,) = find_holds(model, motion, (site,), options).touches
+    (touch,) = find_holds(model, motion, (site,), options).intervals
     assert touch.surface == "thing_box"
     assert touch.start == pytest.approx(0.5 - options.near, abs=1.5 * STEP)
     assert touch.stop == pytest.approx(1.5 + options.far, abs=1.5 * STEP)
@@ -108,8 +108,8 @@ def test_a_glitch_neither_ends_nor_begins_a_hold():
     values[100:102, 0] += 0.3
     values[10:12, 1] = values[11, 7] + 0.1
     seen = replace(motion, values=values)
-    assert len(find_holds(model, seen, (site,)).touches) == 1
-    assert len(find_holds(model, seen, (site,), HoldOptions(shortest=0.0)).touches) == 3
+    assert len(find_holds(model, seen, (site,)).intervals) == 1
+    assert len(find_holds(model, seen, (site,), HoldOptions(shortest=0.0)).intervals) == 3
 
 
 def test_an_object_that_rests_tells_no_hold():

@@ -14,7 +14,7 @@ def test_one_event_gives_the_offset():
     clock = camera_clock([2.0], [3.25])
     assert (clock.start, clock.pace) == (1.25, 1.0)
     moved = on_clock(Contacts(("heel",), (Touch("heel", 2.0, 2.5),)), clock)
-    assert (moved.touches[0].start, moved.touches[0].stop) == (3.25, 3.75)
+    assert (moved.intervals[0].start, moved.intervals[0].stop) == (3.25, 3.75)
 
 
 def test_several_events_recover_the_pace():

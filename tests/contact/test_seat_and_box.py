@@ -77,6 +77,6 @@ def test_palms_hold_a_box_that_they_carry(standing_up):
     parts = {"man": cut, "box": differentiate(Motion(cut.time, thing.coordinate_names, values))}
     joined = join_models({"man": model, "box": thing})
     sites = tuple(replace(one, against="box_body") for one in body_sites(joined, ("hand_r", "hand_l")))
-    touches = find_holds(joined, join_motions(parts), sites).touches
+    touches = find_holds(joined, join_motions(parts), sites).intervals
     assert {one.site for one in touches} == {"hand_r", "hand_l"}
     assert all(one.start == pytest.approx(cut.time[taken], abs=0.15) for one in touches)

@@ -138,8 +138,8 @@ def test_strokes_become_contacts_with_their_instrument(drums):
     played = tuple(replace(one, sites=("stick_r",)) for one in instruments(scene))
     contacts = contacts_heard(replace(heard, instruments=played), duration=0.02, all_sites=("stick_l",))
     assert contacts.sites == ("stick_r", "stick_l")
-    assert len(contacts.touches) == len(heard.strokes)
-    first = contacts.touches[0]
+    assert len(contacts.intervals) == len(heard.strokes)
+    first = contacts.intervals[0]
     assert (first.surface, first.source) == (heard.strokes[0].instrument, "sound")
     assert first.stop - first.start == pytest.approx(0.02)
     both = tuple(replace(one, sites=("stick_r", "stick_l")) for one in instruments(scene))

@@ -56,7 +56,7 @@ def test_forces_are_written_for_both_and_are_opposite(shown):
 
 def test_touches_of_a_grip_name_the_body_that_it_holds(shown):
     out, _ = shown
-    surfaces = {one.site: one.surface for one in read_events(out / "contacts.csv").touches}
+    surfaces = {one.site: one.surface for one in read_events(out / "contacts.csv").intervals}
     assert (surfaces["lapel"], surfaces["sleeve"]) == ("uke_torso", "uke_forearm_r")
 
 

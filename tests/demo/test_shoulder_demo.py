@@ -12,11 +12,11 @@ from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.run import run_viscosity
 
 WITHIN = {
-    "mass_without": 0.005,
-    "com_without": 0.005,
+    "mass_muscles_removed": 0.005,
+    "com_muscles_removed": 0.005,
     "joint_viscosity": 0.03,
-    "mass_with": 0.005,
-    "com_with": 0.005,
+    "mass_intact": 0.005,
+    "com_intact": 0.005,
     "total_viscosity": 0.05,
     "muscle_viscosity": 0.05,
 }

@@ -18,22 +18,22 @@ def test_spans(tmp_path):
     text = "# tap dance\nsite,start,stop,surface,confidence\nheel_r,0.10,0.25,,0.5\ntoe_r,0.05,0.2,ground,\n"
     found = read_events(written(tmp_path, text), start=1.0)
     assert found.sites == ("heel_r", "toe_r")
-    assert [(one.site, one.start, one.stop, one.confidence) for one in found.touches] == [
+    assert [(one.site, one.start, one.stop, one.confidence) for one in found.intervals] == [
         ("toe_r", 1.05, 1.2, 1.0),
         ("heel_r", 1.1, 1.25, 0.5),
     ]
-    assert {one.source for one in found.touches} == {"camera"}
-    assert {one.surface for one in found.touches} == {"ground"}
+    assert {one.source for one in found.intervals} == {"camera"}
+    assert {one.surface for one in found.intervals} == {"ground"}
 
 
 @pytest.mark.parametrize("rate", [300.0, 600.0])
 def test_frames_of_a_camera_are_times(tmp_path, rate):
     """The same touch, told by frames and by times, is the same; a semicolon may separate."""
     text = f"frame;site;event\n{0.5 * rate:.0f};heel_r;touch\n{0.7 * rate:.0f};heel_r;leave\n"
-    (touch,) = read_events(written(tmp_path, text), rate=rate, start=-0.2).touches
+    (touch,) = read_events(written(tmp_path, text), rate=rate, start=-0.2).intervals
     assert (touch.start, touch.stop) == pytest.approx((0.3, 0.5))
     spans = f"site,first_frame,last_frame\nheel_r,{0.5 * rate:.0f},{0.7 * rate:.0f}\n"
-    (other,) = read_events(written(tmp_path, spans), rate=rate, start=-0.2).touches
+    (other,) = read_events(written(tmp_path, spans), rate=rate, start=-0.2).intervals
     assert (other.start, other.stop) == pytest.approx((touch.start, touch.stop))
 
 
@@ -82,7 +82,7 @@ def test_bad_tables_are_refused_by_line(tmp_path, text, message):
 def test_tables_as_spreadsheets_save_them(tmp_path, encoding):
     path = tmp_path / "events.csv"
     path.write_bytes("site;start;stop\r\nFuß_r;0,1;0,25\r\n".encode(encoding))
-    (touch,) = read_events(path).touches
+    (touch,) = read_events(path).intervals
     assert (touch.site, touch.start, touch.stop) == ("Fuß_r", 0.1, 0.25)
 
 

@@ -21,7 +21,7 @@ def test_touches_come_back(tmp_path):
 
 def test_no_touch_gives_a_table_without_rows(tmp_path):
     write_events(Contacts(("heel_r",), ()), tmp_path / "contacts.csv")
-    assert read_events(tmp_path / "contacts.csv").touches == ()
+    assert read_events(tmp_path / "contacts.csv").intervals == ()
 
 
 def test_nothing_is_left_where_it_cannot_be_written(tmp_path):

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from rich.console import Console
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from myomorph.identify.base import BaseOptions, fit_base
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.online import OnlineOptions, OnlineState, total_wrench
 from myomorph.identify.recordings import NO_FORCE
+from myomorph.identify.sequential import SequentialFit
 from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of
 from myomorph.live.sources import LiveRecording, Replay, open_recording
 from myomorph.live.streams import LabStreams, force_channels, marker_channels
@@ -106,6 +108,25 @@ def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:
     kept = total_wrench(result.wrenches.forces, result.wrenches.points, result.wrenches.torques)
     np.testing.assert_allclose(kept, whole[-len(kept) :], atol=1e-9)
     assert "least '" in result.summary()
+
+
+def test_matrices_of_one_frame_wake_no_threads(
+    walk: tuple[Model, LiveRecording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before, in and after the loop: warming up with more threads took several times as long as all frames."""
+    threads: list[int] = []
+    propose = SequentialFit.propose
+
+    def counted(self: SequentialFit, *args: Any, **options: Any) -> Any:
+        threads.extend(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        return propose(self, *args, **options)
+
+    monkeypatch.setattr(SequentialFit, "propose", counted)
+    model, recording = walk
+    with threadpool_limits(limits=2, user_api="blas"):
+        identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0))
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_markers_lead_to_the_same_as_coordinates(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from docs_build.renamed import tables
 from pydantic import BaseModel
 
+from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.deprecated import (
     ARGUMENTS,
     KEYS,
@@ -188,6 +190,20 @@ def test_an_old_argument_warns():
         assert renamed(report=3) == 3
     with pytest.raises(TypeError, match="give one of them"):
         renamed(**{one.old: 3, one.new: 4})
+
+
+def test_an_old_field_warns():
+    touch = Touch("heel_r", 0.1, 0.2)
+    with pytest.warns(FutureWarning, match="Contacts: 'touches' is now called 'intervals'"):
+        contacts = Contacts(("heel_r",), touches=(touch,))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert contacts == Contacts(("heel_r",), (touch,))
+        assert contacts.intervals == replace(contacts, warnings=("late",)).intervals == (touch,)
+    with pytest.warns(FutureWarning, match="'touches' is now called"):
+        assert contacts.touches == (touch,)  # type: ignore[attr-defined]
+    with pytest.raises(TypeError, match="give one of them"):
+        Contacts(("heel_r",), (touch,), touches=(touch,))
 
 
 def test_the_page_lists_the_same_names():

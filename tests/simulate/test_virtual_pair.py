@@ -25,7 +25,7 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import GRIP, LAPEL, PARTS, Build, compile_pair, fighter_text, marker_points, segments
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import tension_of
+from myomorph.tension.tension import TensionOptions, tension_of
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -105,7 +105,8 @@ def solved(bout, motion, formulation, emg=None, sites=None):
     sites = bout.sites if sites is None else sites
     strengths = Series(motion.time, tuple(one.name for one in sites), np.ones((len(motion), len(sites))))
     task = ContactTask(sites, strengths, options=ContactOptions(formulation=formulation))
-    return solve_tension(bout.model, motion, inverse_dynamics(bout.model, motion), contacts=task, emg=emg)
+    torques = inverse_dynamics(bout.model, motion)
+    return solve_tension(bout.model, motion, torques, TensionOptions(passive=True), contacts=task, emg=emg)
 
 
 def force_errors(bout, found):

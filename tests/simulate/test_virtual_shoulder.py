@@ -69,9 +69,12 @@ def lengthening(specimen: Specimen, motion: Motion) -> np.ndarray:
 def test_limbs_hold_both_tables_and_are_physical(number: int) -> None:
     row = SPECIMENS[number - 1]
     limb = HeldLimb(arm_specimen(), HELD)
-    bare = limb.parameters(row.mass_without, row.com_without)
-    whole = limb.with_flesh(bare, row.mass_with, row.com_with)
-    for parameters, mass, com in ((bare, row.mass_without, row.com_without), (whole, row.mass_with, row.com_with)):
+    bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
+    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    for parameters, mass, com in (
+        (bare, row.mass_muscles_removed, row.com_muscles_removed),
+        (whole, row.mass_intact, row.com_intact),
+    ):
         assert parameters[0] == pytest.approx(mass)
         assert np.linalg.norm(parameters[1:4]) / mass == pytest.approx(com)
         assert np.linalg.eigvalsh(pseudo_inertias(parameters)).min() > 0.0

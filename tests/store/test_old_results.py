@@ -44,7 +44,7 @@ def test_every_step_reads_its_result(step):
 
 
 def test_a_report_is_made_of_them(arm):
-    given = report_input(read_result(OLD), open_model(arm.model), {})
+    given = report_input(read_result(OLD), open_model(arm.model))
     assert given.head.title == "s01: reach"
     assert [one.name for one in given.head.steps] == [step_of(name).title for name in STEPS]
     assert given.kinematics.fit is not None

@@ -21,6 +21,7 @@ from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 ARM = "opensim-reference-small/"
@@ -68,7 +69,7 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
     model, motion, torques = arm(data)
     model = replace(model, muscles=tuple(replace(one, kind=kind) for one in model.muscles))
     expected = read_sto(data(ARM + f"std_{kind}_arm26_bounds_StaticOptimization_activation.sto"))
-    found = solve_tension(model, motion, torques, TensionOptions(passive=False), ())
+    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), ())
     assert np.all(found.optimal)
     nearest = np.abs(motion.time[:, None] - expected.time[None]).argmin(axis=0)
     # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away from them.
@@ -92,14 +93,14 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     )
     torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time))
     actuators = read_actuators(data(SPRING + "gait10dof_Actuators_weak.xml"), model)
-    found = solve_tension(model, motion, torques, TensionOptions(passive=False), actuators)
+    found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), actuators)
     assert np.all(found.optimal)
     assert found.reserve_names == tuple(one.name for one in actuators)
     columns = [expected.names.index(name) for name in model.muscle_names]
     difference = found.activations - expected.values[:, columns]
     assert np.sqrt(np.mean(difference**2)) < 0.01
     without = solve_tension(
-        replace(model, passive_torques=()), motion, torques, TensionOptions(passive=False), actuators
+        replace(model, passive_torques=()), motion, torques, TensionOptions(min_activation="model"), actuators
     )
     assert np.sqrt(np.mean((without.activations - found.activations) ** 2)) > 0.1
 
@@ -180,13 +181,14 @@ def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
 
 def test_muscles_stretched_beyond_their_strength_are_named(data):
     model, motion, torques = walk(data, 3)
-    assert solve_tension(model, motion, torques).overstretched == ()
+    passive = TensionOptions(passive=True)
+    assert solve_tension(model, motion, torques, passive).overstretched == ()
     muscles = tuple(
         replace(one, tendon_slack_length=0.5 * one.tendon_slack_length) if one.name == "recfem_l" else one
         for one in model.muscles
     )
     short = replace(model, muscles=muscles)
-    assert solve_tension(short, motion, torques).overstretched == ("recfem_l",)
+    assert solve_tension(short, motion, torques, passive).overstretched == ("recfem_l",)
     assert solve_tension(short, motion, torques, TensionOptions(passive=False)).overstretched == ()
 
 
@@ -257,3 +259,22 @@ def test_bad_input_is_refused_by_name(data):
         TensionOptions(weights="mass")  # type: ignore[arg-type]
     with pytest.raises(BadData, match="reserve"):
         TensionOptions(reserve=0.0)
+
+
+def test_the_largest_share_of_passive_force_is_told_by_muscle(data):
+    model, motion, torques = walk(data, 5)
+    without = solve_tension(model, motion, torques)
+    assert passive_notes(without) == ()
+    np.testing.assert_array_equal(without.passive_share, 0.0)
+    found = solve_tension(model, motion, torques, TensionOptions(passive=True))
+    kinematics = muscle_kinematics(model, motion)
+    curves = hill_forces(model, kinematics.lengths, kinematics.velocities)
+    share = curves.passive / np.array([one.max_isometric_force for one in model.muscles])
+    np.testing.assert_allclose(found.passive_share, share.max(axis=0), atol=1e-9)
+    np.testing.assert_array_equal(found.passive_time, motion.time[share.argmax(axis=0)])
+    worst = int(share.max(axis=0).argmax())
+    assert share.max() > 0.2
+    first, second = passive_notes(found)
+    assert "on rigid tendons" in first
+    assert f"{model.muscle_names[worst]} {100 * share.max():.0f} %" in second
+    assert f"in {int((share.max(axis=0) > 0.2).sum())} of {len(model.muscles)} muscles" in second

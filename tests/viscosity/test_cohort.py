@@ -34,7 +34,7 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
     held = 0
     for _ in range(2000):
         drawn = truth + spread * random.normal(size=3)
-        rows = [{"mass_with": Estimate(v, v - 1.96 * s, v + 1.96 * s)} for v, s in zip(drawn, spread, strict=True)]
+        rows = [{"mass_intact": Estimate(v, v - 1.96 * s, v + 1.96 * s)} for v, s in zip(drawn, spread, strict=True)]
         (line,) = cohort(rows)
         held += line.low <= truth.mean() <= line.high
     assert 0.935 < held / 2000 < 0.965
@@ -43,11 +43,11 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
 def test_what_a_specimen_lacks_is_not_counted():
     lines = {
         one.quantity.name: one
-        for one in cohort([{"mass_with": Estimate(2.0, 2.0, 2.0)}, {"com_with": Estimate(0.4, 0.4, 0.4)}, {}])
+        for one in cohort([{"mass_intact": Estimate(2.0, 2.0, 2.0)}, {"com_intact": Estimate(0.4, 0.4, 0.4)}, {}])
     }
-    assert {name: one.count for name, one in lines.items()} == {"mass_with": 1, "com_with": 1}
-    assert lines["mass_with"].sd == 0.0
-    assert lines["mass_with"].low == lines["mass_with"].high == 2.0
+    assert {name: one.count for name, one in lines.items()} == {"mass_intact": 1, "com_intact": 1}
+    assert lines["mass_intact"].sd == 0.0
+    assert lines["mass_intact"].low == lines["mass_intact"].high == 2.0
 
 
 def test_unknown_intervals_stay_unknown():
@@ -58,4 +58,7 @@ def test_unknown_intervals_stay_unknown():
 
 def test_the_estimated_muscles_are_the_difference_of_the_printed_masses_as_far_as_these_are_rounded():
     for one in SPECIMENS:
-        assert abs(one.mass_with - one.mass_without - one.estimated_muscle_mass) <= 0.005 + 0.005 + 0.0005 + 1e-12
+        assert (
+            abs(one.mass_intact - one.mass_muscles_removed - one.estimated_muscle_mass)
+            <= 0.005 + 0.005 + 0.0005 + 1e-12
+        )

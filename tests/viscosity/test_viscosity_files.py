@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.sto import read_sto
+from myomorph.model.deprecated import QUANTITIES
 from myomorph.model.errors import BadFile
 from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput, specimen_report
@@ -19,11 +20,11 @@ from swing_cohort import MUSCLES, specimens
 
 COLUMNS = [
     "name",
-    "mass_without",
-    "com_without",
+    "mass_muscles_removed",
+    "com_muscles_removed",
     "joint_viscosity",
-    "mass_with",
-    "com_with",
+    "mass_intact",
+    "com_intact",
     "total_viscosity",
     "muscle_viscosity",
     "estimated_muscle_mass",
@@ -50,7 +51,7 @@ def test_specimens_have_the_columns_in_their_order_each_with_its_interval(report
         assert row["name"] == printed.name
         for name in COLUMNS[1:]:
             assert float(row[name]) == getattr(printed, name)
-        assert float(row["mass_with_low"]) < printed.mass_with < float(row["mass_with_high"])
+        assert float(row["mass_intact_low"]) < printed.mass_intact < float(row["mass_intact_high"])
 
 
 def test_cohort_has_mean_and_population_sd(reports):
@@ -66,8 +67,8 @@ def test_a_specimen_with_one_condition_leaves_cells_empty():
     (found, *_) = specimens()
     row = specimen_row(type(found)(found.name, found.without, None, None, None, None))
     (cells,) = table(files.specimens_table([("01", row)]))
-    assert float(cells["mass_without"]) == SPECIMENS[0].mass_without
-    assert {cells[name] for name in ("mass_with", "total_viscosity_low", "measured_muscle_mass")} == {""}
+    assert float(cells["mass_muscles_removed"]) == SPECIMENS[0].mass_muscles_removed
+    assert {cells[name] for name in ("mass_intact", "total_viscosity_low", "measured_muscle_mass")} == {""}
 
 
 def test_tables_are_written_for_axes_muscles_models_and_notes(reports, tmp_path):
@@ -103,6 +104,16 @@ def test_the_page_is_made_again_from_the_store(reports, tmp_path):
     assert viscosity_page(again) == viscosity_page(read_store(tmp_path))
     first, second = (page.count("<svg") for page in (viscosity_page(given), viscosity_page(again)))
     assert first == second > 60
+
+
+def test_a_store_of_the_version_before_is_read(reports, tmp_path):
+    write_store(ViscosityInput("shoulder", reports), tmp_path)
+    text = (tmp_path / STORE).read_text()
+    for old, new in QUANTITIES.items():
+        assert f'"{new}"' in text
+        text = text.replace(f'"{new}"', f'"{old}"')
+    (tmp_path / STORE).write_text(text)
+    assert read_store(tmp_path).specimens[0].row == reports[0].row
 
 
 def test_a_store_that_is_none_is_refused(tmp_path):

@@ -72,9 +72,9 @@ def test_truth_comes_back(ran):
     row = outcomes["whole"].report.row
     assert row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.01)
     assert row["total_viscosity"].value == pytest.approx(TOTAL, rel=0.01)
-    assert row["mass_without"].value == pytest.approx(swung.parameters[0], rel=0.002)
+    assert row["mass_muscles_removed"].value == pytest.approx(swung.parameters[0], rel=0.002)
     com = np.linalg.norm(swung.parameters[1:4]) / swung.parameters[0]
-    assert row["com_with"].value == pytest.approx(com, abs=0.002)
+    assert row["com_intact"].value == pytest.approx(com, abs=0.002)
     assert row["estimated_muscle_mass"].value == pytest.approx(0.0, abs=0.01)
     assert row["muscle_viscosity"].value > 0.0
     with (out / "specimens.csv").open() as stream:
@@ -86,7 +86,7 @@ def test_truth_comes_back(ran):
 def test_one_condition_alone_has_its_own_columns(ran):
     outcomes, out, _ = ran
     one = outcomes["half"]
-    assert set(one.report.row) == {"mass_without", "com_without", "joint_viscosity"}
+    assert set(one.report.row) == {"mass_muscles_removed", "com_muscles_removed", "joint_viscosity"}
     assert any("muscles intact: no recording" in note for note in one.report.notes)
     assert (out / "half" / "without_bare1.sto").is_file()
 
@@ -96,8 +96,8 @@ def test_a_plate_that_hides_the_mass_is_named_and_the_other_condition_keeps_its_
     outcomes, _, swung = ran
     one = outcomes["tared"].report
     assert any("the plate was set to zero with the limb on it" in note for note in one.notes)
-    assert not {"mass_without", "com_without", "estimated_muscle_mass"} & set(one.row)
-    assert one.row["mass_with"].value == pytest.approx(swung.parameters[0], rel=0.002)
+    assert not {"mass_muscles_removed", "com_muscles_removed", "estimated_muscle_mass"} & set(one.row)
+    assert one.row["mass_intact"].value == pytest.approx(swung.parameters[0], rel=0.002)
     assert one.row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.03)
 
 
@@ -138,6 +138,6 @@ def test_one_specimen_needs_no_study_file(ran, capsys):
         (row,) = csv.DictReader(stream)
     found = outcomes["whole"].report.row
     assert (row["name"], row["measured_muscle_mass"]) == ("arm", "0.3")
-    for name in ("joint_viscosity", "muscle_viscosity", "com_with"):
+    for name in ("joint_viscosity", "muscle_viscosity", "com_intact"):
         assert float(row[name]) == pytest.approx(found[name].value, rel=1e-6)
     assert "1 of 1 specimens done" in capsys.readouterr().out

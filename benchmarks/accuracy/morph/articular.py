@@ -68,7 +68,7 @@ def _made(kind: str, share: float, cover: str) -> Row:
         "cover": cover,
         "center or axis off, rms [mm]": 1e3 * float(np.sqrt(np.mean(np.square(errors)))),
         "worst [mm]": 1e3 * max(errors),
-        "told deviation, median [mm]": 1e3 * float(np.median(told)),
+        "estimated SD, median [mm]": 1e3 * float(np.median(told)),
         "axis turned, rms [°]": float(np.sqrt(np.mean(np.square(tilts)))) if tilts else "",
     }
 
@@ -108,10 +108,10 @@ def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np
         "head, radius [mm]": 1e3 * head.radius,
         "head, rms [mm]": 1e3 * head.rms,
         "head, cover": head.coverage,
-        "head, told deviation [mm]": 1e3 * head.deviation,
+        "head, estimated SD [mm]": 1e3 * head.deviation,
         "socket, radius [mm]": "" if socket is None else 1e3 * socket.radius,
         "socket, cover": "" if socket is None else socket.coverage,
-        "socket, told deviation [mm]": "" if socket is None else 1e3 * socket.deviation,
+        "socket, estimated SD [mm]": "" if socket is None else 1e3 * socket.deviation,
         "doubts": "; ".join(doubts) or "none",
         "against": against,
         "apart [mm]": 1e3 * float(np.linalg.norm(head.center - center)),

@@ -55,7 +55,7 @@ def measure_plates() -> Iterator[Row]:
             "axes, rms [°]": float(np.degrees(np.sqrt(np.mean(turns**2)))),
             "residual [mm]": 1e3 * float(np.mean([one.distance_rms for one in found])),
             "left out [mm]": 1e3 * float(np.mean([np.sqrt(np.mean(one.left_out_distances**2)) for one in found])),
-            "error over told deviation": float(np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(told**2, axis=0)))),
+            "error over estimated SD": float(np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(told**2, axis=0)))),
             "5 mm found significant": f"{_found_off(places, mass, pushed)} of {RUNS}",
             "right one called off": f"{_found_off(places, mass, pushed, off=False)} of {RUNS}",
         }
@@ -140,10 +140,10 @@ def measure_clocks() -> Iterator[Row]:
             "offset [ms]": 1e3 * offset,
             "drift [ppm]": 1e6 * drift,
             "offset, rms error [ms]": 1e3 * float(rms[0]),
-            "told [ms]": 1e3 * float(usual[0]),
+            "estimated SD [ms]": 1e3 * float(usual[0]),
             "least possible [ms]": 1e3 * bound[0],
             "drift, rms error [ppm]": 1e6 * float(rms[1]),
-            "told [ppm]": 1e6 * float(usual[1]),
+            "estimated SD [ppm]": 1e6 * float(usual[1]),
             "least possible [ppm]": 1e6 * bound[1],
         }
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import t as student
+from scipy.special import stdtrit as student_quantile
 
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups, compare_paired
 from myomorph.analysis.permutations import FEWEST
@@ -63,7 +63,7 @@ def mean_curves(
     some = count > 0
     freedom = np.maximum(count - 1.0, 1.0)
     deviation = np.where(count > 1, np.sqrt(squares / freedom), np.nan)
-    half = student.ppf(0.5 + 0.5 * confidence, freedom) * deviation / np.sqrt(np.maximum(count, 1.0))
+    half = student_quantile(freedom, 0.5 + 0.5 * confidence) * deviation / np.sqrt(np.maximum(count, 1.0))
     mean = np.where(some, mean, np.nan)
     return MeanCurves(tuple(names), mean, deviation, mean - half, mean + half, count)
 

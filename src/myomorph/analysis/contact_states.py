@@ -107,12 +107,12 @@ def solved_contacts(forces: ContactForces) -> Contacts:
 def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
     """One row a site that touches the ground, one a surface that is struck, feet and hands of a side together."""
     rows: dict[tuple[str, str], list[Touch]] = {}
-    for touch in given.touches:
+    for touch in given.intervals:
         struck = touch.surface != GROUND and is_stroke(touch)
         key = ("", touch.surface) if struck else (touch.site, touch.surface)
         rows.setdefault(key, []).append(touch)
     for site in given.sites:
-        if not any(key[0] == site for key in rows) and not any(one.site == site for one in given.touches):
+        if not any(key[0] == site for key in rows) and not any(one.site == site for one in given.intervals):
             rows[(site, GROUND)] = []
     found: list[tuple[Limb, int, Row]] = []
     for (site, surface), touches in rows.items():

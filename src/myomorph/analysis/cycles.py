@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len
 from scipy.special import ndtr
-from scipy.stats import t as student
+from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -278,6 +278,6 @@ def band(curves: ArrayLike, confidence: float = 0.95) -> Band:
     squares = (np.where(known, curves - mean, 0.0) ** 2).sum(axis=0)
     freedom = np.maximum(count - 1, 1)
     error = np.sqrt(squares / freedom / np.maximum(count, 1))
-    half = np.where(count > 1, student.ppf(0.5 + 0.5 * confidence, freedom) * error, np.nan)
+    half = np.where(count > 1, student_quantile(freedom, 0.5 + 0.5 * confidence) * error, np.nan)
     spread = np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), np.nan)
     return Band(mean, mean - half, mean + half, spread, count.astype(np.float64))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from myomorph.analysis.phases import contacts
 from myomorph.model.arrays import Array, read_only
@@ -134,6 +133,8 @@ def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
     way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))
     if not way > 0.0:
         return np.zeros(0)
+    from scipy.signal import find_peaks  # Takes half a second to import, and only a walk needs it.
+
     # A foot that begins or ends at its extreme has not been seen to turn there.
     found, _ = find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
     if not len(found):

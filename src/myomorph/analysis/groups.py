@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from math import comb
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit as student_quantile
 
 from myomorph.analysis.cycles import Band, Cycles, band
 from myomorph.analysis.permutations import (
@@ -316,7 +316,7 @@ def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, 
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = sum(error**2 / (len(one) - 1) for one, error in zip(samples, errors, strict=True))
         freedom = sum(errors) ** 2 / parts
-    half = student.ppf(0.5 + 0.5 * confidence, np.where(np.isfinite(freedom), freedom, 1.0)) * np.sqrt(sum(errors))
+    half = student_quantile(np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence) * np.sqrt(sum(errors))
     return difference, difference - half, difference + half
 
 

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
-from scipy.stats import nct
-from scipy.stats import t as student
+from scipy.special import nctdtr as noncentral_chance
+from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -214,7 +214,7 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
 
     def below(shift: float) -> float:
         """Chance of a statistic up to the observed one; far out, where the series does not converge, 0 or 1."""
-        chance = float(nct.cdf(t, freedom, shift))
+        chance = float(noncentral_chance(freedom, shift, t))
         return chance if np.isfinite(chance) else float(shift < t)
 
     def end(share: float) -> float:
@@ -232,7 +232,7 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
     if min(sizes) < 2:
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
     error = np.sqrt(sum(1.0 / one for one in sizes) + g**2 / (2.0 * sum(sizes)))
-    half = student.ppf(0.5 + 0.5 * confidence, sum(sizes) - len(sizes)) * error
+    half = student_quantile(sum(sizes) - len(sizes), 0.5 + 0.5 * confidence) * error
     return g - half, g + half
 
 

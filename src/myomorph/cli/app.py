@@ -77,6 +77,12 @@ COMMANDS = {
         "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml "
         "--mass 72.6 --cutoff 6 --out identified.osim",
     ),
+    "personalize": Command(
+        "personalize",
+        "Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.",
+        "myomorph personalize --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 "
+        "--out personalized.osim",
+    ),
     "viscosity": Command(
         "viscosity",
         "Viscosity of a joint and of its muscles from swings of a limb, with and without muscles.",

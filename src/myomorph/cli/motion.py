@@ -69,5 +69,6 @@ def id_command(
     warn((*trial.warnings, *results.notes))
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
-    said(f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces; wrote {out}")
+    counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
+    said(f"{counts}{dynamics.filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0

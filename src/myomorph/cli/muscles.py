@@ -24,6 +24,7 @@ from myomorph.model.errors import BadData
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
+from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.tension.solve import Tension
 
@@ -57,6 +58,13 @@ def tension_command(
     motion: MotionFile,
     out: OutFolder,
     loads: LoadsFile = None,
+    torques: Annotated[
+        Path | None,
+        Parameter(
+            help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
+            "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
+        ),
+    ] = None,
     emg: Annotated[
         Path | None,
         Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
@@ -83,6 +91,14 @@ def tension_command(
             "where nothing was measured), shared (each is known for all sites on it together) or hidden."
         ),
     ] = None,
+    contact_points: Annotated[
+        str,
+        Parameter(
+            help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
+            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
+            "of points (.toml)."
+        ),
+    ] = "",
     actuators: Annotated[
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
@@ -102,19 +118,22 @@ def tension_command(
         model=model,
         motion=motion,
         loads=loads,
+        torques=torques,
         emg=emg,
         emg_side=emg_side,
         emg_mvc=tuple(emg_mvc or ()),
         actuators=actuators,
         contacts=contacts,
         measured=measured,
+        contact_points=contact_points,
         time=time,
     )
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
-    said(f"{tension_summary(results[tension.Tensions].tension)}; wrote {out}")
+    summary = tension_summary(results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
+    said(f"{summary}; wrote {out}")
     return 0
 
 

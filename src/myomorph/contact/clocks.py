@@ -141,7 +141,7 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
 def on_clock(contacts: Contacts, clock: CameraClock) -> Contacts:
     """The same contacts on the motion's clock."""
-    return replace(contacts, touches=tuple(_moved(one, clock) for one in contacts.touches))
+    return replace(contacts, intervals=tuple(_moved(one, clock) for one in contacts.intervals))
 
 
 def _moved(touch: Touch, clock: CameraClock) -> Touch:

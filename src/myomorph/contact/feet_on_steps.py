@@ -72,7 +72,7 @@ def feet_on_steps(
     away = np.stack([_distances(step, moving.places) for step in loads.steps], axis=1)
     nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
     own = np.arange(len(loads.steps))[None, :, None] == nearest[:, None]
-    near = own & (away <= options.reach * moving.height)
+    near = own & (away <= options.search_range * moving.height)
     loaded = _interpolated(loads.time, loads.loaded.astype(np.float64), motion.time) > 0.5
     slow = np.linalg.norm(moving.velocities, axis=2) < options.still * moving.pace
     # A foot that swings past a step does not stand on it, unless nobody else is there.

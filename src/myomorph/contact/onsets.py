@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import butter, resample_poly, sosfilt
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -112,6 +111,9 @@ class Heard:
 def listen(sound: Sound, channel: str, options: SoundOptions | None = None) -> Heard:
     """One channel made ready; the filter is causal, so that nothing comes before its cause."""
     lowest = min((options or SoundOptions()).lowest, 0.4 * sound.rate)
+    # Half a second to import, which only sound needs.
+    from scipy.signal import butter, resample_poly, sosfilt
+
     signal = sosfilt(butter(2, lowest, "highpass", fs=sound.rate, output="sos"), sound[channel].astype(np.float64))
     levels = [(signal, sound.rate)]
     while levels[-1][1] / 4.0 >= SLOWEST:

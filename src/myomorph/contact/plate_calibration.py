@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc as chance_above
 
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, PlacementOptions, find_placements
@@ -212,7 +212,7 @@ def check_plate(
     shown = values > 1e-12 * max(values.max(), 1e-300)
     free = 4 * len(used) - int(shown.sum())
     share = float(np.sum((vectors[:, shown].T @ correction) ** 2 / values[shown])) / max(int(shown.sum()), 1)
-    chance = float(f_distribution.sf(share, int(shown.sum()), max(free, 1))) if shown.any() else 1.0
+    chance = float(chance_above(int(shown.sum()), max(free, 1), share)) if shown.any() else 1.0
     deviations = np.sqrt(np.diag(calibration.covariance))
     return PlateCheck(distances, angles, shift, turn, deviations[3:], deviations[:3], chance, calibration)
 

@@ -88,7 +88,7 @@ class StairOptions:
     loaded, unloaded : shares of body weight between which a step begins and ceases to be loaded
     noise : and as many standard deviations of the cell's noise
     shortest : loadings and gaps that last less are taken for noise [s]
-    reach : distance from a foot to the tread it stands on, at most, over the height of the center of mass
+    search_range : distance from a foot to the tread it stands on, at most, over the height of the center of mass
     still : a foot that stands moves slower than this, over the speed sqrt(g height)
     tare : "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
     """
@@ -97,7 +97,7 @@ class StairOptions:
     unloaded: float = 0.02
     noise: float = 5.0
     shortest: float = 0.02
-    reach: float = 0.25
+    search_range: float = 0.25
     still: float = 0.3
     tare: Literal["quiet", "none"] = "quiet"
 

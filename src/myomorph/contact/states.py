@@ -96,7 +96,7 @@ def find_contacts(
     >>> from myomorph.model.contacts import Site
     >>> sites = [Site("hand", "fore", [[0.0, -0.3, 0.0]])]
     >>> found = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
-    >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.touches]
+    >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.intervals]
     [('hand', 0.52, 0.6)]
     """
     options = options or ContactStateOptions()
@@ -240,7 +240,7 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     kept: list[Touch] = []
     for source in sources:
         before = tuple(kept)
-        for touch in source.touches:
+        for touch in source.intervals:
             rest = _outside(touch, [one for one in before if one.site == touch.site])
             if sum(one.stop - one.start for one in rest) > 0.5 * (touch.stop - touch.start) or rest == [touch]:
                 kept += rest

@@ -25,6 +25,7 @@ from myomorph.study.trial.step import large_variables
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.tension import TensionOptions
 
 CUTOFF = 6.0
 """Low-pass of motion and of the true forces [Hz]."""
@@ -64,13 +65,17 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         emg=emg,
         emg_muscles=FrozenMap({name: (name,) for name in channels}),
         options=OptionSet(
-            EmgOptions(delay=0.0, gains="normalized"), Differentiation(CUTOFF), ReportOptions(preset="judo")
+            EmgOptions(delay=0.0, gains="normalized"),
+            # MuJoCo's muscles have passive force, and no tendon that could take up their stretch.
+            TensionOptions(passive=True),
+            Differentiation(CUTOFF),
+            ReportOptions(preset="judo"),
         ),
         contacts=ContactPlan(
             feet=False,
             sites=sites,
             when=FrozenMap({site.name: "file" for site in sites}),
-            told=touches_of(pair.touching),
+            reported=touches_of(pair.touching),
             measured="hidden",
         ),
         mass=model.mass,

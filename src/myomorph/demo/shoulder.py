@@ -137,11 +137,11 @@ def _write_laboratory(made: VirtualSpecimen, trials: Sequence[VirtualTrial], pla
 def truth_of(made: VirtualSpecimen) -> dict[str, float]:
     """What a virtual specimen truly is, by the names of `cohort.QUANTITIES`."""
     return {
-        "mass_without": made.without.mass,
-        "com_without": made.without.com,
+        "mass_muscles_removed": made.without.mass,
+        "com_muscles_removed": made.without.com,
         "joint_viscosity": made.joint_viscosity,
-        "mass_with": made.intact.mass,
-        "com_with": made.intact.com,
+        "mass_intact": made.intact.mass,
+        "com_intact": made.intact.com,
         "total_viscosity": made.intact.viscosity,
         "muscle_viscosity": made.muscle_viscosity,
         "estimated_muscle_mass": made.intact.mass - made.without.mass,

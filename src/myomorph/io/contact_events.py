@@ -77,7 +77,7 @@ def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
     """Write touches as a table of spans, which `read_events` takes back; whole or not at all."""
     rows = [
         (one.site, f"{one.start:.6f}", f"{one.stop:.6f}", one.surface, f"{one.confidence:.3g}", one.source)
-        for one in contacts.touches
+        for one in contacts.intervals
     ]
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from myomorph.identify.base_parameters import held_in
 from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
@@ -210,14 +211,16 @@ def identify_frames(
     ------
     BadData : no frame came, or none could be used
     """
-    steps, delays = LiveIdentification(model, source, mass, online), Delays()
-    looks = Looks(steps.estimate, source, displays, now)
-    session = follow(steps, source, late=[looks] if displays else [], delays=delays, now=now)
-    if session.interrupted and source.duration is not None:
-        raise KeyboardInterrupt
-    steps.finish()
-    looks.show(float(delays.table[-1, 0]), 0.0)
-    return steps.result(session.seconds, float(delays.table[:, 3].sum()))
+    # As in the loop: the matrices are small, before it and after it too.
+    with threadpool_limits(limits=1, user_api="blas"):
+        steps, delays = LiveIdentification(model, source, mass, online), Delays()
+        looks = Looks(steps.estimate, source, displays, now)
+        session = follow(steps, source, late=[looks] if displays else [], delays=delays, now=now)
+        if session.interrupted and source.duration is not None:
+            raise KeyboardInterrupt
+        steps.finish()
+        looks.show(float(delays.table[-1, 0]), 0.0)
+        return steps.result(session.seconds, float(delays.table[:, 3].sum()))
 
 
 class Looks:

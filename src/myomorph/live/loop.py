@@ -225,18 +225,19 @@ def follow(
     """
     delays = Delays() if delays is None else delays
     interrupted = False
-    steps.warm_up()
     # One frame's matrices are small: waking further threads for them costs more than they save.
-    with threadpool_limits(limits=1, user_api="blas"), uncollected_past():
-        began = now()
-        try:
-            _follow(steps, source, outputs, late, delays, now)
-        except KeyboardInterrupt:
-            # Streams end when the user says so.
-            interrupted = True
-            if not len(delays):
-                raise
-        seconds = now() - began
+    with threadpool_limits(limits=1, user_api="blas"):
+        steps.warm_up()
+        with uncollected_past():
+            began = now()
+            try:
+                _follow(steps, source, outputs, late, delays, now)
+            except KeyboardInterrupt:
+                # Streams end when the user says so.
+                interrupted = True
+                if not len(delays):
+                    raise
+            seconds = now() - began
     if not len(delays):
         raise BadData("no frame came")
     return LiveSession(delays, steps.filter_delay, seconds, steps.notes, interrupted)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, wraps
+from operator import is_
 from typing import Any, TypeVar
 
 import numpy as np
@@ -48,8 +49,14 @@ def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *,
 def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
     """Read-only float64 copy of `values`, checked against `shape` (-1 matches anything)."""
     array = np.array(values, dtype=np.float64)
-    if shape is not None and (
-        array.ndim != len(shape) or any(want not in (-1, have) for want, have in zip(shape, array.shape, strict=True))
+    # Most often the shape is the one wanted, to the letter: thousands of small transforms are made for every model.
+    if (
+        shape is not None
+        and array.shape != shape
+        and (
+            array.ndim != len(shape)
+            or any(want not in (-1, have) for want, have in zip(shape, array.shape, strict=True))
+        )
     ):
         raise ValueError(f"expected an array of shape {shape}, but got {array.shape}")
     array.setflags(write=False)
@@ -118,24 +125,42 @@ def _lock(value: Any) -> None:
     for name in _may_hold_arrays(kind):
         # Where a derived class calls this one's __init__ first, its own fields come later.
         held = getattr(value, name, None)
-        locked = _locked(held)
-        if locked is not held:
+        sort: Any = type(held)
+        change = _change_of(sort)
+        if change is not None and (locked := change(held)) is not held:
             object.__setattr__(value, name, locked)
 
 
 def _locked(value: Any) -> Any:
     """The value with read-only arrays; itself where it has none that can be written."""
-    if isinstance(value, np.ndarray):
-        if value.flags.writeable:
-            value = value.view()
-            value.setflags(write=False)
-        return value
-    if isinstance(value, tuple):
-        parts = [_locked(one) for one in value]
-        if all(one is other for one, other in zip(parts, value, strict=True)):
-            return value
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    if isinstance(value, Mapping):
-        entries = {key: _locked(one) for key, one in value.items()}
-        return value if all(one is value[key] for key, one in entries.items()) else FrozenMap(entries)
+    kind: Any = type(value)
+    change = _change_of(kind)
+    return value if change is None else change(value)
+
+
+def _locked_array(value: np.ndarray) -> np.ndarray:
+    if value.flags.writeable:
+        value = value.view()
+        value.setflags(write=False)
     return value
+
+
+def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
+    parts = [_locked(one) for one in value]
+    if all(map(is_, parts, value)):
+        return value
+    return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+
+
+def _locked_mapping(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
+    entries = {key: _locked(one) for key, one in value.items()}
+    return value if all(one is value[key] for key, one in entries.items()) else FrozenMap(entries)
+
+
+@cache
+def _change_of(kind: type) -> Callable[[Any], Any] | None:
+    """What makes values of a type read-only, None for types that hold no arrays of their own: found once a type."""
+    for base, change in ((np.ndarray, _locked_array), (tuple, _locked_tuple), (Mapping, _locked_mapping)):
+        if issubclass(kind, base):
+            return change
+    return None

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only, unit_vector
+from myomorph.model.deprecated import renamed_fields
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
@@ -109,6 +110,7 @@ class Touch:
             raise BadData(f"confidence {self.confidence:g} of a contact of '{self.site}': expected 0 to 1")
 
 
+@renamed_fields
 @dataclass(frozen=True)
 class Contacts:
     """Which site touches what, from when to when, and how sure: the same whatever tells it.
@@ -116,23 +118,23 @@ class Contacts:
     Attributes
     ----------
     sites : names of all sites that were looked at, those included that never touch
-    touches : in the order of their start
+    intervals : in which a site touches, in the order of their start
     warnings : one line each
     """
 
     sites: tuple[str, ...]
-    touches: tuple[Touch, ...]
+    intervals: tuple[Touch, ...]
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "touches", tuple(sorted(self.touches, key=lambda one: (one.start, one.site))))
-        for one in self.touches:
+        object.__setattr__(self, "intervals", tuple(sorted(self.intervals, key=lambda one: (one.start, one.site))))
+        for one in self.intervals:
             check_name("contact site", one.site, self.sites, "the contacts")
 
     def states(self, time: Array) -> Series:
         """How sure it is that each site touches: (frames, sites), 0 where nothing says so."""
         values = np.zeros((len(time), len(self.sites)))
-        for one in self.touches:
+        for one in self.intervals:
             column = self.sites.index(one.site)
             inside = (time >= one.start - 1e-9) & (time <= one.stop + 1e-9)
             values[inside, column] = np.maximum(values[inside, column], one.confidence)
@@ -140,7 +142,7 @@ class Contacts:
 
     def of(self, site: str) -> tuple[Touch, ...]:
         """When one site touches."""
-        return tuple(one for one in self.touches if one.site == site)
+        return tuple(one for one in self.intervals if one.site == site)
 
 
 @read_only

@@ -17,6 +17,7 @@ REMOVED_IN = "0.2"
 """The release that no longer knows the old names."""
 
 Made = TypeVar("Made", bound=Callable[..., Any])
+Kind = TypeVar("Kind", bound=type)
 
 
 class Renamed(NamedTuple):
@@ -104,8 +105,13 @@ VALUES: Mapping[str, tuple[Renamed, ...]] = {
 """Values of keys (by their new names)."""
 
 VARIABLES = {
+    **{
+        f"touch_{name}": f"contact_interval_{name}"
+        for name in ("start", "stop", "confidence", "site", "surface", "source")
+    },
     "carried_force": "generalized_force_with_contacts",
     "contact_strength": "contact_activation",
+    "least_determined": "max_interval_direction",
     "loop_closure": "loop_closure_error",
     "tension_imbalance": "equilibrium_residual",
     "uncarried_relaxation": "infeasible_contact_relaxation",
@@ -113,13 +119,23 @@ VARIABLES = {
 }
 """Variables of NetCDF results: those of files of the version before are found under the new names."""
 
-DIMENSIONS = {"uncarried": "infeasible_contact"}
+DIMENSIONS = {"touch": "contact_interval", "uncarried": "infeasible_contact"}
 """Dimensions of NetCDF results, likewise."""
 
-FACTS = {"contact_doubts": "contact_warnings"}
+FACTS = {"contact_doubts": "contact_warnings", "contact_sites_looked_at": "contact_sites_checked"}
 """Texts about a whole NetCDF result, likewise."""
 
+QUANTITIES = {
+    "mass_without": "mass_muscles_removed",
+    "mass_with": "mass_intact",
+    "com_without": "com_muscles_removed",
+    "com_with": "com_intact",
+}
+"""Quantities of a study of swinging limbs: those of stored results of the version before are read by the new names."""
+
 COLUMNS = (
+    *(Renamed("specimens.csv", old, new) for old, new in QUANTITIES.items()),
+    *(Renamed("cohort.csv", old, new) for old, new in QUANTITIES.items()),
     Renamed("bones.csv", "folded", "inverted"),
     Renamed("bones.csv", "map folded", "map inverted"),
     Renamed("delays.csv", "taken_after_ms", "waiting_ms"),
@@ -134,6 +150,9 @@ COLUMNS = (
 
 ARGUMENTS = (Renamed("run_study", "said", "report"),)
 """Arguments of public functions."""
+
+FIELDS = (Renamed("Contacts", "touches", "intervals"),)
+"""Fields of public classes."""
 
 
 def notice(where: str, old: str, new: str) -> str:
@@ -254,3 +273,38 @@ def renamed_arguments(made: Made) -> Made:
         return made(*args, **given)
 
     return called  # type: ignore[return-value]
+
+
+def renamed_fields(kind: Kind) -> Kind:
+    """A public dataclass that also takes and shows its fields by their old names, with a `FutureWarning`.
+
+    Raises
+    ------
+    TypeError
+        when made, where a field is given by both names
+    """
+    names = {one.old: one.new for one in FIELDS if one.place == kind.__name__}
+    own: Any = kind
+    made = own.__init__
+
+    @functools.wraps(made)
+    def initialize(self: Any, *args: Any, **given: Any) -> None:
+        for old in [name for name in given if name in names]:
+            new = names[old]
+            if new in inspect.signature(made).bind_partial(self, *args).arguments or new in given:
+                raise TypeError(f"{kind.__name__}: '{old}' is the old name of '{new}': give one of them")
+            warnings.warn(notice(kind.__name__, old, new), FutureWarning, stacklevel=2)
+            given[new] = given.pop(old)
+        made(self, *args, **given)
+
+    def shown(old: str, new: str) -> property:
+        def get(self: Any) -> Any:
+            warnings.warn(notice(kind.__name__, old, new), FutureWarning, stacklevel=2)
+            return getattr(self, new)
+
+        return property(get, doc=f"The old name of `{new}`.")
+
+    own.__init__ = initialize
+    for old, new in names.items():
+        setattr(own, old, shown(old, new))
+    return kind

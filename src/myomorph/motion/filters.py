@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
+from myomorph.rigid.kernels import kernel
 
 _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 
@@ -95,15 +96,30 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
             (w - 1) * (w * w - w + 1) / scale,
         ]
     )
-    from scipy.signal import lfilter  # Takes longer to import than all the rest of a command.
-
+    columns = np.array(x.reshape(len(x), -1), dtype=np.float64)
     # State of the transposed direct form whose past inputs and outputs are the first three samples.
-    state = np.zeros((3, *x.shape[1:]))
+    state = np.zeros((3, columns.shape[1]))
     for i in range(3):
         for j in range(i + 1, 4):
-            state[i] += (b[j] - a[j]) * x[2 - (j - i - 1)]
-    y, _ = lfilter(b, a, x[3:], axis=0, zi=state)
-    return np.concatenate([x[:3], y])
+            state[i] += (b[j] - a[j]) * columns[2 - (j - i - 1)]
+    _third_order(b, a, columns, state)
+    return columns.reshape(x.shape)
+
+
+@kernel
+def _third_order(b, a, x, state):
+    """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form II.
+
+    `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a command.
+    """
+    for i in range(3, len(x)):
+        for j in range(x.shape[1]):
+            value = x[i, j]
+            found = state[0, j] + b[0] * value
+            state[0, j] = state[1, j] + b[1] * value - a[1] * found
+            state[1, j] = state[2, j] + b[2] * value - a[2] * found
+            state[2, j] = b[3] * value - a[3] * found
+            x[i, j] = found
 
 
 def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:

@@ -152,7 +152,7 @@ def _velocity_factors(H, m, v, found):
 def tendon_factor(muscle: Muscle, stretch: Array) -> Array:
     """f_SE at tendon lengths over the slack length, of the two classes with a fiber length as state."""
     if KINDS[muscle.kind] == MILLARD:
-        return _millard_tendon(muscle)(stretch)
+        return millard_tendon(muscle)(stretch)
     toe, toe_force, slope = thelen_tendon(muscle)
     strain = stretch - 1.0
     curved = toe_force / np.expm1(3.0) * np.expm1(3.0 * np.clip(strain, 0.0, toe) / toe)
@@ -166,7 +166,8 @@ def thelen_tendon(muscle: Muscle) -> tuple[float, float, float]:
     return toe, 0.33, 0.67 / (e0 - toe)
 
 
-def _millard_tendon(muscle: Muscle) -> Curve:
+def millard_tendon(muscle: Muscle) -> Curve:
+    """Normalized force of Millard2012EquilibriumMuscle's tendon over its length by its slack length."""
     names = ("strain_at_one_norm_force", "stiffness_at_one_norm_force", "norm_force_at_toe_end", "curviness")
     own = [muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in names]
     strain, *shape = own

@@ -111,7 +111,9 @@ def static_optimization(
     if not settings.use_model_forces:
         raise BadData("StaticOptimization: use_model_force_set is false, which leaves no muscles to solve for")
     curves = "opensim" if settings.use_physiology else "constant"
-    options = TensionOptions(exponent=settings.exponent, passive=False, curves=curves)  # type: ignore[arg-type]
+    options = TensionOptions(  # type: ignore[arg-type]
+        exponent=settings.exponent, passive=False, min_activation="model", curves=curves
+    )
     with progress(f"{name}: static optimization", len(motion)) as advance:
         tension = solve_tension(model, motion, torques, options, actuators, advance)
     strength = {one.name: one.optimal_force for one in (*model.actuators, *actuators)}

@@ -153,8 +153,8 @@ def virtual_specimen(
     specimen = arm_specimen()
     specimen = specimen.standing(_mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
-    bare = limb.parameters(row.mass_without, row.com_without)
-    whole = limb.with_flesh(bare, row.mass_with, row.com_with)
+    bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
+    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
     starts = [_release(random) for _ in range(trials)]
     limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
     swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds)

@@ -12,15 +12,15 @@ from myomorph.model.series import Series
 from myomorph.report.trial.given import Situation
 from myomorph.store.results import ResultWriter, Stored
 
-SITES, LOOKED_AT, WARNINGS = "contact_sites", "contact_sites_looked_at", "contact_warnings"
+SITES, CHECKED, WARNINGS = "contact_sites", "contact_sites_checked", "contact_warnings"
 SITUATION = "contact_situation"
 
-TOUCH_NUMBERS = (
+INTERVAL_NUMBERS = (
     ("start", "s", "when a site begins to touch"),
     ("stop", "s", "when it ends"),
     ("confidence", "1", "how sure that is"),
 )
-TOUCH_TEXTS = ("site", "surface", "source")
+INTERVAL_TEXTS = ("site", "surface", "source")
 
 
 def put_contact_forces(writer: ResultWriter, found: ContactForces) -> None:
@@ -49,25 +49,25 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
 def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation = "unknown") -> None:
     """Which site touches what, and when, and how the forces came to be known."""
     writer.fact(SITUATION, situation)
-    writer.fact(LOOKED_AT, json.dumps(contacts.sites))
+    writer.fact(CHECKED, json.dumps(contacts.sites))
     writer.fact(WARNINGS, json.dumps(contacts.warnings))
-    writer.sizes("touch", len(contacts.touches))
-    for name, unit, meaning in TOUCH_NUMBERS:
-        values = np.array([getattr(one, name) for one in contacts.touches], dtype=np.float64)
-        writer.put(f"touch_{name}", ("touch",), values, unit, meaning)
-    for name in TOUCH_TEXTS:
-        writer.texts(f"touch_{name}", "touch", [getattr(one, name) for one in contacts.touches])
+    writer.sizes("contact_interval", len(contacts.intervals))
+    for name, unit, meaning in INTERVAL_NUMBERS:
+        values = np.array([getattr(one, name) for one in contacts.intervals], dtype=np.float64)
+        writer.put(f"contact_interval_{name}", ("contact_interval",), values, unit, meaning)
+    for name in INTERVAL_TEXTS:
+        writer.texts(f"contact_interval_{name}", "contact_interval", [getattr(one, name) for one in contacts.intervals])
 
 
 def get_contacts(stored: Stored) -> Contacts | None:
     """What `put_contacts` wrote, or None."""
-    if LOOKED_AT not in stored.facts:
+    if CHECKED not in stored.facts:
         return None
-    numbers = [stored.values[f"touch_{name}"].tolist() for name, _, _ in TOUCH_NUMBERS]
-    texts = [stored.names.get(f"touch_{name}", ()) for name in TOUCH_TEXTS]
-    names = (*(name for name, _, _ in TOUCH_NUMBERS), *TOUCH_TEXTS)
-    touches = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
-    return Contacts(tuple(json.loads(stored.facts[LOOKED_AT])), touches, tuple(json.loads(stored.facts[WARNINGS])))
+    numbers = [stored.values[f"contact_interval_{name}"].tolist() for name, _, _ in INTERVAL_NUMBERS]
+    texts = [stored.names.get(f"contact_interval_{name}", ()) for name in INTERVAL_TEXTS]
+    names = (*(name for name, _, _ in INTERVAL_NUMBERS), *INTERVAL_TEXTS)
+    intervals = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
+    return Contacts(tuple(json.loads(stored.facts[CHECKED])), intervals, tuple(json.loads(stored.facts[WARNINGS])))
 
 
 def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:

@@ -49,14 +49,15 @@ class Differentiation:
 
     Attributes
     ----------
-    cutoff : low-pass filter of coordinates and external forces [Hz]; none by default, as in OpenSim
+    cutoff : low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by default the
+        one that the motion asks for, none where it is smooth already (`automatic_cutoff`)
     """
 
     cutoff: float | None = None
 
     def __post_init__(self) -> None:
-        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
-            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+        if self.cutoff is not None and not 0.0 <= self.cutoff < float("inf"):
+            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter")
 
 
 @dataclass(frozen=True)
@@ -145,10 +146,10 @@ def prefix_of(options: type) -> str:
 
 
 def attribute_help(owner: type) -> dict[str, str]:
-    """What the `Attributes` section of a numpydoc docstring says of each attribute, as one line."""
+    """What the `Attributes` section of a numpydoc docstring says of each attribute, as one line; those of bases too."""
     text = inspect.cleandoc(owner.__doc__ or "")
     section = re.search(r"^Attributes\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
-    found: dict[str, str] = {}
+    found = {name: text for base in owner.__bases__ for name, text in attribute_help(base).items()}
     names: list[str] = []
     for line in section.group(1).splitlines() if section else []:
         start = re.match(r"(\w+(?:, \w+)*) : (.*)", line)

@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
+from myomorph.store.fiber_store import get_fibers, put_fibers
 from myomorph.store.results import ResultWriter, Stored, coordinate_units
 
 if TYPE_CHECKING:
@@ -217,6 +218,10 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     by_muscle = ("time", "muscle")
     writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
     writer.put("muscle_force", by_muscle, tension.forces, "N", "muscle force along the tendon")
+    if tension.options.passive:
+        share = "largest passive force over F0"
+        writer.put("muscle_passive_share", ("muscle",), np.array(tension.passive_share), "1", share)
+        writer.put("muscle_passive_time", ("muscle",), np.array(tension.passive_time), "s", "when that was")
     if tension.viscous.any():
         writer.put("muscle_viscous_force", by_muscle, tension.viscous, "N", "part of muscle_force that is viscous")
     if tension.reserve_names:
@@ -231,6 +236,8 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
     writer.put("tension_iterations", ("time",), np.asarray(tension.iterations, np.int32), "1", "iterations taken")
     writer.put("activation_lower", ("muscle",), tension.lower, "1", "lower bound of the activation")
     writer.put("activation_upper", ("muscle",), tension.upper, "1", "upper bound of the activation")
+    if tension.fibers is not None:
+        put_fibers(writer, tension.fibers, tension.muscles)
 
 
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
@@ -257,6 +264,9 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         overstretched=tuple(np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()),
         options=options,
         viscous=values.get("muscle_viscous_force", np.zeros((1, 1))),
+        passive_share=values.get("muscle_passive_share", np.zeros(1)),
+        passive_time=values.get("muscle_passive_time", np.zeros(1)),
+        fibers=get_fibers(stored),
     )
 
 

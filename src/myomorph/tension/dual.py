@@ -8,6 +8,8 @@ balance b - A x is left to solve for: it is the gradient of the concave dual. It
 diagonal D = dx/ds, of the size of the coordinates and not of the muscles, and sparse where muscles
 cross few joints (Qi and Sun 1993; Hintermueller, Ito and Kunisch 2002 for the p = 2 case).
 
+The first variables may lie under a common bound besides, which costs something (`ceiling.py`).
+
 A tiny slack eps y in the balance makes the solution exist always: where no activations can
 balance the torques it is, nearly, the one that misses them least, and the frame says so.
 """
@@ -17,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.rigid.kernels import in_place, inner, kernel
+from myomorph.tension.ceiling import add_common_motion, ceiling
 from myomorph.tension.separable import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
@@ -63,13 +66,15 @@ def _bent(w, p, low, high, pull, target, s):
         return x, slope
     size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
     x = target + (size if s > 0.0 else -size)
-    slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-3 if p < 2.0 else 1e-30) ** (p - 2.0))
+    slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-9 if p < 2.0 else 1e-30) ** (p - 2.0))
     # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant does not.
     if p > 2.0 and size < 1e-3:
         slope *= p - 1.0
     slope = min(slope, 1e8 / w)
     if pull > 0.0 and not low <= x <= high:
         x = _pulled(w, p, target, low if x < low else high, pull, x, s)
+        if p > 2.0:
+            slope = 1.0 / (p * (p - 1.0) * w * max(abs(x - target), 1e-9) ** (p - 2.0))
         slope = 1.0 / (1.0 / slope + 2.0 * pull)
     return x, slope
 
@@ -116,24 +121,13 @@ def _ascent(S, targets, penalty, s, ds, t, constant, linear):
     """Slope of the dual along a direction at step t; it never grows with t."""
     # Taken out of the loop: fetched inside it, each would be counted as a new reference.
     weight, exponent, lower, upper = S.weight, S.exponent, S.lower, S.upper
-    low, high, pull = penalty[0], penalty[1], penalty[2]
+    low, high, pull, roof = penalty[0], penalty[1], penalty[2], ceiling(S, targets, penalty, s, ds, t)
     total = constant - t * linear
     for i in range(s.shape[0]):
         if ds[i] != 0.0:
-            total -= (
-                _response(
-                    weight[i],
-                    exponent[i],
-                    lower[i],
-                    upper[i],
-                    low[i],
-                    high[i],
-                    pull[i],
-                    targets[i],
-                    s[i] + t * ds[i],
-                )[0]
-                * ds[i]
-            )
+            top, now = min(upper[i], roof) if i < S.capped else upper[i], s[i] + t * ds[i]
+            x, _ = _response(weight[i], exponent[i], lower[i], top, low[i], high[i], pull[i], targets[i], now)
+            total -= x * ds[i]
     return total
 
 
@@ -200,8 +194,10 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
     while True:
         for j in range(n):
             residual[j] = b[j]
+        roof = ceiling(S, targets, penalty, s, s, 0.0)
         for i in range(variables):
-            x[i], d = _response(weight[i], exponent[i], lower[i], upper[i], low[i], high[i], pull[i], targets[i], s[i])
+            top = min(upper[i], roof) if i < S.capped else upper[i]
+            x[i], d = _response(weight[i], exponent[i], lower[i], top, low[i], high[i], pull[i], targets[i], s[i])
             # The very first step of a cold start is that of the problem without bounds.
             if iteration > 0 or not cold:
                 slope[i] = d
@@ -216,6 +212,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
             return worst, left, iteration
         iteration += 1
         _assemble(S, A, slope, slack, M)
+        if S.peak > 0.0:
+            add_common_motion(S, A, targets, penalty, s, roof, M)
         factorize(M, S.first, floor)
         back_substitute(M, S.first, z)
         constant, linear = 0.0, 0.0

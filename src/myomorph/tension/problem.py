@@ -22,13 +22,14 @@ from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.assembly import assemble, fold, take_off
 from myomorph.tension.dual import solve_separable
+from myomorph.tension.passive_share import PassivePeaks, greatest_peaks, passive_peaks
 from myomorph.tension.separable import Separable, no_links
 from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.measured import contact_terms
-from myomorph.tension.terms.muscles import MuscleTerm
+from myomorph.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
 from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
 
 
@@ -44,7 +45,7 @@ def tension_problem(
     terms: Sequence[Term] = (),
     only: Collection[str] | None = None,
 ) -> tuple[TensionProblem, tuple[str, ...]]:
-    """What `solve_tension` solves, set up but not solved, and the names of the actuators.
+    """What `solve_tension` solves with rigid tendons, set up but not solved, and the names of the actuators.
 
     Parameters
     ----------
@@ -54,6 +55,27 @@ def tension_problem(
     """
     options = options or TensionOptions()
     tree = compile_tree(model)
+    given = (tree, motion, torques, options, actuators, contacts, emg, terms)
+    setup, names = problem_setup(*given, MuscleTerm(tree, options))
+    return TensionProblem(*setup, only), names
+
+
+ProblemSetup = tuple[Tree, tuple[Term, ...], TensionOptions, Array, Array, Array, Array]
+
+
+def problem_setup(
+    tree: Tree,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: Sequence[Actuator] | None,
+    contacts: ContactTask | None,
+    emg: EmgTarget | None,
+    terms: Sequence[Term],
+    muscles: MuscleTerm,
+) -> tuple[ProblemSetup, tuple[str, ...]]:
+    """What a `TensionProblem` is made of but for `only`, and the names of the actuators; errors are those of it."""
+    model = tree.model
     coordinates, rates = rates_of(tree, motion)
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
     given = {one.name for one in added}
@@ -69,10 +91,11 @@ def tension_problem(
     tau = _torques_of(tree, motion, torques) - joint_forces(tree, coordinates, rates)
     time = np.array(motion.time)
     touching = None if contacts is None else ContactTerm(tree, time, contacts)
-    parts: list[Term] = [MuscleTerm(tree, options), ActuatorTerm(tree, enabled, options.exponent)]
+    controls = options.exponent if options.exponent <= HIGHEST_POWER else 2.0
+    parts: list[Term] = [muscles, ActuatorTerm(tree, enabled, controls)]
     parts += () if touching is None else contact_terms(touching)
     parts += () if emg is None else (emg,)
-    return TensionProblem(tree, (*parts, *terms), options, time, coordinates, rates, tau, only), names
+    return (tree, (*parts, *terms), options, time, coordinates, rates, tau), names
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
@@ -122,7 +145,6 @@ class TensionProblem:
     penalties : interval penalties of all unknowns
     smooth : how frames are linked, None where they are not
     window : frames that are solved together
-    x : (frames, unknowns and those of rows), filled by `solve`
     """
 
     def __init__(
@@ -161,15 +183,18 @@ class TensionProblem:
         self.smooth = linked[0] if linked else None
         self.window = CHUNK if self.smooth is None else self.smooth.window
         frames, muscles = len(coordinates), len(tree.model.muscles)
-        self.x = np.empty((frames, len(self.separable.weight)))
-        self._forces, self._viscous = np.empty((frames, muscles)), np.empty((frames, muscles))
+        # Activations lie apart from the other unknowns: they become a part of the result as they are.
+        self._activations = np.empty((frames, muscles))
+        self._others = np.empty((frames, len(self.separable.weight) - muscles))
+        self._forces = np.empty((frames, muscles))
+        self._viscous = np.empty((frames, muscles)) if self.muscles.viscous else np.zeros((1, 1))
         sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
         self._contact_forces = np.empty((3, frames, sites, 3))
         self._balanced = np.empty((frames, len(self.assembly.rows)))
         self._residual = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
-        self._overstretched: list[np.ndarray] = []
+        self._passive: list[PassivePeaks] = []
 
     def _separable(self, own: Variables) -> Separable:
         """Weights, exponents and bounds of all unknowns, checked."""
@@ -178,12 +203,30 @@ class TensionProblem:
                 raise BadModel(f"'{name}' has bounds {low:g} ... {high:g}: the first must not be greater")
         parts = [Variables(one.names, one.weight, np.full(len(one), 2.0), one.lower, one.upper) for one in self.rows]
         every, shape = joined([own, *parts]), self.assembly.pattern
-        return Separable(shape.start, shape.row, shape.first, every.weight, every.exponent, every.lower, every.upper)
+        costs = (every.weight, every.exponent, every.lower, every.upper)
+        if self.options.recruitment == "minmax":
+            # Muscles that work at the common bound tie all coordinates together: no envelope to keep to.
+            return Separable(shape.start, shape.row, 0 * shape.first, *costs, len(self.muscles.strength), 1.0)
+        return Separable(shape.start, shape.row, shape.first, *costs)
 
     @property
     def amplitudes(self) -> Array:
         """(frames, generators) of contacts, filled by `solve`."""
-        return self.x[:, self.unknowns.of(self.contacts)] if self.contacts is not None else self.x[:, :0]
+        return self._others[:, :0] if self.contacts is None else self._others[:, self._place(self.contacts)]
+
+    @property
+    def x(self) -> Array:
+        """(frames, unknowns and those of rows), filled by `solve`; a copy."""
+        return self.x_of(slice(None))
+
+    def x_of(self, frames: slice | np.ndarray) -> Array:
+        """The unknowns of some frames, and those of rows."""
+        return np.concatenate([self._activations[frames], self._others[frames]], axis=1)
+
+    def _place(self, term: Term) -> slice:
+        """Where the unknowns of a term lie behind the activations."""
+        place, muscles = self.unknowns.of(term), self._activations.shape[1]
+        return slice(place.start - muscles, place.stop - muscles)
 
     def balance(self, start: int, stop: int) -> Balance:
         """What the frames start ... stop - 1 have to balance."""
@@ -257,27 +300,31 @@ class TensionProblem:
 
     def _store(self, part: slice, x: Array, given: Balance) -> None:
         """Keep what was found in some frames."""
-        self._overstretched.append(np.flatnonzero((given.passive > self.muscles.strength).any(axis=0)))
-        self.x[part] = x
-        self._forces[part] = given.active * x[:, : self._forces.shape[1]] + given.passive + given.viscous
-        self._viscous[part], self._balanced[part] = given.viscous, given.torques
+        muscles = self._forces.shape[1]
+        self._activations[part], self._others[part] = x[:, :muscles], x[:, muscles:]
+        self._forces[part] = given.active * x[:, :muscles] + given.passive + given.viscous
+        self._balanced[part] = given.torques
+        if self.muscles.viscous:
+            self._viscous[part] = given.viscous
+        if self.options.passive:
+            self._passive.append(passive_peaks(given.passive, self.muscles.strength, self._time[part]))
         if self.contacts is not None:
             found = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
             self._contact_forces[:, part] = found
 
     def result(self, names: tuple[str, ...]) -> Tension:
         """What was found, as a value; `names` are those of the actuators."""
-        stretched = np.unique(np.concatenate([*self._overstretched, np.zeros(0, np.int64)]))
+        peaks = greatest_peaks(self._passive, self._forces.shape[1])
         all_names = self.assembly.tree.model.muscle_names
         found = None
         if self.contacts is not None:
             sites, strengths = self.contacts.generators.sites, self.contacts.strengths
             found = ContactForces(self._time, sites, strengths, *self._contact_forces)
-        controls = self.x[:, self.unknowns.of(self.actuators)]
+        controls = self._others[:, self._place(self.actuators)]
         return Tension(
             time=self._time,
             muscles=all_names,
-            activations=np.array(self.x[:, : len(all_names)]),
+            activations=self._activations,
             forces=self._forces,
             reserve_names=names,
             reserves=controls * self.actuators.optimal_forces,
@@ -288,9 +335,11 @@ class TensionProblem:
             iterations=self._iterations,
             lower=self.muscles.lower,
             upper=self.muscles.upper,
-            overstretched=tuple(all_names[i] for i in stretched),
+            overstretched=tuple(all_names[i] for i in np.flatnonzero(peaks.share > 1.0)),
             options=self.options,
             viscous=self._viscous,
+            passive_share=peaks.share,
+            passive_time=peaks.time,
             contacts=found,
         )
 

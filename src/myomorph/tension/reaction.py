@@ -298,11 +298,11 @@ def _seen(
     point = poses.origins[:, on] + poses.rotations[:, on] @ pose.translation
     force = sign * forces[:, b]
     moment = sign * moments[:, b] - np.cross(point, force)
-    name, R, p = _frame(tree, poses, {"child": joint.child, "parent": joint.parent}.get(frame.lower(), frame))
+    name, R, p = frame_in_ground(tree, poses, {"child": joint.child, "parent": joint.parent}.get(frame.lower(), frame))
     return (body, name, *(np.einsum("fji,fj->fi", R, one) for one in (force, moment, point - p)))
 
 
-def _frame(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
+def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
     """Name, rotations (frames, 3, 3) and origins (frames, 3) in ground of a body, the ground, or a frame on one.
 
     A joint's own frames go by their name, or as "<joint>/<frame>" where several joints have one of that name.

@@ -23,6 +23,8 @@ class Separable(NamedTuple):
     row : (entries,) their rows, in the order of elimination, ascending in each column
     first : (rows,) in the envelope of A D A^T, the first column of each row
     weight, exponent, lower, upper : (variables,)
+    capped : the first so many variables lie under a common bound besides
+    peak : what one unit of that bound costs, 0 for no such bound (see `ceiling.py`)
     """
 
     start: NDArray[np.int64]
@@ -32,6 +34,8 @@ class Separable(NamedTuple):
     exponent: Array
     lower: Array
     upper: Array
+    capped: int = 0
+    peak: float = 0.0
 
 
 class Links(NamedTuple):

@@ -11,6 +11,7 @@ from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.frames import over_frames
+from myomorph.tension.elastic.problem import solve_elastic
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
@@ -86,6 +87,10 @@ def solve_tension(
     """
     if contacts is not None and contacts.options.formulation == "sequential":
         return _sequential(model, motion, torques, options, actuators, progress, contacts, emg, terms)
+    if options is not None and options.tendons == "elastic":
+        return solve_elastic(
+            model, motion, torques, options, actuators, progress, contacts=contacts, emg=emg, terms=terms
+        )
     problem, names = tension_problem(
         model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
     )
@@ -125,11 +130,9 @@ def _sequential(
     order = [model.coordinate_names.index(name) for name in torques.names if name in model.coordinate_names]
     carried = first.contacts.torques_of(first.coordinates, first.amplitudes)
     known[:, [name in model.coordinate_names for name in torques.names]] -= carried[:, order]
-    second, names = tension_problem(
-        model, motion, Series(torques.time, torques.names, known), options, actuators, emg=emg, terms=terms
+    tension = solve_tension(
+        model, motion, Series(torques.time, torques.names, known), options, actuators, progress, emg=emg, terms=terms
     )
-    over_frames(second.solve, len(motion), progress, second.window)
-    tension = second.result(names)
     worst = np.where(found.status > 0, found.status, tension.status)
     return replace(
         tension,

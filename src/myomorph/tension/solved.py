@@ -106,7 +106,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     muscles, first = len(tension.muscles), len(problem.unknowns)
     controls = muscles + tension.reserves.shape[1]
     # What the result says counts, and the unknowns of rows follow from the others.
-    x = np.concatenate([problem.x[frames, :first], np.zeros((len(frames), n - first))], axis=1)
+    x = np.concatenate([problem.x_of(frames)[:, :first], np.zeros((len(frames), n - first))], axis=1)
     x[:, :muscles] = tension.activations[frames]
     x[:, muscles:controls] = tension.reserves[frames] / problem.actuators.optimal_forces
     if problem.rows:

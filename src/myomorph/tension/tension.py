@@ -15,9 +15,19 @@ from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.muscles.hill import Convention
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+from myomorph.tension.fibers import Fibers
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
+
+
+_CHOICES = {
+    "recruitment": ("power", "minmax"),
+    "weights": ("equal", "volume", "strength"),
+    "min_activation": ("zero", "model"),
+    "curves": ("auto", "rigid-tendon", "opensim", "constant"),
+    "tendons": ("rigid", "elastic"),
+}
 
 
 @dataclass(frozen=True)
@@ -26,10 +36,15 @@ class TensionOptions:
 
     Attributes
     ----------
-    exponent : p, 1.2 to 5, in sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u
-    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, with mean 1
-    passive : whether the muscles' passive forces take part; OpenSim's static optimization leaves them out
-        (passive torques and bushings of the model's joints always take part, as there)
+    recruitment : "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u; "minmax": the
+        least greatest activation, and of all that have it the least sum_m w_m a_m^2 (see docs/recruitment.md)
+    exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its square besides
+    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, "strength": to F0, with mean 1
+    min_activation : "zero": activations from 0; "model": from each muscle's minimum in the model (in OpenSim's
+        models usually 0.01, for the sake of simulations with activation dynamics)
+    passive : whether the muscles' passive elastic forces take part. With rigid tendons they come out too large, as
+        tendon slack lengths belong to tendons that stretch (docs/decisions/0019-tension-defaults.md); passive torques
+        and bushings of the model's joints always take part
     viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
         does in OpenSim, where it is a force of its own beside the muscle's
     curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
@@ -38,27 +53,46 @@ class TensionOptions:
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N]; by default 1 on a
         body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
+    tendons : "rigid": every frame by itself; "elastic": tendons stretch by the curves of each muscle's class, and
+        forces of all frames are found together (see docs/elastic-tendons.md)
+    activation_dynamics : with elastic tendons, whether activation changes no faster than excitations between 0 and 1
+        let it, by the time constants of the model
+    second_start : with elastic tendons, whether the problem is solved from another start too, as the problem is not
+        convex: the distance of the two solutions is in `Fibers.certificate`
     """
 
+    recruitment: Literal["power", "minmax"] = "power"
     exponent: float = 2.0
-    weights: Literal["equal", "volume"] = "equal"
-    passive: bool = True
+    weights: Literal["equal", "volume", "strength"] = "equal"
+    min_activation: Literal["zero", "model"] = "zero"
+    passive: bool = False
     viscous: bool = True
     curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
     reserve: float | None = None
     residual: float | None = None
+    tendons: Literal["rigid", "elastic"] = "rigid"
+    activation_dynamics: bool = True
+    second_start: bool = False
 
     def __post_init__(self) -> None:
-        if not 1.2 <= self.exponent <= 5.0:
-            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 5")
+        if not 1.2 <= self.exponent <= 20.0:
+            hint = "; its limit is recruitment 'minmax'" if self.exponent > 20.0 else ""
+            raise BadData(f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 20{hint}")
+        if self.recruitment == "minmax" and self.exponent != 2.0:
+            raise BadData(
+                f"recruitment 'minmax' with the exponent {self.exponent:g}: the greatest activation has none; leave "
+                "the exponent out, or take recruitment 'power'"
+            )
+        if self.recruitment == "minmax" and self.tendons == "elastic":
+            raise BadData("recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take 'power'")
         for name in ("reserve", "residual"):
             given = getattr(self, name)
             if given is not None and not given > 0.0:
                 raise BadData(f"the optimal force of a {name} is {given:g}: expected above 0")
-        if self.weights not in ("equal", "volume"):
-            raise BadData(f"unknown weights '{self.weights}': there are 'equal', 'volume'")
-        if self.curves not in ("auto", "rigid-tendon", "opensim", "constant"):
-            raise BadData(f"unknown curves '{self.curves}': there are 'auto', 'rigid-tendon', 'opensim', 'constant'")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                listed = ", ".join(f"'{one}'" for one in choices)
+                raise BadData(f"unknown {name.replace('_', ' ')} '{getattr(self, name)}': there are {listed}")
 
     @property
     def convention(self) -> Convention:
@@ -91,7 +125,10 @@ class Tension(Labelled):
     overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
         it takes part: the model's fiber and tendon lengths do not fit the pose, and forces mislead
     viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where none took part
+    passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric force, and when [s];
+        0 where passive force takes no part
     contacts : forces found at contact sites, NaN where the frame was not solved; None where none were looked for
+    fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
 
     time: Array
@@ -110,16 +147,22 @@ class Tension(Labelled):
     overstretched: tuple[str, ...]
     options: TensionOptions
     viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    passive_share: Array = field(default_factory=lambda: np.zeros(1))
+    passive_time: Array = field(default_factory=lambda: np.zeros(1))
     contacts: ContactForces | None = None
+    fibers: Fibers | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
+        for name in ("passive_share", "passive_time"):
+            object.__setattr__(self, name, np.broadcast_to(getattr(self, name), (len(self.muscles),)))
 
     def __len__(self) -> int:
         return len(self.time)
 
     def variables(self) -> dict[str, Variable]:
-        """Activations, forces, reserves and torques, and what became of each frame."""
+        """Activations, forces, reserves and torques, what became of each frame, and fibers where tendons stretch."""
+        fibers = {} if self.fibers is None else self.fibers.variables()
         return {
             "activation": Variable(("time", "muscle"), self.activations),
             "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
@@ -129,6 +172,7 @@ class Tension(Labelled):
             "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
             "status": Variable(("time",), self.status),
             "iterations": Variable(("time",), self.iterations),
+            **fibers,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
@@ -185,6 +229,8 @@ def tension_of(whole: Tension, part: str) -> Tension:
         activations=whole.activations[:, columns],
         forces=whole.forces[:, columns],
         viscous=np.array(whole.viscous[:, columns]),
+        passive_share=np.array(whole.passive_share[columns]),
+        passive_time=np.array(whole.passive_time[columns]),
         lower=whole.lower[columns],
         upper=whole.upper[columns],
         reserve_names=tuple(reserves.values()),
@@ -193,6 +239,7 @@ def tension_of(whole: Tension, part: str) -> Tension:
         torques=whole.torques[:, rows],
         overstretched=tuple(_own(whole.overstretched, part).values()),
         contacts=None,
+        fibers=None if whole.fibers is None else whole.fibers.of(muscles, whole.muscles),
     )
 
 

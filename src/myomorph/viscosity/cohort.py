@@ -25,8 +25,8 @@ class PublishedSpecimen:
     Attributes
     ----------
     name : number of the specimen, "mean" or "SD"
-    mass_without, mass_with : of the limb [kg]
-    com_without, com_with : distance of the mass center from the glenohumeral center [m]
+    mass_muscles_removed, mass_intact : of the limb [kg]
+    com_muscles_removed, com_intact : distance of the mass center from the glenohumeral center [m]
     joint_viscosity : d_J [N m s/rad]
     total_viscosity : d_{M+J} [N m s/rad]
     muscle_viscosity : d_M, one value for all muscles [N s/m]
@@ -35,11 +35,11 @@ class PublishedSpecimen:
     """
 
     name: str
-    mass_without: float
-    com_without: float
+    mass_muscles_removed: float
+    com_muscles_removed: float
     joint_viscosity: float
-    mass_with: float
-    com_with: float
+    mass_intact: float
+    com_intact: float
     total_viscosity: float
     muscle_viscosity: float
     estimated_muscle_mass: float
@@ -84,11 +84,11 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("mass_without", "mass", "kg", 1),
-    Quantity("com_without", "COM", "m", 1),
+    Quantity("mass_muscles_removed", "mass", "kg", 1),
+    Quantity("com_muscles_removed", "COM", "m", 1),
     Quantity("joint_viscosity", "joint viscosity", "Nms/rad", 1),
-    Quantity("mass_with", "mass", "kg", 2),
-    Quantity("com_with", "COM", "m", 2),
+    Quantity("mass_intact", "mass", "kg", 2),
+    Quantity("com_intact", "COM", "m", 2),
     Quantity("total_viscosity", "total viscosity", "Nms/rad", 2),
     Quantity("muscle_viscosity", "muscle viscosity", "Ns/m", 2),
     Quantity("estimated_muscle_mass", "estimated muscles", "kg", 2),
@@ -122,10 +122,10 @@ def specimen_row(found: SpecimenViscosity) -> Row:
     known: dict[str, Estimate | None] = {}
     if found.without is not None:
         one = found.without
-        known |= {"mass_without": one.mass, "com_without": one.com, "joint_viscosity": one.viscosity}
+        known |= {"mass_muscles_removed": one.mass, "com_muscles_removed": one.com, "joint_viscosity": one.viscosity}
     if found.intact is not None:
         one = found.intact
-        known |= {"mass_with": one.mass, "com_with": one.com, "total_viscosity": one.viscosity}
+        known |= {"mass_intact": one.mass, "com_intact": one.com, "total_viscosity": one.viscosity}
     if found.muscles is not None:
         known["muscle_viscosity"] = found.muscles.common
     known["estimated_muscle_mass"] = found.muscle_mass

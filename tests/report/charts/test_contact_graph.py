@@ -98,14 +98,14 @@ def test_a_limb_touches_while_any_of_its_sites_does() -> None:
 def test_contacts_of_plates_and_of_estimated_forces() -> None:
     time = np.arange(0.0, 2.0, 0.002)
     found = measured_contacts(steps(time, 60 * GRAVITY), UP, 60 * GRAVITY)
-    assert [(one.site, one.source) for one in found.touches] == [("tibia_r", "plates"), ("tibia_l", "plates")]
-    assert found.touches[0].start == pytest.approx(0.2, abs=0.03)
-    assert found.touches[0].stop == pytest.approx(0.9, abs=0.03)
+    assert [(one.site, one.source) for one in found.intervals] == [("tibia_r", "plates"), ("tibia_l", "plates")]
+    assert found.intervals[0].start == pytest.approx(0.2, abs=0.03)
+    assert found.intervals[0].stop == pytest.approx(0.9, abs=0.03)
     strength = np.zeros((50, 1))
     strength[10:20], strength[30:31] = 0.8, 0.2
     zero = np.zeros((50, 1, 3))
     forces = ContactForces(
         np.arange(50) / 10.0, (Site("hand_r", "hand_r", np.zeros((1, 3))),), strength, zero, zero, zero
     )
-    runs = [(one.start, one.stop, one.confidence) for one in solved_contacts(forces).touches]
+    runs = [(one.start, one.stop, one.confidence) for one in solved_contacts(forces).intervals]
     assert runs == [(1.0, 1.9, 0.8), (3.0, 3.0, 0.2)]

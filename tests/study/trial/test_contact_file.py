@@ -32,13 +32,13 @@ def written(folder, text, name="contacts.toml"):
 
 def test_auto_asks_for_soles_alone(model):
     plan = read_contacts("auto", model, "hidden")
-    assert (plan.feet, plan.sites, plan.told, plan.measured) == (True, (), None, "hidden")
+    assert (plan.feet, plan.sites, plan.reported, plan.measured) == (True, (), None, "hidden")
 
 
 def test_a_table_tells_touches(model, tmp_path):
     path = written(tmp_path, "site,start,stop\nheel_r,0.1,0.4\nheel_r,0.6,0.9\n", "taps.csv")
     plan = read_contacts(path, model)
-    assert [(one.site, one.start, one.stop) for one in plan.told.touches] == [
+    assert [(one.site, one.start, one.stop) for one in plan.reported.intervals] == [
         ("heel_r", 0.1, 0.4),
         ("heel_r", 0.6, 0.9),
     ]
@@ -62,7 +62,10 @@ def test_a_file_of_sites(model, tmp_path):
     np.testing.assert_array_equal(wrist.cone.direction, [0.0, 0.0, 1.0])
     assert (wrist.cone.frame, np.isinf(elbow.cone.friction)) == ("upper", True)
     assert plan.when == {"hand": "file", "elbow": "file", "wrist": "motion"}
-    assert [(one.site, one.start, one.stop) for one in plan.told.touches] == [("elbow", 0.0, 0.5), ("hand", 1.5, 2.0)]
+    assert [(one.site, one.start, one.stop) for one in plan.reported.intervals] == [
+        ("elbow", 0.0, 0.5),
+        ("hand", 1.5, 2.0),
+    ]
     assert contact_files(path) == (path, taps)
 
 

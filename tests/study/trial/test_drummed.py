@@ -48,7 +48,7 @@ def test_impulses_reach_the_hand(arm, command):
         "--out", arm.out,
     )  # fmt: skip
     assert done.status == 0, done.err
-    touches = read_events(arm.out / "contacts.csv").touches
+    touches = read_events(arm.out / "contacts.csv").intervals
     assert [one.surface for one in touches] == ["snare", "snare"]
     np.testing.assert_allclose([one.start for one in touches], [time for time, _ in STROKES], atol=0.003)
     loads = read_external_loads(arm.out / "contact_forces.xml")

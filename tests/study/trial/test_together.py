@@ -97,7 +97,7 @@ def test_a_held_ball_takes_the_force_that_its_motion_needs(held):
     # The force that was measured on the forearm (10 N down) is there beside the ball's.
     np.testing.assert_allclose(on["s01_fore"], [0.0, -10.0, 0.0] - force, atol=1e-6)
     # A touch that always lasts is told as long as the motion.
-    (touch,) = read_events(home / "contacts.csv").touches
+    (touch,) = read_events(home / "contacts.csv").intervals
     recorded = read_sto(held.motion).time
     assert (touch.start, touch.stop) == pytest.approx((recorded[0], recorded[-1]), abs=0.05)
     # The page can be made again from the results alone, the joined model with it.

@@ -7,6 +7,7 @@ import csv
 import numpy as np
 import pytest
 
+import myomorph.analysis.strides as strides_module
 from made_walker import PERIOD, recording, walker
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto
@@ -15,6 +16,9 @@ from myomorph.model.errors import BadData
 from myomorph.store.outcome import Outcome
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.trial import reporting
+from myomorph.study.trial.reporting import TrialResults
+from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.tidy import (
     CURVES,
     OF_STRIDE,
@@ -27,6 +31,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
+from myomorph.study.trial.trial_files import TrialFiles, open_trial
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 
@@ -99,12 +104,10 @@ def test_quality_tells_limits(walk):
 
 
 def test_what_was_taken_over_stays(walk):
-    class Made:
-        name = "walk"
-
     before = (walk / VALUES).read_bytes()
     (walk / VALUES).write_text("kept")
-    write_trial_values(Made(), Outcome("s", "walk", walk, done=("ik", "id"), reused=("ik", "id")))  # type: ignore[arg-type]
+    kept = TrialResults(walk / "walk.nc", walker())
+    write_trial_values(kept, Outcome("s", "walk", walk, done=("ik", "id"), reused=("ik", "id")))
     assert (walk / VALUES).read_text() == "kept"
     (walk / VALUES).write_bytes(before)
     assert not list(walk.glob(".*"))
@@ -159,3 +162,33 @@ def test_values_are_made_again_when_the_subject_weighs_more(arm):
         peaks.append(np.abs(read_curves(outcome.folder / CURVES)[1][TORQUE].values).max())
     assert outcome.reused == ("ik", "id")
     assert peaks[1:] == pytest.approx([0.5 * peaks[0]] * 2, rel=1e-5)
+
+
+def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch):
+    """Tables of values and the page come of one preparation; a page that is made again later is the same."""
+    calls = []
+
+    def counted(module, name):
+        known = getattr(module, name)
+
+        def call(*values, **options):
+            calls.append(name)
+            return known(*values, **options)
+
+        monkeypatch.setattr(module, name, call)
+
+    counted(strides_module, "find_strides")
+    counted(reporting, "prepare")
+    counted(reporting, "read_result")
+    home = walk
+    while not (home / "walker.osim").is_file():
+        home = home.parent
+    settings = {"id": {"cutoff": 6.0}}
+    trial = open_trial(TrialFiles(home / "walker.osim", markers=home / "walk.trc", subject="s"), settings)
+    outcome = run_trial(trial, ("ik", "id", "muscles", "report"), tmp_path)
+    assert outcome.error == ""
+    assert sorted(calls) == ["find_strides", "prepare"]
+    assert (tmp_path / reporting.LENGTH_CURVES).is_file()
+    page = (tmp_path / "report.html").read_bytes()
+    assert reporting.report_folder(tmp_path) == [tmp_path / "report.html"]
+    assert (tmp_path / "report.html").read_bytes() == page

@@ -70,7 +70,7 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
         told.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
         told.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
-        if any(one.source == "sound" for one in analysis.contacts.touches):
+        if any(one.source == "sound" for one in analysis.contacts.intervals):
             told.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
     told.append(cut_words(analysis))
     if analysis.persons and analysis.activations is not None:

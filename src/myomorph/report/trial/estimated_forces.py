@@ -41,7 +41,7 @@ def situation_of(given: ReportInput) -> Situation:
         return given.contacts.situation
     if given.contacts.forces is None:
         return "measured" if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names) else ""
-    if given.contacts.touches is not None and any(one.source == "sound" for one in given.contacts.touches.touches):
+    if given.contacts.touches is not None and any(one.source == "sound" for one in given.contacts.touches.intervals):
         return "sound"
     return "unknown"
 

@@ -18,6 +18,8 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.fibers import Fibers
+from myomorph.tension.joint_contact import JointContactForces
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
 
@@ -70,6 +72,9 @@ class ShownTension:
     reserve_coordinates : coordinate of each reserve
     solved : (frames,) whether the frame is optimal
     overstretched : muscles whose passive force passes their maximum isometric force somewhere
+    passive : muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where
+        passive force takes no part
+    fibers : fibers and tendons, where tendons were elastic
     """
 
     time: Array
@@ -80,6 +85,8 @@ class ShownTension:
     reserve_coordinates: tuple[str, ...]
     solved: np.ndarray
     overstretched: tuple[str, ...] = ()
+    passive: tuple[tuple[str, float, float], ...] | None = None
+    fibers: Fibers | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +217,7 @@ class ReportInput:
     head : title, notes, sources, steps and warnings
     model : of the subject
     surfaces : meshes for the pictures, by `Mesh.file`
+    joint_contacts : forces at contact points of joints
     analysis : how to look at the motion
     identification : how the body's masses and lengths were found
     more : sections of steps that this page does not know
@@ -224,6 +232,7 @@ class ReportInput:
     muscles: MusclePaths = field(default_factory=MusclePaths)
     tension: ShownTension | None = None
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
+    joint_contacts: JointContactForces | None = None
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()

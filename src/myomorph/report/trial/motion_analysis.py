@@ -93,9 +93,9 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     given = prepared.given
     contacts = _contacts(prepared)
     who = subjects(given.model) if given.model is not None and prepared.centroid is not None else ()
-    if not who and (contacts is None or not contacts.touches):
+    if not who and (contacts is None or not contacts.intervals):
         return None
-    sources = tuple({one.source for one in contacts.touches}) if contacts is not None else ()
+    sources = tuple({one.source for one in contacts.intervals}) if contacts is not None else ()
     people = sum(1 for one in who if one.muscles)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)

@@ -6,9 +6,8 @@ import numpy as np
 
 from myomorph.analysis.columns import extremes
 from myomorph.analysis.cycles import band
-from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, length_analysis, range_row
+from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, range_row
 from myomorph.analysis.selection import Pair, major_muscles
-from myomorph.analysis.strides import walking_strides
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
@@ -16,7 +15,6 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
-from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few
 
@@ -138,22 +136,9 @@ def _first_parts(pair: Pair) -> Pair:
     return Pair(f"{pair.label} ({part})" if several else pair.label, members)
 
 
-GAITS = ("", "gait")
-"""Presets in which strides are looked for."""
-
-
-def analysed_lengths(given: ReportInput) -> LengthAnalysis | None:
-    """Lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-    model, motion, lengths = given.model, given.kinematics.motion, given.muscles.lengths
-    if lengths is None or model is None or motion is None or given.analysis.preset not in GAITS:
-        return None
-    strides = walking_strides(model, motion, given.kinematics.fit)
-    return None if strides is None else length_analysis(model, lengths, strides, given.muscles.velocities)
-
-
 def length_cycle_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths over the stride, right and left together."""
-    analysis = analysed_lengths(prepared.given)
+    analysis = prepared.lengths
     if analysis is None:
         return None
     ranges = analysis.ranges

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from myomorph.analysis.center_of_mass import centroid
+from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.analysis.phases import Movement, find_movement
+from myomorph.analysis.strides import Strides, walking_strides
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
 from myomorph.report.page.parts import Verdict
@@ -28,6 +31,8 @@ from myomorph.report.trial.tables import (
 MOST_CENTROID_FRAMES = 40000
 LONGEST_PLAY = 7.5
 LONGEST_WHOLE = 20.0
+GAITS = ("", "gait")
+"""Presets in which strides are looked for."""
 
 
 @read_only
@@ -88,6 +93,20 @@ class Prepared:
             f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of a recording of "
             f"{self.span[1] - self.span[0]:.0f} s; tables cover all of it."
         )
+
+    @cached_property
+    def strides(self) -> Strides | None:
+        """Of the motion, None where it is no walk."""
+        model, motion = self.given.model, self.given.kinematics.motion
+        return None if model is None or motion is None else walking_strides(model, motion, self.given.kinematics.fit)
+
+    @cached_property
+    def lengths(self) -> LengthAnalysis | None:
+        """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not there."""
+        model, muscles = self.given.model, self.given.muscles
+        if model is None or muscles.lengths is None or self.given.analysis.preset not in GAITS or self.strides is None:
+            return None
+        return length_analysis(model, muscles.lengths, self.strides, muscles.velocities)
 
     @property
     def center_height(self) -> float:
@@ -180,6 +199,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
             rows += reserve_verdicts(model, torques, names, reserves, tension.time, given.muscles.driven)
         bounds = {} if model is None else {one.name: one.max_activation for one in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
-        rows.append(stretch_verdict(tension.overstretched, len(tension.muscles)))
+        if tension.passive is not None or tension.overstretched:
+            rows.append(stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))
         rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

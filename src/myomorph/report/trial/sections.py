@@ -10,6 +10,7 @@ from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.analysis_sections import analysis_sections
+from myomorph.report.trial.fiber_section import fiber_section
 from myomorph.report.trial.figures import (
     centroid_figures,
     force_figures,
@@ -21,6 +22,7 @@ from myomorph.report.trial.figures import (
 )
 from myomorph.report.trial.given import Truth
 from myomorph.report.trial.identification import identification_sections
+from myomorph.report.trial.joint_contact_section import joint_contact_section
 from myomorph.report.trial.muscle_sections import (
     activation_section,
     emg_section,
@@ -49,6 +51,8 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (joint_section, "Joint angles and moments: no motion. Give the step “ik”, or a motion file."),
         (activation_section, "Muscle activations: not solved. Give the steps “muscles” and “tension”."),
         (tension_section, ""),
+        (fiber_section, ""),
+        (joint_contact_section, ""),
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
         (length_cycle_section, ""),

@@ -219,15 +219,19 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
     return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", told)]
 
 
-def stretch_verdict(names: Sequence[str], count: int) -> Verdict:
+def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()) -> Verdict:
     """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose.
 
     Parameters
     ----------
     names : muscles whose passive force passes their maximum isometric force
     count : of all muscles
+    passive : muscles with much passive force, its share of the maximum isometric force and when [s]
     """
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
+    if passive:
+        shares = few([f"{name} {100.0 * share:.0f} % at {time:.2f} s" for name, share, time in passive], 8)
+        detail += f"{'; ' if detail else ''}largest passive forces of the maximum isometric force: {shares}"
     worst = names[0] if names else ""
     return Verdict(Quantity.OVERSTRETCHED, float(len(names)), f"of {count}", 0.0, worst, detail=detail)
 

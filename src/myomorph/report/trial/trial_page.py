@@ -41,7 +41,12 @@ def report_page(given: ReportInput) -> str:
     -------
     HTML text, to be written as UTF-8
     """
-    prepared = prepare(given)
+    return prepared_page(prepare(given))
+
+
+def prepared_page(prepared: Prepared) -> str:
+    """The page of what was prepared already."""
+    given = prepared.given
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
     forces = "ground" if given.contacts.forces is None else "estimated contact"

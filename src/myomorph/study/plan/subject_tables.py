@@ -20,7 +20,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify")
+FIRST = ("morph", "calibrate", "ik", "identify", "personalize")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
@@ -92,11 +92,13 @@ class TrialTable(Strict):
     name: str = ""
     condition: str = ""
     loads: str | None = None
+    torques: str | None = None
     bodies: dict[str, str] = Field(default_factory=dict)
     plates: list[str] = Field(default_factory=list)
     emg: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
 
@@ -127,6 +129,7 @@ class SubjectTable(Strict):
     actuators: str | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     time: tuple[float, float] | None = None
     labels: dict[str, str] = Field(default_factory=dict)
     bones: BonesTable | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 from myomorph.model.errors import listing
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.store.study_file import check_time, existing, matching
+from myomorph.store.study_file import check_time, existing, is_folder, matching
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
 from myomorph.study.subject.morph_files import bones_of
@@ -179,6 +179,7 @@ def subject_trials(
         actuators=shared["actuators"],
         contacts=contacts_file(table.contacts, folder, where, notes),
         measured=table.measured,
+        contact_points=_points(table.contact_points, folder, where, notes),
         mass=table.mass,
         time=table.time,
         labels=FrozenMap(dict(table.labels)),
@@ -205,7 +206,13 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
     assert whole.markers is not None
-    loads = _companion(whole, folder, trial.loads, "loads", notes)
+    torques = None
+    if trial.torques is not None:
+        torques = existing(folder, trial.torques, f"{where}: torques", problems)
+        if trial.loads is not None:
+            problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
+    # Torques that are given hold what the forces do, so none are looked for beside the recording.
+    loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
     if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
         if trial.loads is None:
             notes.found.pop()
@@ -223,11 +230,13 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
     return replace(
         whole,
         loads=loads,
+        torques=torques,
         bodies=FrozenMap(dict(trial.bodies)),
         plates=tuple(trial.plates),
         emg=_companion(whole, folder, trial.emg, "emg", notes),
         contacts=contacts_file(trial.contacts, folder, where, notes) if trial.contacts else whole.contacts,
         measured=trial.measured or whole.measured,
+        contact_points=_points(trial.contact_points, folder, where, notes) or whole.contact_points,
         phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
         condition=trial.condition,
@@ -243,6 +252,13 @@ def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, no
     if found is not None:
         notes.found.append(f"{whole.subject}/{whole.markers.name}: {kind} from {found.name}")
     return found
+
+
+def _points(given: str, folder: Path, where: str, notes: Notes) -> str:
+    """What tells of contact points: "auto", or a folder or file as a path that can be opened."""
+    if given in ("", AUTO) or is_folder(folder / given):
+        return given if given in ("", AUTO) else str(folder / given)
+    return str(existing(folder, given, f"{where}: contact_points", notes.problems) or "")
 
 
 def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:

@@ -64,6 +64,7 @@ SUBJECT_STEPS: dict[str, str] = {
     "morph": "myomorph.study.subject.morphing",
     "calibrate": "myomorph.study.subject.calibrating",
     "identify": "myomorph.study.subject.identifying",
+    "personalize": "myomorph.study.subject.personalizing",
 }
 """Steps that make the model of a subject's trials, in the order in which they run: a name, and the module whose `STEP`
 it is; read when first needed."""

@@ -40,7 +40,7 @@ class ContactPlan:
     sites : beside the soles
     when : of each of `sites` what tells when it touches: "always", the "motion", or the "file" of its intervals
     surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
-    told : touches that a file tells of; of the soles too where it names them
+    reported : contact intervals of a file; of the soles too where it names them
     sound : strokes that microphones recorded, whose forces are known by their loudness or motion
     stairs : load cells of steps that tell who stands on them and, together, what force they carry
     measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
@@ -51,7 +51,7 @@ class ContactPlan:
     sites: tuple[Site, ...] = ()
     when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
     surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
-    told: Contacts | None = None
+    reported: Contacts | None = None
     sound: SoundPlan | None = None
     measured: Measured = "exact"
     stairs: Stairs | None = None
@@ -117,7 +117,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         return ContactPlan(measured=measured or "exact")
     path = Path(source)
     if path.suffix.lower() == ".csv":
-        return ContactPlan(told=_touches(path, _Camera()), measured=measured or "exact")
+        return ContactPlan(reported=_touches(path, _Camera()), measured=measured or "exact")
     if path.suffix.lower() != ".toml":
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     raw, _, twice = read_tables(path, "contact file")
@@ -242,7 +242,7 @@ def _touches(path: Path, camera: _Camera) -> Contacts:
 
 def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
     """The touches of a table, and those written beside the sites; None where neither tells anything."""
-    touches: list[Touch] = [] if read is None else list(read.touches)
+    touches: list[Touch] = [] if read is None else list(read.intervals)
     names = dict.fromkeys(() if read is None else read.sites)
     for one in sites:
         if one.intervals == "always":

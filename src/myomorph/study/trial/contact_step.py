@@ -90,12 +90,14 @@ def set_contacts(
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
     height = None if floor is None else floor.height
-    told = [one for one in (plan.told, None if heard is None else heard.contacts) if one is not None]
+    told = [one for one in (plan.reported, None if heard is None else heard.contacts) if one is not None]
     raised = _raised(plan, told, model, motion, feet)
     told += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
     elsewhere = (
-        () if plan.told is None else (*never_during(plan.told, known.recorded.time), *unreported_feet(plan.told, feet))
+        ()
+        if plan.reported is None
+        else (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
     )
     ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
     ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
@@ -142,9 +144,9 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
             start=max(one.start, start) if one.start <= -FOREVER else one.start,
             stop=min(one.stop, stop) if one.stop >= FOREVER else one.stop,
         )
-        for one in contacts.touches
+        for one in contacts.intervals
     )
-    return replace(contacts, touches=tuple(touches))
+    return replace(contacts, intervals=tuple(touches))
 
 
 def unreported_feet(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
@@ -217,7 +219,7 @@ def _all_contacts(
     touches = tuple(
         replace(touch, surface=against[touch.site]) if touch.surface == GROUND else touch
         for one in parts
-        for touch in one.touches
+        for touch in one.intervals
     )
     return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
 

@@ -75,7 +75,9 @@ def put_warnings(writer: ResultWriter, warnings: ContactWarnings) -> None:
     time = np.concatenate([one.time for one in warnings.intervals])
     writer.sizes("interval_time", len(time))
     writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
-    writer.texts("least_determined", "interval_time", [text for one in warnings.intervals for text in one.sentences])
+    writer.texts(
+        "max_interval_direction", "interval_time", [text for one in warnings.intervals for text in one.sentences]
+    )
     three = ("interval_time", "contact_group", "axis")
     for name, meaning in (
         ("low", "least force that the data allow"),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +25,14 @@ from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
-from myomorph.report.trial.muscle_sections import analysed_lengths
-from myomorph.report.trial.trial_page import report_page
+from myomorph.report.trial.prepared import Prepared, prepare
+from myomorph.report.trial.trial_page import prepared_page
 from myomorph.store import stored as store
-from myomorph.store.results import STORED, Stored, file_name, file_source, read_result
+from myomorph.store.results import STORED, Stored, file_source, read_result
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.step import large_variables, step_of
 from myomorph.study.trial.step_table import STEPS
 from myomorph.study.trial.together import object_model
-from myomorph.study.trial.trial_inputs import TrialInputs
 
 REPORT = "report.html"
 DEMO = "demo:"
@@ -42,12 +41,13 @@ DEMO = "demo:"
 ModelMaker = Callable[[str], Model]
 """Makes a model by a name."""
 
+NOT_IN_TABLES = ("coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
+"""Variables of results that no table of values comes from."""
 LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
 
 
 def report_folder(
     folder: str | Path,
-    trial: TrialInputs | None = None,
     preset: str = "",
     times: Sequence[float] = (),
     demo_model: ModelMaker | None = None,
@@ -59,7 +59,6 @@ def report_folder(
     Parameters
     ----------
     folder : of results, of a trial or of a whole study
-    trial : the recording, where it is at hand; else the model is read again from where it was
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
     demo_model : makes the model of a demo by its name; without it results of demos are refused
@@ -84,9 +83,6 @@ def report_folder(
     folder = Path(folder)
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
-    if trial is not None:
-        stored = folder / f"{file_name(trial.name)}{STORED}"
-        return [_write(folder, [stored], preset, times, lambda found: trial.model)]
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
     if not homes:
@@ -102,22 +98,46 @@ def _write(
     found = joined([read_result(path, leave_out=large_variables()) for path in paths])
     given = report_input(found, model(found))
     chosen = replace(given.analysis, preset=preset or given.analysis.preset, times=tuple(times))
-    text = report_page(replace(given, analysis=chosen))
+    return write_report(home, prepare(replace(given, analysis=chosen)))
+
+
+def write_report(home: Path, prepared: Prepared) -> Path:
+    """Write `report.html`, whole or not at all, and where the motion is a walk muscle lengths of every stride."""
     temporary = home / f".{REPORT}.part"
-    temporary.write_text(text, encoding="utf-8")
+    temporary.write_text(prepared_page(prepared), encoding="utf-8")
     os.replace(temporary, home / REPORT)
-    _write_length_tables(home, given)
-    return home / REPORT
-
-
-def _write_length_tables(home: Path, given: ReportInput) -> None:
-    """Muscle lengths of every stride, and what each muscle does in one, where the motion is a walk."""
-    analysis = analysed_lengths(given)
+    analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
         with written(home / LENGTH_CURVES) as stream:
             stream.write(curves_table(analysis))
         with written(home / LENGTH_RANGES) as stream:
             stream.write(ranges_table(analysis))
+    return home / REPORT
+
+
+class TrialResults:
+    """The results of a trial as its tables and its report show them: read and prepared once, when first wanted.
+
+    Parameters
+    ----------
+    path : of the result file
+    stored : what it holds, None to read it
+    page : whether a page is made of it, too, which needs more than tables of values
+    """
+
+    def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
+        self.path, self.model, self._stored = path, model, stored
+        self._leave_out = (*large_variables(), *(() if page else NOT_IN_TABLES))
+
+    @cached_property
+    def stored(self) -> Stored:
+        """What the result file holds."""
+        return self._stored or read_result(self.path, leave_out=self._leave_out)
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """What follows from it."""
+        return prepare(report_input(self.stored, self.model))
 
 
 def joined(parts: Sequence[Stored]) -> Stored:
@@ -183,13 +203,8 @@ def _source_model(source: Source, found: Stored, demo_model: ModelMaker | None) 
     return open_model(same)
 
 
-def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | None = None) -> ReportInput:
-    """What a report is made of, from results and their model.
-
-    Parameters
-    ----------
-    surfaces : meshes of the bodies; by default those that lie beside the model's file
-    """
+def report_input(found: Stored, model: Model) -> ReportInput:
+    """What a report is made of, from results and their model, with the meshes that lie beside the model's file."""
     facts, mass = found.facts, found.facts.get("mass", "")
     notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(found)
     head = PageHead(
@@ -214,13 +229,33 @@ def report_input(found: Stored, model: Model, surfaces: Mapping[str, Surface] | 
     given = ReportInput(
         head,
         model,
-        surfaces_of(model) if surfaces is None else surfaces,
+        _Meshes(model),
         recorded,
         analysis=AnalysisChoice(facts.get("preset", ""), phases),
     )
     for step in STEPS:
         given = step_of(step).show(given, found)
     return given
+
+
+class _Meshes(Mapping[str, Surface]):
+    """`surfaces_of` a model, read when they are first drawn: tables of values need none."""
+
+    def __init__(self, model: Model):
+        self._model = model
+
+    @cached_property
+    def _surfaces(self) -> Mapping[str, Surface]:
+        return surfaces_of(self._model)
+
+    def __getitem__(self, name: str) -> Surface:
+        return self._surfaces[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._surfaces)
+
+    def __len__(self) -> int:
+        return len(self._surfaces)
 
 
 def surfaces_of(model: Model) -> Mapping[str, Surface]:

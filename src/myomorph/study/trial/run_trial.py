@@ -28,6 +28,7 @@ from myomorph.store.results import (
     whole_folder,
 )
 from myomorph.study.trial.ahead import compile_ahead, wraps_of
+from myomorph.study.trial.reporting import TrialResults, write_report
 from myomorph.study.trial.reuse import NEVER, PAGE, changes, keep_facts, report_is_made, same_report
 from myomorph.study.trial.step import StepOutput, StepResults, large_variables, run_step, step_of, step_provenance
 from myomorph.study.trial.step_table import REPORT, STEPS
@@ -156,9 +157,10 @@ def run_trial(
         return outcome
     try:
         stored = _gather(trial, earlier, held, outcome, steps)
+        shown = TrialResults(_stored(trial, folder), trial.model, stored, REPORT in steps)
         outcome = with_results(outcome, chain.results)
         if outcome.timed or not (folder / VALUES).is_file():
-            write_trial_values(trial, outcome, stored)
+            write_trial_values(shown, outcome)
     except Exception as error:
         held.keep()
         lost = () if _stored(trial, folder).is_file() else held.lost
@@ -168,7 +170,7 @@ def run_trial(
     except BaseException:
         held.keep()
         raise
-    return _report(trial, outcome) if REPORT in steps else outcome
+    return _report(trial, outcome, shown) if REPORT in steps else outcome
 
 
 class _Chain:
@@ -329,14 +331,12 @@ def with_results(outcome: Outcome, results: StepResults) -> Outcome:
     return outcome
 
 
-def _report(trial: TrialInputs, outcome: Outcome) -> Outcome:
-    from myomorph.study.trial.reporting import report_folder
-
+def _report(trial: TrialInputs, outcome: Outcome, results: TrialResults) -> Outcome:
     if not outcome.timed and report_is_made(outcome.folder, trial, outcome.done):
         return replace(outcome, done=(*outcome.done, REPORT), reused=(*outcome.reused, REPORT))
     started = time.monotonic()
     try:
-        report_folder(outcome.folder, trial)
+        write_report(outcome.folder, results.prepared)
     except Exception as error:
         return outcome if outcome.error else failed(outcome, error, REPORT)
     timed = (*outcome.timed, (REPORT, time.monotonic() - started))

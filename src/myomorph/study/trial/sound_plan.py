@@ -165,7 +165,7 @@ def heard_contacts(
         laws = calibration_pairs(strokes, plan.known)
         impacts, told = impacts_from_sound(strokes, laws, struck, plan.directions)
     forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
-    return Heard(Contacts(contacts.sites, contacts.touches, (*found, *contacts.warnings, *told)), forces, own)
+    return Heard(Contacts(contacts.sites, contacts.intervals, (*found, *contacts.warnings, *told)), forces, own)
 
 
 def _impacts_by_motion(

@@ -117,7 +117,7 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     assert recording is not None
     told, hint = found.stairs, ""
     try:
-        options = StairOptions(told.loaded, told.unloaded, reach=told.search_range, tare=told.tare)
+        options = StairOptions(told.loaded, told.unloaded, search_range=told.search_range, tare=told.tare)
         loads = step_loads(steps, read_channels(recording), model.weight, options)
         hint = "name paws ([[paw]] body, point)"
         sites = tuple(paws) or foot_sites(model)

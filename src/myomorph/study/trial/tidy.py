@@ -10,39 +10,31 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
-from myomorph.analysis.strides import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.report.page.parts import Verdict
-from myomorph.report.trial.prepared import prepare
-from myomorph.store import stored as store
+from myomorph.report.trial.prepared import Prepared
 from myomorph.store.outcome import Outcome
-from myomorph.store.results import STORED, Stored, file_name, read_result
-from myomorph.study.trial.reporting import report_input
+from myomorph.store.results import Stored
+from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_inputs import LOADED, Signals, TrialInputs, Value, statistics_of
+from myomorph.study.trial.trial_inputs import LOADED, Signals, Value, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
 OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
 IN_STRIDE = "in a stride"
-UNUSED = ("moment_arm", "coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
-"""Variables of results that no value comes from."""
 VALUE_COLUMNS = ("step", "quantity", "value", "unit")
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
 
 
-def write_trial_values(trial: TrialInputs, outcome: Outcome, found: Stored | None = None) -> None:
+def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone.
 
     Where every step was taken over from an earlier run and the files are there, they stay.
-
-    Parameters
-    ----------
-    found : those results, None to read them
 
     Raises
     ------
@@ -52,37 +44,30 @@ def write_trial_values(trial: TrialInputs, outcome: Outcome, found: Stored | Non
     steps = [step for step in outcome.done if step != REPORT]
     if set(steps) <= set(outcome.reused) and all((outcome.folder / name).is_file() for name in names):
         return
-    if found is None:
-        found = read_result(outcome.folder / f"{file_name(trial.name)}{STORED}", leave_out=UNUSED)
-    strides = strides_of(found, trial.model)
-    told = float(found.facts.get("mass") or 0.0)
-    mass = told or trial.model.mass
-    signals = [one for step in STEPS for one in step_of(step).signals(found, trial.model, mass)]
+    found, model, prepared = results.stored, results.model, results.prepared
+    strides = strides_of(prepared, found.facts.get("trial", ""))
+    mass = float(found.facts.get("mass") or 0.0) or model.mass
+    signals = [one for step in STEPS for one in step_of(step).signals(found, model, mass)]
     cycles = [_cycles(one, strides) for one in signals]
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
-    verdicts = prepare(report_input(found, trial.model, {})).verdicts
     warnings = json.loads(found.facts.get("warnings", "[]"))
-    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(verdicts, warnings))
+    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, warnings))
     # Last, so that where there are values there is everything.
     _write_rows(
         outcome.folder / VALUES,
         VALUE_COLUMNS,
         (
             (one.step, one.quantity, f"{one.value:.9g}", one.unit)
-            for one in trial_values(found, trial.model, strides, signals, cycles)
+            for one in trial_values(found, model, strides, signals, cycles)
             if np.isfinite(one.value)
         ),
     )
 
 
-def strides_of(found: Stored, model: Model) -> TrialStrides | None:
-    """Strides of a result, None where it is no walk."""
-    if "coordinate_value" not in found.values or not len(found.time):
-        return None
-    strides = walking_strides(model, store.get_motion(found), store.get_fit(found))
-    if strides is None:
-        return None
-    return TrialStrides(found.facts.get("trial", ""), tuple(strides.strikes), (strides,), strides.notes)
+def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
+    """Strides of a trial with markers, None where it is no walk."""
+    strides = None if prepared.given.kinematics.fit is None else prepared.strides
+    return None if strides is None else TrialStrides(trial, tuple(strides.strikes), (strides,), strides.notes)
 
 
 def trial_values(

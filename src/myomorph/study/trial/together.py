@@ -144,6 +144,11 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     BadData
         where the parts have no time in common, or differ in what their steps are told
     """
+    for name, one in parts.items():
+        if one.trial.torques is not None:
+            raise BadData(
+                f"'{together.name}': trial of '{name}' has torques of its own: what is solved together needs loads"
+            )
     first = next(iter(parts.values())).trial
     models = {name: one.trial.model for name, one in parts.items()}
     motions, notes = on_one_clock({name: one.recorded for name, one in parts.items()})

@@ -21,20 +21,26 @@ from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, plain_settings, with_settings
+from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
     from myomorph.io.osim.setup_parts import IkTasks
     from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
+
+
+COUPLED = 0.1
+"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,7 @@ class TrialFiles:
     markers : TRC or C3D file
     motion : table of coordinates, where inverse kinematics is not asked for
     loads : external loads file, or a table of forces with `bodies`
+    torques : table of generalized forces, in the place of loads and inverse dynamics
     bodies : prefix of the columns of each force in a table, and the body it acts on
     plates : bodies that stand on the plates of a C3D file, in the plates' order
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
@@ -53,6 +60,7 @@ class TrialFiles:
     emg_side : side of channels whose names tell none
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
+    contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
     phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
@@ -66,6 +74,7 @@ class TrialFiles:
     markers: Path | None = None
     motion: Path | None = None
     loads: Path | None = None
+    torques: Path | None = None
     bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[str, ...] = ()
     emg: Path | None = None
@@ -76,6 +85,7 @@ class TrialFiles:
     actuators: Path | None = None
     contacts: str = ""
     measured: Measured | None = None
+    contact_points: str = ""
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     mass: float | None = None
     time: tuple[float, float] | None = None
@@ -119,7 +129,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         ),
     )
     assumed: tuple[str, ...] = ()
-    if files.loads is None and files.plates:
+    if files.torques is not None:
+        pass  # Whatever acts from outside is in the torques.
+    elif files.loads is None and files.plates:
         wrenches = recorded_wrenches(recording, files.plates)
         trial = replace(trial, loads=lambda motion: wrenches)
     elif files.loads is None and recording.plates and feet_of(model):
@@ -183,7 +195,9 @@ def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInput
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
     recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
+    recorded, apart = coupled_motion(recorded, model)
     warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
+    warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
@@ -228,12 +242,40 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
     return Motion(motion.time, model.coordinate_names, values), lacking
 
 
+def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
+
+    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
+    column as it stands: one in degrees would be read as 57 times as much.
+    """
+    from myomorph.rigid.tree import compile_tree
+
+    driven = [name for name in model.dependent_coordinates if name in motion.names]
+    if not driven or not len(motion):
+        return motion, ()
+    told = compile_tree(model).coordinates_of(motion)
+    values = np.array(motion.values)
+    notes = []
+    for name in driven:
+        own, right = values[:, motion.names.index(name)], told[:, model.coordinate_names.index(name)]
+        apart = np.abs(np.nan_to_num(own - right))
+        worst = int(np.argmax(apart))
+        if apart[worst] > COUPLED:
+            notes.append(
+                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
+                f"{right[worst]:.4g}: the coupler's value is taken throughout"
+            )
+        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
+    return replace(motion, values=values), tuple(notes)
+
+
 def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     used = (
         ("model", files.model),
         ("markers", files.markers),
         ("motion", files.motion),
         ("loads", files.loads),
+        ("torques", files.torques),
         ("emg", files.emg),
         ("tasks", files.tasks),
         ("actuators", files.actuators),
@@ -248,6 +290,11 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         sources.append(value_source("bodies", "bodies of the forces", sorted(files.bodies.items()), files.plates))
     name = files.name or (files.markers or files.motion or files.model).stem
     options = options_of(settings)
+    reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
+    torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
+    points = _contact_points(files, model)
+    if points is not None:
+        sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
     if files.emg is not None:
         envelope = options[EnvelopeOptions]
@@ -267,17 +314,20 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         loads=None
         if files.loads is None
         else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
+        torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
         contacts=contact_plan(files, model),
+        contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
         sources=tuple(sources),
         warnings=(
             *(f"{files.model.name}: {text}" for text in model.warnings),
             *(() if found is None else found.notes),
+            *unused,
         ),
     )
 
@@ -386,6 +436,15 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
         yield options[EmgOptions]
 
 
+def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
+    """Points that share a joint's force, where they are asked for."""
+    if not files.contact_points:
+        return None
+    from myomorph.study.trial.contact_points import contact_points
+
+    return contact_points(files.contact_points, model)
+
+
 def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
     if files.actuators is None:
         return None
@@ -404,6 +463,8 @@ def _real(files: TrialFiles, trial: TrialInputs) -> tuple[str, ...]:
         parts.append(f"coordinates from {files.motion.name}")
     if trial.loads is not None:
         parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
+    if files.torques is not None:
+        parts.append(f"joint torques from {files.torques.name}")
     if files.emg is not None:
         parts.append(f"EMG from {files.emg.name}")
     text = ", ".join(parts)

@@ -19,8 +19,8 @@ from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
 
 if TYPE_CHECKING:
-    from myomorph.motion.emg_delay import EmgCalibration
     from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.tension.joint_contact import JointPoints
 
 Held = TypeVar("Held")
 EXTREMES = ("minimum", "maximum", "range", "mean")
@@ -89,15 +89,16 @@ class TrialInputs:
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
     loads : external forces of a motion, or None where there are none
+    torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
     emg_maxima : envelope of channels in maximum voluntary contractions
-    emg_subject : what EMG of the subject's other trials says, None where this one is alone
     events : of the recording
     plates : force plates, for pictures and for feet that share one
     plate_time : clock of their forces (samples,) [s]
     mass : of the subject [kg], None where only the model has one
     time : start and end of what is used [s], None for all
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
+    contact_points : of joints whose forces are shared among them, None for none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
     phases : parts of the motion that the report shows apart, name to start and end [s]
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
@@ -113,16 +114,17 @@ class TrialInputs:
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
     loads: Callable[[Motion], Wrenches] | None = None
+    torques: Series | None = None
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
-    emg_subject: Callable[[], EmgCalibration | None] | None = None
     events: tuple[Event, ...] = ()
     plates: tuple[ForcePlate, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))
     mass: float | None = None
     time: tuple[float, float] | None = None
     contacts: ContactPlan | None = None
+    contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))

@@ -13,7 +13,14 @@ from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import Tree
 from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.term import Columns, Frames, Term, Variables
+from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
+
+SECOND_STAGE = 1e-5
+"""With recruitment "minmax" the cost of a^2, of a greatest activation of 1: any cost small enough gives the same
+solution, the least sum of squares of all that have the least greatest activation (Mangasarian and Meyer 1979)."""
+
+HIGHEST_POWER = 4.0
+"""Above this exponent w a^p is so flat near 0 that rounding would decide on small activations: some a^2 is added."""
 
 
 class MuscleForces(NamedTuple):
@@ -37,6 +44,7 @@ class MuscleTerm(Term):
     Attributes
     ----------
     strength : (muscles,) maximum isometric force [N]
+    viscous : whether a muscle has viscosity that takes part
     lower, upper : (muscles,) bounds of the activations, 0 of muscles that are switched off
     """
 
@@ -46,19 +54,34 @@ class MuscleTerm(Term):
         self._hill, self._paths = compile_hill(tree.model), compile_paths(tree.model)
         self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
         self._viscosity = viscosities(tree.model) * options.viscous
+        self.viscous = bool(self._viscosity.any())
         self.strength = np.array([one.max_isometric_force for one in muscles], dtype=np.float64)
         # A muscle that is switched off has no force, so its activation must not be free.
-        self.lower = np.where(self._enabled, [one.min_activation for one in muscles], 0.0)
+        least = [one.min_activation if options.min_activation == "model" else 0.0 for one in muscles]
+        self.lower = np.where(self._enabled, least, 0.0)
         self.upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
         self._weight = np.ones(len(muscles))
-        if options.weights == "volume" and self._enabled.any():
-            volume = self.strength * [one.optimal_fiber_length for one in muscles]
-            self._weight = volume / volume[self._enabled].mean()
+        if options.weights != "equal" and self._enabled.any():
+            size = self.strength * (
+                [one.optimal_fiber_length for one in muscles] if options.weights == "volume" else 1.0
+            )
+            self._weight = size / size[self._enabled].mean()
+        if options.recruitment == "minmax":
+            self._weight = SECOND_STAGE * self._weight
 
     def variables(self) -> Variables:
         """Activations, with the effort."""
         exponent = np.full(len(self._weight), self._options.exponent)
         return Variables(self._names, self._weight, exponent, self.lower, self.upper)
+
+    def penalties(self, unknowns: Unknowns) -> Penalties | None:
+        """A curvature at 0 where the exponent leaves none."""
+        if self._options.exponent <= HIGHEST_POWER:
+            return None
+        own, zero = unknowns.of(self), np.zeros((1, len(self._weight)))
+        # A hundredth of the curvature that w a^p has where an activation is about 0.2.
+        share = 0.01 * 0.2 ** (self._options.exponent - 2.0)
+        return Penalties(range(own.start, own.stop), zero, zero, share * self._weight[None])
 
     def entries(self) -> Sequence[tuple[int, int]]:
         """Moment arms; those about a coordinate already hold what reaches the muscle through couplers."""

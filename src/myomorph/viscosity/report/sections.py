@@ -29,8 +29,8 @@ AXES = ("first", "second", "third")
 MODELS = ("first", "second", "third", "fourth", "left", "middle")
 TITLES = {"without": "without muscles", "with": "with muscles"}
 SCANNED = {
-    "without muscles": ("joint_viscosity", "com_without", "mass_without"),
-    "with muscles": ("total_viscosity", "com_with", "mass_with"),
+    "without muscles": ("joint_viscosity", "com_muscles_removed", "mass_muscles_removed"),
+    "with muscles": ("total_viscosity", "com_intact", "mass_intact"),
 }
 MAX_TIME = 12.0
 """Charts over time show so much of a trial [s]."""

@@ -26,12 +26,12 @@ TITLES = {
     2: "Table II: joint parameters of specimens with muscles",
 }
 COLUMNS = {
-    1: ("mass_without", "com_without", "joint_viscosity"),
+    1: ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
     2: (
-        "mass_with",
+        "mass_intact",
         "estimated_muscle_mass",
         "measured_muscle_mass",
-        "com_with",
+        "com_intact",
         "total_viscosity",
         "muscle_viscosity",
     ),
@@ -157,7 +157,7 @@ def _off(value: float, truth: float) -> str:
 def where(quantity: Quantity) -> str:
     """A quantity's label that tells the two masses apart."""
     words = quantity.label
-    if quantity.name in ("mass_without", "com_without", "mass_with", "com_with"):
+    if quantity.name in ("mass_muscles_removed", "com_muscles_removed", "mass_intact", "com_intact"):
         words += ", without muscles" if quantity.table == 1 else ", with muscles"
     return words[:1].upper() + words[1:] if not words.startswith("COM") else words
 

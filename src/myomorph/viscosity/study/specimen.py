@@ -162,7 +162,7 @@ def _size(kind: str, error: float) -> str:
 TRACKING, IDENTIFYING = 0.5, 0.25
 """Shares of a specimen's time, for the bar."""
 
-MASSES = {"without": ("mass_without", "com_without"), "with": ("mass_with", "com_with")}
+MASSES = {"without": ("mass_muscles_removed", "com_muscles_removed"), "with": ("mass_intact", "com_intact")}
 VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
 """What a condition gives to the tables."""
 

@@ -12,6 +12,7 @@ from myomorph.io.sto import write_sto
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.report.trial.given import Dynamics, ReportInput
@@ -22,6 +23,7 @@ from myomorph.store.settings import Differentiation, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
@@ -45,6 +47,20 @@ class Torques:
     notes: tuple[str, ...] = ()
 
 
+def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
+    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter."""
+    given = trial.options[Differentiation].cutoff
+    return automatic_cutoff(recorded) if given is None else given or None
+
+
+def filter_summary(trial: TrialInputs, recorded: Motion) -> str:
+    """What the motion was filtered with where nobody said it, as the end of a line; else nothing."""
+    if trial.options[Differentiation].cutoff is not None:
+        return ""
+    cutoff = cutoff_of(trial, recorded)
+    return "; smooth motion, not filtered" if cutoff is None else f"; low-pass filter at {cutoff:.3g} Hz (automatic)"
+
+
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops closed; and notes.
 
@@ -52,19 +68,23 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     """
     from myomorph.rigid.closed_motion import closed_motion
 
-    motion = differentiate(recorded, trial.options[Differentiation].cutoff)
+    motion = differentiate(recorded, cutoff_of(trial, recorded))
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
-    """Inverse dynamics of coordinates; external forces are filtered as the motion."""
+    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives."""
+    if trial.torques is not None:
+        motion, notes = with_derivatives(trial, recorded)
+        notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
+        return Torques(motion, torques_at(trial.torques, motion), None, notes)
     from myomorph.rigid.dynamics import inverse_dynamics
 
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
     wrenches = None
     if trial.loads is not None:
-        wrenches = resample_wrenches(trial.loads(recorded), motion.time, trial.options[Differentiation].cutoff)
+        wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))
         notes = (*notes, *wrenches.notes)
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
-from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.store import contact_store
 from myomorph.store import stored as store
+from myomorph.store.joint_contact_store import get_joint_contacts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, TensionTables
@@ -36,18 +33,24 @@ from myomorph.study.trial.contact_warnings import (
     interval_table,
     put_warnings,
 )
+from myomorph.study.trial.emg_tables import EMG_TABLE, EmgTargets, write_calibration, write_conflicts
+from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
+from myomorph.study.trial.joint_contact_step import (
+    joint_contact_numbers,
+    joint_contact_signals,
+    solve_joint_contacts,
+)
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.steps.id import Torques, put_dynamics, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
-from myomorph.tension.emg_conflicts import conflict_line, emg_conflicts
+from myomorph.tension.passive_share import LARGE, passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
@@ -56,8 +59,6 @@ OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
-EMG_TABLE = "emg_channels.csv"
-EMG_CONFLICTS = "emg_conflicts.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,20 +76,6 @@ class Tensions:
     contacts: Contacts | None = None
     loads: Wrenches | None = None
     carried: Series | None = None
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class EmgTargets:
-    """What EMG tells of a recording.
-
-    Attributes
-    ----------
-    target : None where no channel tells of a muscle
-    """
-
-    target: EmgTarget | None
-    calibration: EmgCalibration | None
     notes: tuple[str, ...] = ()
 
 
@@ -117,7 +104,10 @@ class TensionTask:
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
         told = (self.model, self.motion, self.torques, self.options, self.actuators)
-        if contacts is None or contacts.options.formulation == "sequential":
+        elastic = self.options.tendons == "elastic"
+        # What contacts leave open is asked of the power criterion alone.
+        closed = elastic or self.options.recruitment == "minmax"
+        if contacts is None or contacts.options.formulation == "sequential" or closed:
             return solve_tension(*told, advance, contacts=contacts, emg=emg), None
         problem, names = tension_problem(*told, contacts=contacts, emg=emg)
         over_frames(problem.solve, len(self.motion), advance, problem.window)
@@ -134,15 +124,22 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     task = _task(trial, poses, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, problem = task.solved(advance)
+    notes = (*passive_notes(tension), *notes)
+    if task.setting is not None and tension.options.recruitment == "minmax":
+        notes += ("recruitment minmax: no intervals of the contact forces, and no list of contacts that cannot carry",)
     _write_tension(trial, tension, task.actuators, output)
+    notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
-        notes = (*_write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
+        notes = (*write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
     known = torques.wrenches if task.setting is None else task.setting.exact
     frame = trial.options[TensionTables].reactions
     if frame != "none":
         reactions = joint_reactions(trial.model, task.motion, tension, known, frame=frame, actuators=task.actuators)
         write_sto(reactions.table(), output.folder / "joint_reactions.sto")
+    if trial.contact_points is not None:
+        told = (tension, known, trial.contact_points, task.actuators, output)
+        notes += solve_joint_contacts(trial.model, task.motion, *told)
     if task.setting is None:
         return Tensions(tension, notes=notes)
     loads, carried = _write_contacts(trial, task.motion, tension, task.setting, output)
@@ -156,7 +153,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
     options = trial.options[TensionOptions]
     actuators, motion, torques, setting = added_actuators(trial, options), found.motion, found.torques, None
     if trial.contacts is not None:
-        cutoff = trial.options[Differentiation].cutoff
+        cutoff = cutoff_of(trial, poses.recorded)
         known = Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff)
         setting = set_contacts(trial.contacts, trial.model, motion, known, trial.options[ContactOptions])
         if setting.exact is not found.wrenches:
@@ -195,9 +192,7 @@ def emg_targets_of(
         return EmgTargets(None, None, (note,))
     recorded = EmgTrial(motion, torques, trial.emg, contacts)
     maxima = {name: one for name, one in trial.emg_maxima.items() if name in trial.emg_muscles}
-    calibration = None if trial.emg_subject is None else trial.emg_subject()
-    if calibration is None:
-        calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
+    calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
     target = emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, chosen, calibration)
     return EmgTargets(target, calibration, calibration.warnings)
 
@@ -214,45 +209,6 @@ def added_actuators(trial: TrialInputs, options: TensionOptions) -> tuple[Actuat
         replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
         for one in default_reserves(trial.model, options.reserve, options.residual)
     )
-
-
-def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
-    """Delay, gain and muscles of each channel as a table, where there are any."""
-    if told.calibration is None:
-        return
-    found = told.calibration
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(
-            ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
-            + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
-        )
-        for k, name in enumerate(found.channels):
-            low, high = (_cell(one) for one in found.intervals[k])
-            source = "torques" if found.by_torque[k] else "usual" if low else "file"
-            held = (_cell(one) for one in found.held_out[k])
-            row: tuple[str, ...] = (name, f"{found.delays[k]:.4f}", f"{found.gains[k]:.6g}", low, high, source)
-            row += (f"{found.offsets[k]:.6g}", f"{found.shapes[k]:g}", f"{found.weight:g}", *held)
-            table.writerow((*row, " ".join(muscles.get(name, ()))))
-
-
-def _cell(value: float) -> str:
-    """A number of a table, empty where it is not known."""
-    return f"{value:.4g}" if np.isfinite(value) else ""
-
-
-def _write_conflicts(model: Model, tension: Tension, target: EmgTarget | None, output: StepOutput) -> tuple[str, ...]:
-    """Where EMG and torques contradict each other, as a table and as a line."""
-    if target is None:
-        return ()
-    found = emg_conflicts(model, tension, target)
-    with written(output.folder / EMG_CONFLICTS) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))
-        for one in found:
-            times = (f"{value:.4f}" for value in (one.start, one.stop, one.worst))
-            table.writerow((one.muscle, one.coordinate, *times, f"{one.emg:.5g}", f"{one.found:.5g}"))
-    return conflict_line(found, EMG_CONFLICTS)
 
 
 def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, ...], output: StepOutput) -> None:
@@ -337,8 +293,16 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             stored.names.get("actuator_coordinate", ()),
             tension.optimal,
             tension.overstretched,
+            _large_shares(tension) if "muscle_passive_share" in stored.values else None,
+            tension.fibers,
         )
-    return replace(given, contacts=contacts, tension=shown)
+    return replace(given, contacts=contacts, tension=shown, joint_contacts=get_joint_contacts(stored))
+
+
+def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
+    """Muscles with much passive force: name, share of the maximum isometric force, time [s], from the largest on."""
+    order = [i for i in np.argsort(-tension.passive_share) if tension.passive_share[i] > LARGE]
+    return tuple((tension.muscles[i], float(tension.passive_share[i]), float(tension.passive_time[i])) for i in order)
 
 
 def _residuals(tension: Tension | None) -> Series | None:
@@ -351,7 +315,7 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     statistics = ("maximum", "mean")
-    return tuple(
+    own = tuple(
         all_drawn(
             "tension", Series(stored.time, stored.names["muscle"], stored.values[name]), ending, unit, statistics, curve
         )
@@ -361,13 +325,16 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
         )
         if name in stored.values
     )
+    return *own, *fiber_signals(stored, model), *joint_contact_signals(stored)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
-    """Frames without an optimum, and the largest reserve of each coordinate."""
+    """Frames without an optimum, the largest reserve of each coordinate, and loads of contact points."""
     if "tension_status" not in stored.values:
         return
     yield Value("tension", "frames not optimal", float((stored.values["tension_status"] != 0).sum()), "1")
+    yield from fiber_numbers(stored)
+    yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")
     if forces is None or not forces.size:
         return

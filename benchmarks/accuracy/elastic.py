@@ -1,0 +1,153 @@
+"""Muscle tensions on elastic tendons against OpenSim: MocoInverse, and its own fiber dynamics integrated forward."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.tension import CASES, TensionCase, prepare
+from benchmarks.opensim_forward import SliderMuscles, forward_forces
+from benchmarks.opensim_moco import RESERVE, RESIDUAL, MocoFound, moco_inverse
+from myomorph.io.formats import read_model
+from myomorph.io.loads import read_external_loads
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+
+RATE = 100.0
+"""Frames a second that are solved."""
+
+WALK = "rajagopal-walk-emg"
+SPAN = (0.6, 1.4)
+"""Of the walk that MocoInverse solves [s]: both plates are trusted there."""
+
+ARM_CLASSES = ("Thelen2003Muscle", "Millard2012EquilibriumMuscle")
+OURS = TensionOptions(tendons="elastic", min_activation="model", passive=True)
+"""With passive force, which OpenSim's fiber dynamics always have."""
+
+ALIKE = TensionOptions(
+    tendons="elastic", min_activation="model", activation_dynamics=False, reserve=RESERVE, residual=RESIDUAL
+)
+"""As MocoInverse is set up: no passive force, activations as controls."""
+
+
+def thinned(motion: Motion, start: float, end: float) -> Motion:
+    """Frames from `start` to `end` [s] at `RATE`, or every frame of a slower recording."""
+    step = max(1, round(1.0 / (RATE * float(np.median(np.diff(motion.time))))))
+    keep = np.flatnonzero((motion.time >= start - 1e-9) & (motion.time <= end + 1e-9))[::step]
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    rates = (motion.velocities[keep], motion.accelerations[keep])
+    return Motion(motion.time[keep], motion.names, motion.values[keep], *rates)
+
+
+def _torques(model: Model, motion: Motion, loads: Path | None) -> Series:
+    wrenches: Wrenches | None = None
+    if loads is not None:
+        wrenches = resample_wrenches(read_external_loads(loads), motion.time)
+    return inverse_dynamics(model, motion, wrenches)
+
+
+def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
+    """Solved activations in OpenSim's fiber dynamics: how far its tendon forces are from the solved ones."""
+    arm = next(one for one in CASES if one.kind == "Thelen2003Muscle")
+    for kind in ARM_CLASSES:
+        yield _forward_row(folder, replace(arm, name=f"arm26, 6 {kind}", kind=kind))
+    for case in CASES:
+        if case.name in ("walk, Rajagopal, 80 muscles", "treadmill walk, gait2392, 92 muscles"):
+            yield _forward_row(folder, case)
+
+
+def _forward_row(folder: Path, case: TensionCase) -> dict[str, object]:
+    with tempfile.TemporaryDirectory() as work:
+        prepared = prepare(folder, case, Path(work))
+        motion = thinned(differentiate(prepared.motion, case.cutoff or 6.0), case.start, case.end)
+        torques = _torques(prepared.model, motion, prepared.loads)
+        found = solve_tension(prepared.model, motion, torques, OURS, prepared.actuators)
+        return {"case": case.name, **forward_distances(prepared.model, prepared.model_path, motion, found)}
+
+
+def forward_distances(model: Model, model_path: Path, motion: Motion, found: Tension) -> dict[str, object]:
+    """Distances of tendon forces, relative to the maximum isometric forces, and to the forces themselves."""
+    fibers = found.fibers
+    assert fibers is not None
+    columns = [m for m, name in enumerate(found.muscles) if name not in fibers.rigid]
+    names = tuple(found.muscles[m] for m in columns)
+    strength = np.array([model.muscle(name).max_isometric_force for name in names])
+    paths = muscle_kinematics(model, motion)
+    sliders = SliderMuscles(model_path, names)
+    ours = found.forces[:, columns]
+    start = np.where(sliders.forces_state, ours[0] / strength, fibers.lengths[0, columns])
+    lengths, speeds = paths.lengths[:, columns], paths.velocities[:, columns]
+    theirs = forward_forces(sliders, motion.time, lengths, speeds, found.activations[:, columns], start)
+    inside = ~fibers.transient
+    off = (theirs - ours)[inside]
+    worst = int(np.argmax(np.sqrt(np.mean((off / strength) ** 2, axis=0))))
+    return {
+        "muscles": len(names),
+        "frames": len(motion),
+        "optimal": float(found.optimal.mean()),
+        "RMS / F0": _rms(off / strength),
+        "RMS / RMS of forces": _rms(off) / _rms(ours[inside]),
+        "worst muscle": names[worst],
+        "worst muscle's RMS / F0": _rms(off[:, worst] / strength[worst]),
+    }
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def moco_rows(folder: Path) -> Iterator[dict[str, object]]:
+    """Ours against MocoInverse, the same muscles, paths, motion and loads."""
+    recording = folder / WALK
+    yield compare_moco(recording, moco_inverse(recording, *SPAN))
+
+
+def compare_moco(recording: Path, theirs: MocoFound, options: TensionOptions = ALIKE) -> dict[str, object]:
+    """Distances at MocoInverse's times away from the ends, and seconds of both."""
+    model = read_model(theirs.model)
+    whole = differentiate(motion_from_table(read_sto(recording / "coordinates.sto"), model), 6.0)
+    motion = thinned(whole, float(theirs.time[0]), float(theirs.time[-1]))
+    torques = _torques(model, motion, recording / "grf_walk.xml")
+    reserves = default_reserves(model, RESERVE, RESIDUAL)
+    solve_tension(model, motion, torques, options, reserves)
+    began = time.perf_counter()
+    found = solve_tension(model, motion, torques, options, reserves)
+    seconds = time.perf_counter() - began
+    fibers = found.fibers
+    assert fibers is not None
+    elastic = [name for name in found.muscles if name not in fibers.rigid]
+    columns = [found.muscles.index(name) for name in elastic]
+    other = [theirs.muscles.index(name) for name in elastic]
+    strength = np.array([model.muscle(name).max_isometric_force for name in elastic])
+    at = motion.time[~fibers.transient]
+
+    def on_ours(values: Array) -> Array:
+        return np.column_stack([np.interp(at, theirs.time, values[:, k]) for k in other])
+
+    a = found.activations[np.ix_(~fibers.transient, columns)] - on_ours(theirs.activations)
+    f = found.forces[np.ix_(~fibers.transient, columns)] / strength - on_ours(theirs.forces)
+    return {
+        "muscles": len(elastic),
+        "frames": len(motion),
+        "optimal": float(found.optimal.mean()),
+        "RMS of activations": _rms(a),
+        "RMS of tendon forces / F0": _rms(f),
+        "worst muscle": elastic[int(np.argmax(np.mean(a**2, axis=0)))],
+        "ours [s]": seconds,
+        "MocoInverse [s]": theirs.seconds,
+        "times as fast": theirs.seconds / seconds,
+    }

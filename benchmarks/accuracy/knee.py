@@ -1,0 +1,363 @@
+"""The force in a man's instrumented knee: measured, by OpenSim's static optimization, and by `myomorph tension`.
+
+Nothing here is fitted to the measured force. Two strides of the fifth Grand Challenge to Predict In Vivo Knee Loads
+(Fregly et al. 2012), with the coordinates and models of Modenese et al. (2021).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.cli import main
+from myomorph.io.formats import read_model
+from myomorph.io.loads import read_external_loads, write_external_loads
+from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.motion.automatic_cutoff import automatic_cutoff
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.trial.contact_points import contact_points
+from myomorph.tension.joint_contact import joint_contact_forces
+
+Row = dict[str, object]
+
+STUDY, MODEL, GENERIC, JOINT = (
+    "knee-implant-walk",
+    "nominal.osim",
+    "rajagopal-walk-emg/raw/Rajagopal2016.osim",
+    "walker_knee_l",
+)
+STRIDES = ("walk1", "walk3")
+BODY_WEIGHT = 735.75
+"""Of the man [N]."""
+CUTOFF = 6.0
+"""Of coordinates and ground forces on both sides, as the study's [Hz]."""
+PARTS = ("total", "medial", "lateral")
+CHANNELS = {
+    "gracilis": ("grac_l",),
+    "semimem": ("semimem_l",),
+    "bifeml": ("bflh_l",),
+    "vasmed": ("vasmed_l",),
+    "vaslat": ("vaslat_l",),
+    "rf": ("recfem_l",),
+    "medgas": ("gasmed_l",),
+    "latgas": ("gaslat_l",),
+    "tfl": ("tfl_l",),
+    "tibant": ("tibant_l",),
+    "peronl": ("perlong_l",),
+    "soleus": ("soleus_l",),
+    "addmag": ("addmagMid_l", "addmagProx_l", "addmagDist_l", "addmagIsch_l"),
+    "gmax": ("glmax1_l", "glmax2_l", "glmax3_l"),
+    "gmed": ("glmed1_l", "glmed2_l", "glmed3_l"),
+    "sartorius": ("sart_l",),
+}
+"""Channels of the recordings, all on the left leg, and the muscles of the model under them."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to ask for the tensions.
+
+    Attributes
+    ----------
+    settings : of `myomorph tension`, beside the files and `--contact-points auto`
+    emg : whether EMG is given
+    own_angles : coordinates by `myomorph ik` from the markers instead of the study's
+    personal : the model as `myomorph personalize` fits it to the other stride
+    model : of the data set
+    """
+
+    name: str
+    settings: tuple[str, ...] = ()
+    emg: bool = False
+    own_angles: bool = False
+    personal: bool = False
+    model: str = MODEL
+
+
+AT_6_HZ = ("--cutoff", f"{CUTOFF:g}")
+ELASTIC = ("--tendons", "elastic")
+SHARED = ("--contacts", "auto", "--measured", "shared", "--intervals", "0")
+WAYS = (
+    Way("default"),
+    Way("default, but 6 Hz", AT_6_HZ),
+    Way("activations from the model's 0.01", ("--min-activation", "model")),
+    Way("passive muscle force on rigid tendons", ("--passive",)),
+    Way("exponent 3", ("--exponent", "3")),
+    Way("weights by volume", ("--weights", "volume")),
+    Way("min/max", ("--recruitment", "minmax")),
+    Way("plates shared by both feet", SHARED),
+    Way("plates shared, personalized", SHARED, personal=True),
+    Way("own joint angles", own_angles=True),
+    Way("EMG", emg=True),
+    Way("elastic tendons", ELASTIC),
+    Way("elastic tendons, EMG", ELASTIC, emg=True),
+    Way("personalized", personal=True),
+    Way("personalized, elastic tendons", ELASTIC, personal=True),
+    Way("personalized, elastic tendons, EMG", ELASTIC, emg=True, personal=True),
+)
+"""Rows of the table; what a way needs beside `settings` is a field of `Way`."""
+
+
+def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
+    """Distance of the estimated force from the measured one, of both strides and their mean: OpenSim's, then ours."""
+    for name, cutoff, smooth in (
+        ("OpenSim 4.6 as the study: coordinates 6 Hz, loads as recorded", CUTOFF, False),
+        ("OpenSim 4.6, coordinates and loads 6 Hz", CUTOFF, True),
+        ("OpenSim 4.6, coordinates and loads filtered as by our default", None, True),
+    ):
+        found = [opensim_loads(folder, stride, cutoff or own_cutoff(folder, stride), smooth) for stride in STRIDES]
+        yield _row(name, found, folder)
+    for way in ways:
+        yield _row(way.name, [our_loads(folder, stride, way) for stride in STRIDES], folder)
+
+
+def own_cutoff(folder: Path, stride: str) -> float:
+    """Low pass that `myomorph tension` takes for a stride where none is given [Hz]."""
+    found = automatic_cutoff(_inputs(folder, stride)[1])
+    assert found is not None
+    return found
+
+
+def measure_peaks(folder: Path) -> Iterator[Row]:
+    """Greatest forces of each stride, measured and by default."""
+    for stride in STRIDES:
+        truth, clock = measured(folder, stride)
+        yield _peaks(stride, "measured", truth / BODY_WEIGHT)
+        for way in (WAYS[0], WAYS[1]):
+            loads = our_loads(folder, stride, way)
+            yield _peaks(stride, way.name, at_times(loads, clock) / BODY_WEIGHT)
+
+
+def measure_cutoffs(folder: Path) -> Iterator[Row]:
+    """How far the low-pass filter moves the result; nothing is chosen by it."""
+    for cutoff in ("0", "3", "4", "6", "8", "10", "15"):
+        way = Way(f"{cutoff} Hz" if cutoff != "0" else "none", ("--cutoff", cutoff))
+        yield {"low pass": way.name} | _numbers([our_loads(folder, stride, way) for stride in STRIDES], folder)
+
+
+def measure_where(folder: Path) -> Iterator[Row]:
+    """By which part of the stride the error of the default comes, and what a delay between the clocks would explain."""
+    for stride in STRIDES:
+        truth, clock = measured(folder, stride)
+        loads = our_loads(folder, stride, WAYS[1])
+        error = (at_times(loads, clock) - truth)[:, 0] / BODY_WEIGHT
+        share = [float((error[first:last] ** 2).sum() / (error**2).sum()) for first, last in PHASES]
+        worst = int(np.argmax(np.abs(error)))
+        shifted = {
+            late: rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT)
+            for late in np.arange(-60, 61, 5) / 1e3
+        }
+        best = min(shifted, key=lambda late: shifted[late])
+        yield {
+            "stride": stride,
+            "RMS [BW]": rms(error),
+            **{f"share of {a} to {b - 1} %": one for (a, b), one in zip(PHASES, share, strict=True)},
+            "largest error [BW]": float(error[worst]),
+            "at [%]": worst,
+            "measured force later by [ms]": round(1e3 * best),
+            "RMS then [BW]": shifted[best],
+            "center of pressure behind the heel [mm]": behind_heel(folder, stride),
+        }
+
+
+PHASES = ((0, 15), (15, 55), (55, 75), (75, 101))
+"""Loading, the foot flat, push-off, swing: samples of the stride."""
+
+
+def behind_heel(folder: Path, stride: str) -> float:
+    """How far the plate's center of pressure lies behind the heel's body at most, where it bears 100 N or more [mm]."""
+    model, motion, wrenches = _inputs(folder, stride)
+    tree = compile_tree(model)
+    poses, b = forward_kinematics(tree, tree.coordinates_of(motion)), tree.body_index["calcn_l"]
+    seen = np.einsum("fji,fj->fi", poses.rotations[:, b], wrenches.points[:, 0] - poses.origins[:, b])
+    return 1e3 * max(0.0, float(-seen[wrenches.forces[:, 0, 1] > 100.0, 0].min()))
+
+
+def measured(folder: Path, stride: str) -> tuple[Array, Array]:
+    """Measured total, medial and lateral force (101, 3) [N] and its times [s]."""
+    table = np.loadtxt(folder / STUDY / f"{stride}_knee_force.csv", delimiter=",", skiprows=1)
+    return table[:, [3, 1, 2]], table[:, 0]
+
+
+def our_loads(folder: Path, stride: str, way: Way) -> Series:
+    """Total, medial and lateral force of the left knee by `myomorph tension`."""
+    return _our_loads(folder, stride, way)
+
+
+@cache
+def _our_loads(folder: Path, stride: str, way: Way) -> Series:
+    here = folder / STUDY
+    with tempfile.TemporaryDirectory() as work:
+        out, motion, model = Path(work) / "out", here / f"{stride}_ik.mot", here / way.model
+        if way.own_angles:
+            motion = Path(work) / "ik.mot"
+            told = ("--markers", here / f"{stride}.trc", "--tasks", here / "ik_tasks.xml")
+            _command("ik", "--model", model, *told, "--out", motion)
+        if way.personal:
+            model = personal_model(folder, stride, model, Path(work))
+        emg = ("--emg", write_emg(folder, stride, Path(work))) if way.emg else ()
+        files = ("--model", model, "--motion", motion, "--loads", here / f"{stride}_grf.xml", *emg)
+        _command("tension", *files, "--contact-points", "auto", "--out", out, *way.settings)
+        return left_knee(read_sto(out / "joint_contact_forces.sto"))
+
+
+def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
+    """The model fitted to the other stride, which never sees this one and never a measured knee force."""
+    other = next(one for one in STRIDES if one != stride)
+    here, out = folder / STUDY, work / "personal.osim"
+    files = ("--model", model, "--motion", here / f"{other}_ik.mot", "--loads", here / f"{other}_grf.xml")
+    emg = ("--emg", write_emg(folder, other, work))
+    _command("personalize", *files, *emg, "--generic", folder / GENERIC, "--out", out)
+    return out
+
+
+def _command(*words: object) -> None:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as told:
+        status = main([str(one) for one in words])
+    if status:
+        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {told.getvalue()}")
+
+
+def left_knee(table: Series) -> Series:
+    """Total, medial and lateral force of the instrumented knee."""
+    return Series(table.time, PARTS, np.column_stack([table[f"{part}_{JOINT}"] for part in PARTS]))
+
+
+def write_emg(folder: Path, stride: str, work: Path) -> Path:
+    """Raw EMG by the muscles' names, on the clock of the study's coordinates, which starts at the foot strike."""
+    from myomorph.io.formats import read_trial
+
+    trial = read_trial(folder / STUDY / f"{stride}.c3d")
+    analog = trial.analog
+    with open(folder / STUDY / f"{stride}.trc", encoding="utf-8") as lines:
+        head = [next(lines).split() for _ in range(3)]
+    told = dict(zip(head[1], head[2], strict=True))
+    start = (float(told["OrigDataStartFrame"]) - 1.0) / float(told["OrigDataRate"])
+    pairs = [(channel, muscle) for channel, muscles in CHANNELS.items() for muscle in muscles]
+    columns = np.column_stack([analog[channel] for channel, _ in pairs])
+    path = work / f"{stride}_emg.sto"
+    write_sto(Table(analog.time - start, tuple(muscle for _, muscle in pairs), columns), path)
+    return path
+
+
+def _inputs(folder: Path, stride: str) -> tuple[Model, Motion, Wrenches]:
+    """Model, coordinates with those that couplers drive put right, and loads at their times, not filtered.
+
+    The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate that is neither an
+    angle nor a length as it stands.
+    """
+    here = folder / STUDY
+    model = read_model(here / MODEL)
+    given = motion_from_table(read_sto(here / f"{stride}_ik.mot"), model)
+    motion = Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
+    return model, motion, resample_wrenches(read_external_loads(here / f"{stride}_grf.xml"), motion.time)
+
+
+@cache
+def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> Series:
+    """Force of the left knee by OpenSim's StaticOptimization and JointReaction, shared among our contact points.
+
+    Its tool filters the coordinates; the loads are as recorded, or filtered as ours. The reserves are the model's own.
+    """
+    from benchmarks.opensim_static import reaction_force, static_optimization
+
+    model, motion, _ = _inputs(folder, stride)
+    loads = folder / STUDY / f"{stride}_grf.xml"
+    with tempfile.TemporaryDirectory() as work:
+        if smooth:
+            filtered = resample_wrenches(read_external_loads(loads), motion.time, cutoff=cutoff)
+            loads = Path(work) / "loads.xml"
+            write_external_loads(filtered, Path(work) / "loads.sto", loads)
+        table = Path(work) / "motion.sto"
+        write_sto(table_from_motion(motion, model, degrees=False), table)
+        path, end = folder / STUDY / MODEL, float(motion.time[-1])
+        static = static_optimization(path, table, loads, 0.0, end, cutoff=cutoff)
+        clock, force = reaction_force(path, table, loads, static, JOINT, cutoff)
+        wrenches = read_external_loads(loads)
+    # Their times are rounded: ours lie within the recording.
+    at = np.clip(static.time, motion.time[0], motion.time[-1])
+    moved = _at(differentiate(motion, cutoff), at)
+    tensions = Series(at, static.names, static.forces)
+    points = contact_points("auto", model)
+    assert points is not None
+    shared = joint_contact_forces(
+        model, moved, tensions, resample_wrenches(wrenches, at), [one for one in points.points if one.joint == JOINT]
+    )
+    total = np.interp(at, clock, np.linalg.norm(force, axis=1))
+    return Series(at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")]))
+
+
+def _at(motion: Motion, time: Array) -> Motion:
+    """A motion with derivatives at times next to its frames."""
+    nearest = np.abs(motion.time[:, None] - time).argmin(axis=0)
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    return replace(
+        motion,
+        time=time,
+        values=motion.values[nearest],
+        velocities=motion.velocities[nearest],
+        accelerations=motion.accelerations[nearest],
+    )
+
+
+def at_times(loads: Series, time: Array) -> Array:
+    """Loads (samples, 3) between frames [N]."""
+    return np.column_stack([np.interp(time, loads.time, column) for column in loads.values.T])
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _numbers(found: list[Series], folder: Path) -> Row:
+    row: Row = {}
+    each = []
+    for stride, loads in zip(STRIDES, found, strict=True):
+        truth, clock = measured(folder, stride)
+        ours = at_times(loads, clock)
+        each.append(
+            [
+                (rms(ours[:, k] - truth[:, k]) / BODY_WEIGHT, float(np.corrcoef(ours[:, k], truth[:, k])[0, 1]))
+                for k in range(3)
+            ]
+        )
+    for k, part in enumerate(PARTS):
+        row |= {f"{part} {stride}": one[k][0] for stride, one in zip(STRIDES, each, strict=True)}
+        row[f"{part}, mean"] = float(np.mean([one[k][0] for one in each]))
+        row[f"r of {part}"] = float(np.mean([one[k][1] for one in each]))
+    return row
+
+
+def _row(name: str, found: list[Series], folder: Path) -> Row:
+    return {"RMS of the force [BW]": name} | _numbers(found, folder)
+
+
+def _peaks(stride: str, name: str, values: Array) -> Row:
+    row: Row = {"stride": stride, "force": name}
+    for k, part in enumerate(PARTS):
+        early, late = values[:35, k], values[35:75, k]
+        row |= {f"{part}, first peak [BW]": float(early.max()), f"{part}, second peak [BW]": float(late.max())}
+    return row
+
+
+def run() -> list[Row]:
+    """All rows of the data collection."""
+    from benchmarks.cases import data_folder
+
+    folder = data_folder()
+    return [*measure(folder), *measure_peaks(folder), *measure_cutoffs(folder), *measure_where(folder)]

@@ -1,0 +1,244 @@
+"""People with muscles of their own, integrated independently: fiber dynamics by SciPy, known activations.
+
+The person's model has other optimal fiber lengths, tendon slack lengths and strengths. Fibers start in equilibrium and
+are integrated with `muscles.fiber_equations` (the equations that agree with OpenSim's own muscles) by LSODA; nothing
+of `tension.personal` takes part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.model.sides import split_side
+from myomorph.muscles.fiber_equations import Fibers, fibers_of
+from myomorph.muscles.fiber_equilibrium import equilibrium
+from myomorph.muscles.hill_classes import DEGROOTE, KINDS
+from myomorph.muscles.passive import joint_forces
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.dynamics import rates_of
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.personal.personalize import PersonalTrial
+from myomorph.tension.terms.emg import EmgTarget
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is measured wrongly.
+
+    Attributes
+    ----------
+    torque : share of each torque's root mean square, slowly varying
+    emg : share of an activation, slowly varying
+    floor : of EMG
+    gain : standard deviation of the logarithm of each muscle's gain
+    """
+
+    torque: float = 0.03
+    emg: float = 0.15
+    floor: float = 0.02
+    gain: float = 0.2
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How people differ, standard deviations: of log optimal length, normalized length in a pose, log strength.
+
+    By default those that `personalize` assumes, as intervals can hold what they promise for no other people.
+    """
+
+    fiber: float = 0.15
+    point: float = 0.12
+    strength: float = 0.25
+    sides: float = 0.8
+
+
+def person(model: Model, motion: Motion, spread: Spread, rng: np.random.Generator, groups: Array) -> Model:
+    """A model with muscles of another person, that work in a physiological range.
+
+    Parameters
+    ----------
+    groups : (muscles,) muscles of one number share their strength
+    """
+    lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths
+    rise = np.exp(spread.strength * rng.standard_normal(int(groups.max()) + 1))
+    shared = {name: rng.standard_normal((200, 2)) for name in {split_side(one.name)[0]: 0 for one in model.muscles}}
+    muscles = []
+    for m, muscle in enumerate(model.muscles):
+        lo, ls = muscle.optimal_fiber_length, muscle.tendon_slack_length
+        mean, low, high = (float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max()))
+        base, side = split_side(muscle.name)
+        alike = spread.sides if side else 0.0
+        for k in range(200):
+            draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
+            new = lo * np.exp(spread.fiber * draw[0])
+            point = (mean - ls) / lo + spread.point * draw[1]
+            slack = mean - point * new
+            if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.5:
+                break
+        else:
+            new, slack = lo, ls
+        muscles.append(
+            replace(
+                muscle,
+                optimal_fiber_length=new,
+                tendon_slack_length=slack,
+                max_isometric_force=muscle.max_isometric_force * float(rise[groups[m]]),
+            )
+        )
+    return replace(model, muscles=tuple(muscles))
+
+
+def some_gains(model: Model, errors: Errors, rng: np.random.Generator) -> dict[str, float]:
+    """A gain of the EMG of every muscle."""
+    return {name: float(np.exp(errors.gain * rng.standard_normal())) for name in model.muscle_names}
+
+
+def smooth_activations(time: Array, muscles: int, rng: np.random.Generator, most: float = 0.7) -> Array:
+    """(frames, muscles) bursts of activation of about a third of a second."""
+    raw = rng.standard_normal((len(time), muscles))
+    smooth = gaussian_filter1d(raw, 0.08 / (time[1] - time[0]), axis=0)
+    smooth /= smooth.std(axis=0)
+    return 0.02 + most / (1.0 + np.exp(-1.5 * (smooth - 0.7)))
+
+
+def integrated_forces(model: Model, motion: Motion, activations: Array) -> Array:
+    """(frames, muscles) tendon forces of muscles under known activations, each by itself [N]."""
+    moved = muscle_kinematics(model, motion, moment_arms=False)
+    time, found = np.array(motion.time), np.empty_like(activations)
+    for m, muscle in enumerate(model.muscles):
+        if KINDS[muscle.kind] == DEGROOTE:
+            raise ValueError("DeGrooteFregly2016Muscle: integrated_degroote takes all its muscles at once")
+        length, speed, a = (
+            CubicSpline(time, one) for one in (moved.lengths[:, m], moved.velocities[:, m], activations[:, m])
+        )
+
+        def at(t: Array, state: Array, m: int = m, given: tuple[CubicSpline, ...] = (length, speed, a)) -> Fibers:
+            t = np.atleast_1d(t)
+            return fibers_of(model, m, *(one(t) for one in given), np.atleast_1d(state))
+
+        first = equilibrium(model, m, length(time[:1]), speed(time[:1]), a(time[:1]))
+        if not np.isfinite(first).all():
+            first = np.array([muscle.optimal_fiber_length])
+        done = solve_ivp(
+            lambda t, state, at=at: at(t, state).fiber_velocity, (time[0], time[-1]), first, "LSODA", time,
+            rtol=1e-6, atol=1e-8, max_step=0.02,
+        )  # fmt: skip
+        found[:, m] = at(time, done.y[0]).tendon_force
+    return found
+
+
+def as_degroote(model: Model) -> Model:
+    """The model with muscles of De Groote's class, whose fiber velocity is explicit in tendon force and activation."""
+    own = {"fiber_damping": 0.0, "tendon_strain_at_one_norm_force": 0.049, "active_force_width_scale": 1.0}
+    own |= {"passive_fiber_strain_at_one_norm_force": 0.6, "ignore_tendon_compliance": 0.0}
+    changed = (
+        replace(one, kind="DeGrooteFregly2016Muscle", parameters=FrozenMap(own), curves=FrozenMap({}))
+        for one in model.muscles
+    )
+    return replace(model, muscles=tuple(changed))
+
+
+def integrated_degroote(person: Model, lengths: Array, time: Array, activations: Array) -> Array:
+    """(frames, muscles) tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
+
+    The state is each muscle's normalized tendon force f; its rate follows from the path's speed less the fiber's.
+
+    Parameters
+    ----------
+    lengths : (frames, muscles) of the paths [m]
+    """
+    lo, ls, force, angle, most = (
+        np.array([getattr(one, name) for one in person.muscles])
+        for name in (
+            "optimal_fiber_length", "tendon_slack_length", "max_isometric_force", "pennation_at_optimal",
+            "max_contraction_velocity",
+        )
+    )  # fmt: skip
+    strain = np.array([one.parameters["passive_fiber_strain_at_one_norm_force"] for one in person.muscles])
+    height, k = lo * np.sin(angle), np.log(6.0) / 0.049
+    path, a_of = CubicSpline(time, lengths), CubicSpline(time, activations)
+    path_speed = path.derivative()
+
+    def rate(t: float, f: Array) -> Array:
+        tendon = ls * (np.log(5.0 * np.maximum(f + 0.2, 1e-6)) / k + 1.0)
+        along = np.maximum(path(t) - tendon, 0.05 * lo)
+        fiber = np.hypot(along, height)
+        cosine, x = along / fiber, fiber / lo
+        bell = (
+            0.8150671134243542
+            * np.exp(-0.5 * ((x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)) ** 2)
+            + 0.433004984392647
+            * np.exp(-0.5 * ((x - 0.716775413397760) / (0.200356847296188 * x - 0.029947116970696)) ** 2)
+            + 0.1 * np.exp(-0.5 * ((x - 1.0) / 0.353553390593274) ** 2)
+        )
+        least = np.exp(-3.2 / strain)
+        passive = (np.exp(4.0 * (x - 1.0) / strain) - least) / (np.exp(4.0) - least)
+        f_v = np.clip((f / cosine - np.maximum(passive, 0.0)) / np.maximum(a_of(t) * bell, 1e-4), -0.5, 2.2)
+        v = (np.sinh((f_v - 0.8825327733249912) / -0.3211346127989808) + 0.374) / -8.149
+        return (path_speed(t) - v * most * lo / cosine) * k * (f + 0.2) / ls
+
+    first = np.full(lengths.shape[1], 0.1)
+    # Fibers find their equilibrium before the recording begins.
+    settled = solve_ivp(
+        lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls, (0.0, 0.5), first, "LSODA",
+        rtol=1e-5, atol=1e-7, lband=0, uband=0,
+    ).y[:, -1]  # fmt: skip
+    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-5, atol=1e-6, lband=0, uband=0)
+    return done.y.T * force
+
+
+def recorded(
+    model: Model, person: Model, motion: Motion, activations: Array, errors: Errors, rng: np.random.Generator,
+    gains: Mapping[str, float], name: str,
+) -> PersonalTrial:  # fmt: skip
+    """What is measured of a person: torques and EMG with errors.
+
+    Parameters
+    ----------
+    model : the generic one, for joints' own torques
+    gains : of the EMG of each muscle that has it
+    """
+    told = tuple(gains)
+    moved = muscle_kinematics(person, motion)
+    if KINDS[person.muscles[0].kind] == DEGROOTE:
+        forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
+    else:
+        forces = integrated_forces(person, motion, activations)
+    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces)
+    tree = compile_tree(model)
+    torques = torques + joint_forces(tree, *rates_of(tree, motion))
+    size = np.sqrt(np.mean(torques**2, axis=0))
+    torques = torques + errors.torque * size * slow(motion.time, torques.shape, rng)
+    columns = [model.muscle_names.index(one) for one in told]
+    emg = activations[:, columns] * (1.0 + errors.emg * slow(motion.time, (len(motion), len(told)), rng))
+    emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(gains.values())
+    target = EmgTarget(told, emg) if told else None
+    return PersonalTrial(name, motion, Series(motion.time, model.coordinate_names, torques), target)
+
+
+def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Errors of unit size that vary within a tenth of a second."""
+    raw = gaussian_filter1d(rng.standard_normal(shape), 0.04 / (time[1] - time[0]), axis=0)
+    return raw / max(float(raw.std()), 1e-12)
+
+
+def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator) -> Motion:
+    """Coordinates that swing between bounds at periods of about a second, each with a phase of its own."""
+    values, speeds = (np.tile([one.default for one in model.coordinates], (len(time), 1)) for _ in range(2))
+    speeds[:] = 0.0
+    for name, (low, high) in ranges.items():
+        j = model.coordinate_names.index(name)
+        a, w, p = 0.5 * (high - low), 2.0 * np.pi / rng.uniform(0.8, 1.6), rng.uniform(0.0, 2.0 * np.pi)
+        values[:, j] = 0.5 * (high + low) + a * np.sin(w * time + p)
+        speeds[:, j] = a * w * np.cos(w * time + p)
+    return Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))

@@ -1,0 +1,103 @@
+"""Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds, memory, programs.
+
+The walk is Rajagopal's (rajagopal-walk-emg), 1.1 s of it at 100 Hz. The long recording is that stride forwards and
+backwards in turn, so that joints do not jump; its torques are those of the stride. Times are on the cores of
+MYOMORPH_THREADS, everything from coordinates and torques on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.cases import data_folder
+from benchmarks.speed.size import MEGABYTE, peak, resident
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.study.trial.inputs import open_model, read_loads, read_motion
+from myomorph.tension.solve import TensionOptions, solve_tension
+
+FRAMES, FIRST, RATE = 110, 0.4, 100.0
+LONG = 60.0
+ROUNDS = 7
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the command line."""
+    parser.add_argument(
+        "--degroote", action="store_true", help="De Groote's muscles in the place of the model's Millard"
+    )
+
+
+def stride() -> tuple[Model, Motion, Series]:
+    """A stride of the walk at 100 Hz and its torques."""
+    folder = data_folder() / "rajagopal-walk-emg"
+    model = open_model(folder / "subject_walk_scaled.osim")
+    whole = differentiate(read_motion(folder / "coordinates.sto", model), cutoff=6.0)
+    every = round(1.0 / (RATE * float(np.median(np.diff(whole.time)))))
+    keep = np.searchsorted(whole.time, FIRST) + every * np.arange(FRAMES)
+    motion = picked(whole, keep[keep < len(whole.time)])
+    loads = resample_wrenches(read_loads(folder / "grf_walk.xml", model, motion), motion.time)
+    return model, motion, inverse_dynamics(model, motion, loads)
+
+
+def picked(motion: Motion, keep: np.ndarray, time_: np.ndarray | None = None, sign: float = 1.0) -> Motion:
+    """Some frames of a motion, with other times and with rates of another sign."""
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    at = motion.time[keep] if time_ is None else time_
+    return Motion(at, motion.names, motion.values[keep], sign * motion.velocities[keep], motion.accelerations[keep])
+
+
+def tiled(motion: Motion, torques: Series, seconds: float) -> tuple[Motion, Series]:
+    """The stride forwards and backwards in turn, as long as asked."""
+    count = len(motion)
+    there_and_back = np.concatenate([np.arange(count), np.arange(count)[::-1]])
+    frames = int(seconds * RATE)
+    keep = np.tile(there_and_back, frames // (2 * count) + 1)[:frames]
+    forwards = np.tile(np.repeat([1.0, -1.0], count), frames // (2 * count) + 1)[:frames, None]
+    time_ = np.arange(frames) / RATE
+    long = picked(motion, keep, time_)
+    assert long.velocities is not None
+    return replace(long, velocities=forwards * long.velocities), Series(time_, torques.names, torques.values[keep])
+
+
+def run(degroote: bool = False) -> list[dict[str, object]]:
+    """A row for the stride, one each for 15 and 60 s."""
+    model, motion, torques = stride()
+    if degroote:
+        kind = "DeGrooteFregly2016Muscle"
+        model = replace(model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles))
+    options = TensionOptions(tendons="elastic")
+    solve_tension(model, motion, torques, options)
+    rows = []
+    for seconds in (len(motion) / RATE, LONG / 4.0, LONG):
+        given = (motion, torques) if seconds < 2.0 else tiled(motion, torques, seconds)
+        before, taken, found = resident(), [], None
+        for _ in range(ROUNDS if seconds < 2.0 else 1):
+            began = time.perf_counter()
+            found = solve_tension(model, *given, options)
+            taken.append(time.perf_counter() - began)
+        assert found is not None
+        assert found.fibers is not None
+        certificate = found.fibers.certificate
+        rows.append(
+            {
+                "muscles": f"{len(model.muscles)} {model.muscles[0].kind}",
+                "frames": len(given[0]),
+                "seconds": statistics.median(taken),
+                "ms/frame": 1e3 * statistics.median(taken) / len(given[0]),
+                "memory [MB]": max(peak() - before, 0) / MEGABYTE,
+                "most programs": certificate.steps,
+                "KKT residual": certificate.residual,
+                "frames optimal": int(found.optimal.sum()),
+            }
+        )
+    return rows

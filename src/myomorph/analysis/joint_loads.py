@@ -1,0 +1,80 @@
+"""Loads of joints by stride: peak, its time, and impulse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.analysis.strides import Stride, Strides
+from myomorph.model.arrays import Array
+from myomorph.model.series import Series
+from myomorph.model.sides import split_side
+
+
+@dataclass(frozen=True)
+class StrideLoad:
+    """What one stride does to a joint or to one of its contact points.
+
+    Attributes
+    ----------
+    load : name of the force
+    stride : 1, 2, ... of the joint's own leg; 0 for the whole recording, where it has no strides
+    start, stop : of the stride [s]
+    peak : [N]
+    peak_time : [s]
+    impulse : force added up over the time [N s]
+    """
+
+    load: str
+    stride: int
+    start: float
+    stop: float
+    peak: float
+    peak_time: float
+    impulse: float
+
+    @property
+    def peak_percent(self) -> float:
+        """When the peak is, in percent of the stride."""
+        return 100.0 * (self.peak_time - self.start) / (self.stop - self.start)
+
+
+def own_strides(name: str, strides: Strides | None) -> tuple[Stride, ...]:
+    """Strides of the leg on whose side a name is; those of the first leg where it tells no side."""
+    if strides is None or not strides.strides:
+        return ()
+    limbs, side = tuple(strides.strikes), split_side(name)[1]
+    own = next((limb for limb in limbs if split_side(limb)[1] == side), None) if side else limbs[0]
+    return () if own is None else strides.of(own)
+
+
+def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ...]:
+    """Peak and impulse of every load in every stride of its own leg, or in the whole recording.
+
+    Strides in which a force is known in less than two frames are left out.
+
+    Parameters
+    ----------
+    loads : forces over time (frames, loads) [N]
+    strides : of the recording; None where it has none
+    """
+    if len(loads) < 2:
+        return ()
+    found = []
+    for name, force in zip(loads.names, loads.values.T, strict=True):
+        own = [(k, one.start, one.stop) for k, one in enumerate(own_strides(name, strides), 1)]
+        for number, start, stop in own or [(0, float(loads.time[0]), float(loads.time[-1]))]:
+            one = _between(name, number, loads.time, force, start, stop)
+            found += [one] if one is not None else []
+    return tuple(found)
+
+
+def _between(name: str, number: int, time: Array, force: Array, start: float, stop: float) -> StrideLoad | None:
+    inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & np.isfinite(force)
+    if inside.sum() < 2:
+        return None
+    clock, values = time[inside], force[inside]
+    top = int(np.argmax(values))
+    impulse = float(0.5 * (values[1:] + values[:-1]) @ np.diff(clock))
+    return StrideLoad(name, number, start, stop, float(values[top]), float(clock[top]), impulse)

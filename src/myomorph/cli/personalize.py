@@ -1,0 +1,77 @@
+"""`personalize`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.output import said, warn
+from myomorph.store.settings import Differentiation, Side
+from myomorph.study.subject import personalizing
+
+PersonalSettings = options_class(Differentiation, *personalizing.STEP.options)
+
+
+def personalize_command(
+    *,
+    model: ModelFile,
+    out: Annotated[Path, Parameter(help="Model to write (.osim); tables and a report go into a folder beside it.")],
+    motion: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Coordinates over time, one file a recording.", consume_multiple=True),
+    ] = (),
+    loads: Annotated[
+        tuple[Path, ...],
+        Parameter(help="External loads files, one a recording, in the same order.", consume_multiple=True),
+    ] = (),
+    torques: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="Instead of loads: torques of inverse dynamics (.sto), one a recording, in the same order.",
+            consume_multiple=True,
+        ),
+    ] = (),
+    emg: Annotated[
+        tuple[Path, ...],
+        Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
+    ] = (),
+    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    passive_motion: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Coordinates of poses in which passive torques were measured.", consume_multiple=True),
+    ] = (),
+    passive_torques: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            help="What has to hold the joints in them (.sto): minus the measured passive torques of the muscles.",
+            consume_multiple=True,
+        ),
+    ] = (),
+    generic: Annotated[
+        Path | None, Parameter(help="The model that was scaled: muscles begin with its operating ranges.")
+    ] = None,
+    time: Time = None,
+    options: PersonalSettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
+    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.trial.inputs import open_model
+
+    use_threads(threads)
+    check_out_model(out, read=(model, generic))
+    files = personalizing.PersonalFiles(
+        model, motion, loads, torques, emg, emg_side, passive_motion, passive_torques, generic, time
+    )
+    scaled = open_model(model)
+    found = personalizing.personalize_files(files, settings_dict(options), scaled)
+    lost = personalizing.write_personalized(found, out)
+    tables = personalizing.tables_folder(out)
+    warn((*found.found.notes, *found.warnings, *lost), f"'{tables / personalizing.NOTES}' lists them")
+    for line in personalizing.summary(found.found):
+        said(line)
+    said(f"wrote {out} and {tables}")
+    return 0

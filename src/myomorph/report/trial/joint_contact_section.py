@@ -1,0 +1,93 @@
+"""The section on forces at contact points of joints: over the stride, or over time; peaks and impulses by stride."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.analysis.cycles import band, over_cycles
+from myomorph.analysis.joint_loads import own_strides, stride_loads
+from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.model.series import Series
+from myomorph.report.charts.axis import number
+from myomorph.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
+from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.prepared import Prepared
+from myomorph.tension.joint_contact import JointContactForces
+
+STYLES = ("first", "second", "third", "fourth")
+HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Impulse")
+
+
+def joint_contact_section(prepared: Prepared) -> Section | None:
+    """Whole force of each joint and the force at each of its contact points, in body weights."""
+    found = prepared.given.joint_contacts
+    if found is None or not len(found) or not np.isfinite(found.totals).any():
+        return None
+    strides = _strides(prepared.given)
+    figures = tuple(Figure(_chart(prepared, found, joint, strides), "medium") for joint in found.joints)
+    lead = (
+        "The force that the joint transmits as a whole, and the pushes of its contact points along their normals, "
+        "which balance the force along them and the moment across them. Forces across the normals (ligaments, "
+        "friction) are part of the whole only."
+    )
+    if any(own_strides(joint, strides) for joint in found.joints):
+        lead += " Over the stride: thin lines are strides, the thick one their mean."
+    rest = _left(found)
+    legend = [("first", "whole joint")]
+    names = dict.fromkeys(found.points)
+    legend += list(zip(STYLES[1:], list(names)[: len(STYLES) - 1], strict=False))
+    rows = tuple(
+        (
+            one.load,
+            str(one.stride) if one.stride else "recording",
+            f"{number(one.start, 0.001)} s",
+            f"{number(one.stop, 0.001)} s",
+            f"{number(one.peak)} N",
+            number(one.peak / found.weight),
+            f"{one.peak_percent:.0f} %",
+            f"{number(one.impulse)} N·s",
+        )
+        for one in stride_loads(found.loads(), strides)
+    )
+    grid = Grid(HEAD, rows, "Peaks and impulses by stride", len(rows) > 12)
+    return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
+
+
+def _strides(given: ReportInput) -> Strides | None:
+    motion = given.kinematics.motion
+    if given.model is None or motion is None:
+        return None
+    return walking_strides(given.model, motion, given.kinematics.fit)
+
+
+def _left(found: JointContactForces) -> str:
+    """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
+    told = []
+    for j, joint in enumerate(found.joints):
+        moment = float(np.nanmax(found.unbalanced_moments[:, j]))
+        pull = float(np.nanmax(found.unbalanced_forces[:, j]))
+        if moment > 0.1:
+            told.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
+        if pull > 1.0:
+            told.append(f"{joint} is pulled apart by up to {number(pull)} N, which no contact point carries")
+    text = "; ".join(told)
+    return f" {text[0].upper()}{text[1:]}." if text else ""
+
+
+def _chart(prepared: Prepared, found: JointContactForces, joint: str, strides: Strides | None) -> str:
+    own = [k for k, name in enumerate(found.joint_of) if name == joint]
+    names = ("whole joint", *(found.points[k] for k in own))
+    columns = [found.of(joint), *(found.forces[:, k] for k in own)]
+    loads = Series(found.time, names, np.stack(columns, axis=1) / found.weight)
+    steps = own_strides(joint, strides)
+    styles = (STYLES * (1 + len(names) // len(STYLES)))[: len(names)]
+    if not steps:
+        lines = [Line(found.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)]
+        return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
+    cycles = over_cycles(loads, [(one.start, one.stop) for one in steps]).values
+    curves = [
+        CycleCurve(band(cycles[:, :, k]).mean, style, name, each=cycles[:, :, k])
+        for k, (name, style) in enumerate(zip(names, styles, strict=True))
+    ]
+    return cycle_chart(joint, "body weights", curves, [cycles[np.isfinite(cycles)], np.zeros(1)])

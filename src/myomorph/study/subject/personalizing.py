@@ -1,0 +1,346 @@
+"""From a subject's recordings to a model with that person's muscles: `personalize` and the step of a study."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance, Source
+from myomorph.model.series import Motion, Series
+from myomorph.motion.emg_delay import USUAL
+from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
+from myomorph.store.progress import progress
+from myomorph.store.results import file_source, provenance_of
+from myomorph.store.settings import Differentiation, Side, plain_settings, with_settings
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.trial import inputs
+from myomorph.study.trial.steps.id import solve_dynamics
+from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_motion_trial
+from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.emg_calibration import EmgOptions, emg_targets
+from myomorph.tension.personal.fit import STEPS
+from myomorph.tension.personal.personalize import (
+    Personalized,
+    PersonalizeOptions,
+    PersonalTrial,
+    personalize,
+)
+from myomorph.tension.terms.emg import EmgTarget
+
+TABLE, NOTES, HELD_OUT, FIBERS = "personalized_muscles.csv", "notes.txt", "held_out.csv", "fiber_lengths.csv"
+REPORT = "report.html"
+
+
+@dataclass(frozen=True)
+class PersonalFiles:
+    """The files of a personalization, one a recording in the same order."""
+
+    model: Path
+    motion: tuple[Path, ...] = ()
+    loads: tuple[Path, ...] = ()
+    torques: tuple[Path, ...] = ()
+    emg: tuple[Path, ...] = ()
+    emg_side: Side = ""
+    passive_motion: tuple[Path, ...] = ()
+    passive_torques: tuple[Path, ...] = ()
+    generic: Path | None = None
+    time: tuple[float, float] | None = None
+
+    def sources(self) -> tuple[Source, ...]:
+        """The files by their hashes."""
+        found = [file_source("model", self.model)]
+        for role in ("motion", "loads", "torques", "emg", "passive_motion", "passive_torques"):
+            for path in getattr(self, role):
+                found.append(file_source(role.replace("_", " "), path))
+                found += load_tables(path) if role == "loads" else []
+        return (*found, *(() if self.generic is None else (file_source("generic model", self.generic),)))
+
+    def check(self) -> None:
+        """Raise `BadData` where recordings lack a part."""
+        if self.loads and self.torques:
+            raise BadData("give --loads or --torques, not both: torques come from one of them")
+        for name in ("loads", "torques", "emg"):
+            given = getattr(self, name)
+            if given and len(given) != len(self.motion):
+                raise BadData(
+                    f"{len(self.motion)} motions but {len(given)} files of {name}: give one of each for every "
+                    "recording, in the same order"
+                )
+        if self.motion and not (self.loads or self.torques):
+            raise BadData("motions without torques: give --loads, or --torques of inverse dynamics")
+        if len(self.passive_motion) != len(self.passive_torques):
+            raise BadData(
+                f"{len(self.passive_motion)} passive motions but {len(self.passive_torques)} files of passive torques"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PersonalizedFiles:
+    """What was found, and what it was made from."""
+
+    found: Personalized
+    provenance: Provenance
+    warnings: tuple[str, ...] = ()
+
+
+def personalize_files(
+    files: PersonalFiles, settings: Mapping[str, Any], model: Model | None = None
+) -> PersonalizedFiles:
+    """Fit muscles to the recordings of files.
+
+    Raises
+    ------
+    MyomorphError
+        where a file cannot be read, does not fit the model, or something is missing
+    """
+    files.check()
+    model = inputs.open_model(files.model) if model is None else model
+    own = {one.name for one in fields(Differentiation)}
+    options = with_settings(PersonalizeOptions(), {k: v for k, v in settings.items() if k not in own})
+    cutoff = {k: v for k, v in settings.items() if k in own and v is not None}
+    warnings = list(model.warnings)
+    trials = []
+    for k, motion in enumerate(files.motion):
+        one = TrialFiles(
+            model=files.model,
+            motion=motion,
+            loads=files.loads[k] if files.loads else None,
+            emg=files.emg[k] if files.emg else None,
+            emg_side=files.emg_side,
+            time=files.time,
+        )
+        trial, poses = open_motion_trial(one, {"tension": cutoff})
+        warnings += [text for text in trial.warnings if text not in warnings]
+        table = files.torques[k] if files.torques else None
+        trials.append(_trial(trial, poses.recorded, motion.stem, table))
+    for motion, table in zip(files.passive_motion, files.passive_torques, strict=True):
+        trials.append(_passive(model, motion, table))
+    generic = None if files.generic is None else inputs.open_model(files.generic)
+    with inputs.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
+        found = personalize(model, trials, options, generic=generic, advance=advance)
+    told = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
+    return PersonalizedFiles(found, provenance_of("personalize", files.sources(), told), tuple(warnings))
+
+
+def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:
+    """A recording with its torques and EMG."""
+    dynamics = solve_dynamics(trial, recorded)
+    motion, torques = dynamics.motion, dynamics.torques
+    if table is not None:
+        torques = _torques(table, motion)
+    return PersonalTrial(name, motion, torques, _emg(trial, motion))
+
+
+def _torques(path: Path, motion: Motion) -> Series:
+    """Torques of a table at a motion's times."""
+    with inputs.about(path):
+        read = read_sto(path)
+        names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in read.names)
+        start, stop = read.time[0], read.time[-1]
+        inside = (motion.time >= start - 1e-6) & (motion.time <= stop + 1e-6)
+        if not inside.any():
+            raise BadData(f"has times {start:g} to {stop:g} s, the motion {motion.time[0]:g} to {motion.time[-1]:g} s")
+        values = np.array([np.interp(motion.time, read.time, column) for column in read.values.T]).T
+        values[~inside] = np.nan
+        return Series(motion.time, names, values)
+
+
+def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
+    if trial.emg is None:
+        return None
+    if not trial.emg_muscles:
+        names = ", ".join(trial.emg.names)
+        raise BadData(
+            f"no EMG channel's name tells a muscle of the model ({names}): name channels as muscles, or give --emg-side"
+        )
+    options = replace(EmgOptions(), delay=USUAL)
+    return emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, options)
+
+
+def _passive(model: Model, motion_path: Path, table: Path) -> PersonalTrial:
+    """Poses and the torques that hold the joints in them, muscles at rest."""
+    motion = inputs.read_motion(motion_path, model)
+    still = replace(motion, velocities=np.zeros_like(motion.values), accelerations=np.zeros_like(motion.values))
+    return PersonalTrial(motion_path.stem, still, _torques(table, still), passive=True)
+
+
+def tables_folder(out: Path) -> Path:
+    """Where the tables of a personalized model go: beside it."""
+    return out.with_name(f"{out.stem}_personalization")
+
+
+def write_personalized(made: PersonalizedFiles, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of tables; whole or not at all.
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    return write_made_model(
+        made.found.model, made.provenance, out, tables or tables_folder(out), lambda folder: _write(made, folder)
+    )
+
+
+def _write(made: PersonalizedFiles, folder: Path) -> None:
+    found = made.found
+    _rows(estimate_rows(found), folder / TABLE)
+    if len(found.recordings):
+        _rows(fiber_rows(found), folder / FIBERS)
+    if found.held_out is not None:
+        _rows(held_out_rows(found), folder / HELD_OUT)
+    (folder / NOTES).write_text("\n".join((*found.notes, *made.warnings)) + "\n", encoding="utf-8")
+    (folder / REPORT).write_text(_page(made), encoding="utf-8")
+
+
+def _page(made: PersonalizedFiles) -> str:
+    found = made.found
+    rows = tuple(
+        ParameterRow(
+            one.of, one.parameter, one.generic, one.person, one.low, one.high, one.identifiable, one.bound, one.kept
+        )
+        for one in found.estimates
+    )
+    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(summary(found)))
+    head = PageHead(
+        title=f"{found.model.name}: muscles of the person",
+        date=made.provenance.date,
+        version=__version__,
+        notes=(Note("real", f"Recordings: {', '.join(found.recordings) or 'none'}."),),
+        sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.provenance.sources),
+        warnings=(*found.notes, *made.warnings),
+    )
+    return personalized_page(head, given)
+
+
+def estimate_rows(found: Personalized) -> list[dict[str, object]]:
+    """A row for every parameter."""
+    return [
+        {
+            "of": one.of,
+            "parameter": one.parameter,
+            "generic": one.generic,
+            "person": one.person,
+            "low": one.low,
+            "high": one.high,
+            "variance_ratio": one.variance_ratio,
+            "identifiable": one.identifiable,
+            "bound": one.bound,
+            "kept_generic": one.kept,
+        }
+        for one in found.estimates
+    ]
+
+
+def fiber_rows(found: Personalized) -> list[dict[str, object]]:
+    """A row for every muscle: its normalized fiber lengths in the recordings before and after."""
+    return [
+        {
+            "muscle": name,
+            "least_generic": found.before[m, 0],
+            "greatest_generic": found.before[m, 1],
+            "least_person": found.after[m, 0],
+            "greatest_person": found.after[m, 1],
+        }
+        for m, name in enumerate(found.model.muscle_names)
+    ]
+
+
+def held_out_rows(found: Personalized) -> list[dict[str, object]]:
+    """A row for every coordinate: torque that generic and personal muscles leave in what was held out."""
+    assert found.held_out is not None
+    return [
+        {"coordinate": name, "left_generic": before, "left_person": after}
+        for name, before, after in zip(found.coordinates, found.held_out.left_generic, found.held_out.left, strict=True)
+    ]
+
+
+def _rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
+
+
+def _short(value: object) -> object:
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:.6g}"
+    return value
+
+
+def summary(found: Personalized) -> list[str]:
+    """What the command prints."""
+    lines = []
+    if found.mapped is not None:
+        before, after = (float(np.nanmax(one)) for one in (found.mapped.before, found.mapped.after))
+        lines.append(
+            f"{len(found.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths differ by at "
+            f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
+        )
+    if found.recordings:
+        lines.append(
+            f"{', '.join(found.recordings)}: {found.frames[1]} frames that count as {found.frames[0]:.0f} independent "
+            f"ones, torques of {len(found.coordinates)} coordinates"
+        )
+    if found.held_out is not None:
+        one = found.held_out
+        generic, own = (float(np.sqrt(np.mean(left**2))) for left in (one.left_generic, one.left))
+        better = "better" if one.score < one.score_generic else "no better"
+        lines.append(
+            f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
+            f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"
+        )
+    return lines
+
+
+def _run(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    """The step of a study: all trials of a subject that have external forces."""
+    options = with_settings(PersonalizeOptions(), settings.get("personalize", {}))
+    trials, warnings = [], []
+    for trial in prepared.trials(files, settings):
+        if trial.loads is None:
+            continue
+        motion = solve_kinematics(trial).motion
+        trials.append(_trial(trial, motion, trial.name))
+        warnings += list(trial.warnings)
+    if not trials:
+        raise BadData(
+            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles to"
+        )
+    # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
+    scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
+    generic = inputs.open_model(files.model) if scaled else None
+    with inputs.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
+        found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
+    write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    more: dict[str, object] = {}
+    for earlier in ("ik", "id"):
+        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
+    return recordings_provenance("personalize", files, prepared, settings, more)
+
+
+STEP = SubjectStep(
+    name="personalize",
+    title="muscles of the person",
+    options=(PersonalizeOptions,),
+    model="personalized.osim",
+    tables="personalization",
+    run=_run,
+    provenance=_provenance,
+)

@@ -1,0 +1,77 @@
+"""What a user says of a joint's contact points: `auto`, a folder of bone meshes, or a file (.toml) of points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import Field
+
+from myomorph.io.mesh import read_surfaces
+from myomorph.model.errors import BadFile
+from myomorph.model.model import Model
+from myomorph.model.surface import Surface
+from myomorph.store.study_file import Strict, checked, is_file, is_folder, read_toml, refuse
+from myomorph.study.trial.contact_file import AUTO, Vector
+from myomorph.tension.joint_contact import ContactPoint, JointPoints
+from myomorph.tension.knee_points import knee_points
+
+
+class _Point(Strict):
+    joint: str = Field(min_length=1)
+    name: str = Field(min_length=1)
+    frame: str = ""
+    point: Vector
+    normal: Vector | None = None
+
+
+class _File(Strict):
+    point: list[_Point] = Field(min_length=1)
+
+
+def contact_points(given: str, model: Model) -> JointPoints | None:
+    """Contact points of a model's joints, and what is to be known of them; None where none are asked for.
+
+    Parameters
+    ----------
+    given : "auto" for the model's knees with the bones beside its file, a folder of bones, a TOML file; "" for none
+
+    Raises
+    ------
+    BadFile
+        where there is no such file or folder, or the file is not of contact points
+    BadModel
+        where the model has no knee for "auto" or a folder
+    UnknownName
+        where the file names a joint that the model does not have
+    """
+    if not given:
+        return None
+    path = Path(given)
+    if given == AUTO or is_folder(path):
+        folders = None if given == AUTO else [path]
+        return knee_points(model, _bones(model, folders))
+    if path.suffix.lower() != ".toml" or not is_file(path):
+        raise BadFile(path, "gives no contact points", f"expected '{AUTO}', a folder of bone meshes, or a file .toml")
+    return JointPoints(read_contact_points(path))
+
+
+def read_contact_points(path: Path) -> tuple[ContactPoint, ...]:
+    """Contact points of a file.
+
+    Raises
+    ------
+    BadFile
+        where it is not of contact points
+    """
+    found, problems = checked(_File, read_toml(path))
+    refuse(path, problems)
+    return tuple(ContactPoint(one.joint, one.name, one.frame, one.point, one.normal) for one in found.point)
+
+
+def _bones(model: Model, folders: list[Path] | None) -> Mapping[str, Surface]:
+    """Meshes in the folders, those beside the model's file by default."""
+    if folders is None:
+        home = Path(model.source).parent
+        folders = [one for one in (home, home / "Geometry", home / "geometry") if model.source and one.is_dir()]
+    return read_surfaces(model, folders)[0] if folders else {}

@@ -1,0 +1,141 @@
+"""Fibers and tendons as part of the step `tension`: written, and told in notes, signals and numbers."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import astuple, fields
+
+import numpy as np
+
+from myomorph.analysis.strides import walking_strides
+from myomorph.io.parsing.text import written
+from myomorph.io.sto import write_sto
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Table
+from myomorph.store.fiber_store import get_fibers
+from myomorph.store.results import Stored
+from myomorph.study.trial.fiber_work import FiberWork, fiber_work
+from myomorph.study.trial.step import StepOutput
+from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
+from myomorph.tension.fibers import Fibers
+from myomorph.tension.tension import Tension
+
+WORK = "fiber_work.csv"
+UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "returned": "J", "stored": "J"}
+"""Of the columns of the table of work, by the last word of their names."""
+
+LARGE_STRAIN = 0.1
+"""Strain of a tendon that tears tendons [Wang 2006]: where it is passed, the model's tendon does not fit."""
+
+MOST_NAMED = 8
+"""Muscles that a note names one by one."""
+
+
+def write_fibers(tension: Tension, model: Model, motion: Motion, output: StepOutput) -> tuple[str, ...]:
+    """Write fibers and tendons of elastic tendons, and return what is to be known of them, one line each.
+
+    Nothing is written where tendons were rigid.
+    """
+    fibers = tension.fibers
+    if fibers is None:
+        return ()
+    tables = (
+        ("fiber_lengths", "fiber lengths [m]", fibers.lengths),
+        ("fiber_velocities", "lengthening velocities of fibers [m/s]", fibers.velocities),
+        ("tendon_strains", "tendon strains", fibers.tendon_strains),
+        ("tendon_forces", "tendon forces [N]", tension.forces),
+        ("fiber_powers", "powers of fibers [W]", fibers.fiber_powers),
+        ("tendon_powers", "powers of tendons [W]", fibers.tendon_powers),
+    )
+    for name, title, values in tables:
+        facts = FrozenMap({"name": f"Muscle tensions: {title}"})
+        write_sto(Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto")
+    with written(output.folder / WORK) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow([f"{one.name}{_unit(one.name)}" for one in fields(FiberWork)])
+        optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
+        for one in fiber_work(tension.time, tension.muscles, fibers, optimal, walking_strides(model, motion)):
+            table.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in astuple(one)])
+    return fiber_notes(tension, model)
+
+
+def _unit(name: str) -> str:
+    unit = UNITS.get(name.rpartition("_")[2], "")
+    return f"_{unit}" if unit else ""
+
+
+def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
+    """Muscles whose fibers cannot reach, frames that were bridged, tendons strained beyond what they bear."""
+    fibers = tension.fibers
+    if fibers is None:
+        return ()
+    notes = []
+    for one in fibers.unreachable[:MOST_NAMED]:
+        why = (
+            "the path is shorter than the slack tendon"
+            if one.worst <= 0.0
+            else f"fibers would be {one.worst:.2f} optimal lengths long"
+        )
+        at = f"from {tension.time[one.frame]:.3f} s (frame {one.frame})"
+        notes.append(f"{one.muscle}: {why}, first {at[5:]}; it is solved with a rigid tendon")
+    left = [one.muscle for one in fibers.unreachable[MOST_NAMED:]]
+    if left:
+        notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
+    if fibers.bridged.any():
+        first, last = tension.time[np.flatnonzero(fibers.bridged)[[0, -1]]]
+        notes.append(
+            f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between {first:.3f} and "
+            f"{last:.3f} s: interpolated for the tendons' dynamics, without results there"
+        )
+    inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strains)
+    most = np.max(np.nan_to_num(inside, nan=-np.inf), axis=0, initial=-np.inf)
+    torn = np.flatnonzero(most > LARGE_STRAIN)
+    if len(torn):
+        worst = int(torn[np.argmax(most[torn])])
+        at = tension.time[int(np.nanargmax(inside[:, worst]))]
+        notes.append(
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, which tears tendons; "
+            f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
+        )
+    return tuple(notes)
+
+
+def inside_ends(fibers: Fibers, values: np.ndarray) -> np.ndarray:
+    """Values with NaN where the start-up or the end can be felt."""
+    return np.where(fibers.transient[:, None], np.nan, values)
+
+
+def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
+    """Normalized fiber length, tendon strain and powers for tables of values and curves, ends left out."""
+    fibers = get_fibers(stored)
+    if fibers is None:
+        return ()
+    muscles = stored.names["muscle"]
+    optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
+    normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
+    kinds = (
+        (normal, "_normalized_fiber_length", "1", ("minimum", "maximum", "range"), "normalized fiber length", 1.0),
+        (fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0),
+        (fibers.fiber_powers, "_fiber_power", "W", ("minimum", "maximum", "mean"), "fiber power [W]", 1.0),
+        (fibers.tendon_powers, "_tendon_power", "W", ("minimum", "maximum", "mean"), "tendon power [W]", 1.0),
+    )
+    return tuple(
+        all_drawn("tension", Series(stored.time, muscles, inside_ends(fibers, values)), *rest)
+        for values, *rest in kinds
+    )
+
+
+def fiber_numbers(stored: Stored) -> Iterator[Value]:
+    """Greatest tendon strain, muscles on rigid tendons, and how sure the solution is."""
+    fibers = get_fibers(stored)
+    if fibers is None:
+        return
+    strains = inside_ends(fibers, fibers.tendon_strains)
+    if np.isfinite(strains).any():
+        yield Value("tension", "tendon strain, largest", float(np.nanmax(strains)), "1")
+    yield Value("tension", "muscles on rigid tendons", float(len(fibers.rigid)), "1")
+    yield Value("tension", "muscles whose fibers cannot reach", float(len(fibers.unreachable)), "1")
+    yield Value("tension", "frames bridged", float(fibers.bridged.sum()), "1")
+    yield Value("tension", "elastic tendons, residual", fibers.certificate.residual, "1")

@@ -1,0 +1,123 @@
+"""Forces at contact points of joints as part of the step `tension`: computed, written, told in notes and numbers."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from myomorph.analysis.joint_loads import stride_loads
+from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.io.parsing.text import written
+from myomorph.io.sto import write_sto
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.store.joint_contact_store import get_joint_contacts, put_joint_contacts
+from myomorph.store.results import Stored
+from myomorph.study.trial.step import StepOutput
+from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
+from myomorph.study.trial.trial_strides import TrialStrides
+from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
+from myomorph.tension.tension import Tension
+
+TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
+COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
+
+LOADED = 0.25
+"""Of body weight: a joint that bears less may rest on any of its points without a word."""
+LEFT = 0.25
+"""Of the force times half the distance of the points: a moment left that is said."""
+ENDING = " contact force"
+
+
+def solve_joint_contacts(
+    model: Model,
+    motion: Motion,
+    tension: Tension,
+    wrenches: Wrenches | None,
+    points: JointPoints,
+    actuators: Sequence[Actuator],
+    output: StepOutput,
+) -> tuple[str, ...]:
+    """Compute the forces at contact points, write them, and return what is to be known of them, one line each."""
+    found = joint_contact_forces(model, motion, tension, wrenches, points.points, actuators=actuators)
+    put_joint_contacts(output.writer, found)
+    write_sto(found.table(), output.folder / TABLE)
+    strides = walking_strides(model, motion)
+    with written(output.folder / STRIDES) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(COLUMNS)
+        table.writerows(_stride_rows(found, strides))
+    return (*points.notes, *lift_off_notes(found, _half_distances(points)))
+
+
+def _half_distances(points: JointPoints) -> dict[str, float]:
+    """Of each joint's points from their middle, the mean of squares [m]."""
+    found = {}
+    for joint in dict.fromkeys(one.joint for one in points.points):
+        own = np.array([one.point for one in points.points if one.joint == joint], dtype=np.float64)
+        found[joint] = float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    return found
+
+
+def lift_off_notes(found: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
+    """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are pulled apart."""
+    notes = []
+    for j, joint in enumerate(found.joints):
+        force, moment, pull = found.totals[:, j], found.unbalanced_moments[:, j], found.unbalanced_forces[:, j]
+        loaded = force > LOADED * found.weight
+        bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
+        if bad.any():
+            worst = int(np.argmax(np.where(bad, moment, -1.0)))
+            own = [k for k, name in enumerate(found.joint_of) if name == joint]
+            up = ", ".join(found.points[k] for k in own if found.forces[worst, k] <= 1e-6 * force[worst])
+            notes.append(
+                f"{joint}: in {100.0 * bad.mean():.0f} % of the frames a contact point of the loaded joint would have "
+                f"to pull; it lifts off, and a moment of up to {moment[worst]:.1f} N m is left (at "
+                f"{found.time[worst]:.2f} s, {up or 'none'} off)"
+            )
+        pulled = pull > LOADED * found.weight
+        if pulled.any():
+            worst = int(np.argmax(np.where(pulled, pull, -1.0)))
+            notes.append(
+                f"{joint}: in {100.0 * pulled.mean():.0f} % of the frames the joint is pulled apart, which its contact "
+                f"points cannot carry, by up to {pull[worst]:.0f} N (at {found.time[worst]:.2f} s); do the normals "
+                "point towards the child?"
+            )
+    return tuple(notes)
+
+
+def _stride_rows(found: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
+    """One row a load and stride; the whole recording as one row where it has no strides."""
+    for one in stride_loads(found.loads(), strides):
+        numbers = (one.peak, one.peak / found.weight, one.peak_percent, one.impulse)
+        label = str(one.stride) if one.stride else "recording"
+        yield (one.load, label, f"{one.start:.4f}", f"{one.stop:.4f}", *(f"{value:.6g}" for value in numbers))
+
+
+def joint_contact_signals(stored: Stored) -> tuple[Signals, ...]:
+    """Loads over time for tables of values and curves."""
+    found = get_joint_contacts(stored)
+    if found is None:
+        return ()
+    loads: Series = found.loads()
+    return (all_drawn("tension", loads, ENDING, "N", ("maximum", "mean"), "joint contact force [N]"),)
+
+
+def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:
+    """Peak in body weights and impulse of every load: means over the strides, or of the whole recording."""
+    found = get_joint_contacts(stored)
+    if found is None or not len(found):
+        return
+    parts = () if strides is None else strides.parts
+    each = [one for part in parts for one in stride_loads(found.loads(), part)] or stride_loads(found.loads(), None)
+    for name in found.loads().names:
+        own = [one for one in each if one.load == name]
+        ending = ", mean of strides" if any(one.stride for one in own) else ""
+        if own:
+            peak = float(np.mean([one.peak for one in own])) / found.weight
+            yield Value("tension", f"{name}{ENDING}, peak{ending}", peak, "body weight")
+            yield Value(
+                "tension", f"{name}{ENDING}, impulse{ending}", float(np.mean([one.impulse for one in own])), "N s"
+            )

@@ -1,0 +1,129 @@
+"""Generalized forces from elsewhere: a table as inverse dynamics writes it, at the times of a motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import natural_spline
+from myomorph.study.trial import inputs
+
+MOMENT, FORCE = "_moment", "_force"
+
+
+def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
+    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that are not used.
+
+    Columns are named as coordinates, or as OpenSim's inverse dynamics names them: `knee_angle_r_moment` of one that
+    rotates, `pelvis_tx_force` of one that translates (or does both).
+
+    Raises
+    ------
+    BadFile : it is no table
+    BadData : a column's name tells another unit than its coordinate has, one comes twice, or a value is missing
+    UnknownName : a coordinate that is free has no column
+    """
+    if path.suffix.lower() not in inputs.TABLE_FILES:
+        raise BadFile(path, f"is no table of torques: its name ends in '{path.suffix}'", "expected .sto or .mot")
+    with inputs.about(path):
+        table = read_sto(path)
+    columns, unused = {}, []
+    for k, column in enumerate(table.names):
+        name = _coordinate(column, model, path)
+        if name is None:
+            unused.append(column)
+        elif name in columns:
+            raise BadData(f"{path}: coordinate '{name}' has two columns, '{table.names[columns[name]]}' and '{column}'")
+        else:
+            columns[name] = k
+    from myomorph.tension.terms.actuators import free_coordinates  # Numba, which other steps do without
+
+    for name in free_coordinates(model):
+        if name not in columns:
+            raise UnknownName("coordinate", name, table.names, f"{path}: the table of torques")
+    values = table.values[:, list(columns.values())]
+    if not np.isfinite(values).all():
+        frame, column_ = (int(one[0]) for one in np.nonzero(~np.isfinite(values)))
+        raise BadData(
+            f"{path}: the torque of '{list(columns)[column_]}' has no finite value at {table.time[frame]:g} s; fill "
+            "the gap, or use --time START END"
+        )
+    notes = (f"{path.name}: not used, no coordinates of the model: {', '.join(unused)}",) if unused else ()
+    return Series(table.time, tuple(columns), values), notes
+
+
+def _coordinate(column: str, model: Model, path: Path) -> str | None:
+    """The coordinate that a column is of, or None."""
+    if column in model.coordinate_names:
+        return column
+    for ending, wrong in ((MOMENT, "translational"), (FORCE, "rotational")):
+        name = column.removesuffix(ending)
+        if name != column and name in model.coordinate_names:
+            kind = model.coordinate(name).motion
+            if kind == wrong:
+                right = FORCE if ending == MOMENT else MOMENT
+                raise BadData(
+                    f"{path}: column '{column}': coordinate '{name}' is {kind}; expected '{name}{right}', or '{name}'"
+                )
+            return name
+    return None
+
+
+def torques_at(torques: Series, motion: Motion) -> Series:
+    """Torques at the motion's times, by natural cubic splines where they are others.
+
+    Raises
+    ------
+    BadData
+        where the motion reaches beyond the torques
+    """
+    time, own = motion.time, torques.time
+    if len(own) == len(time) and np.max(np.abs(own - time), initial=0.0) <= 1e-6:
+        return Series(time, torques.names, torques.values)
+    slack = 1e-6 if len(own) < 2 else 0.5 * float(np.median(np.diff(own)))
+    if not len(own) or time[0] < own[0] - slack or time[-1] > own[-1] + slack:
+        span = f"from {own[0]:g} to {own[-1]:g} s" if len(own) else "over no time"
+        raise BadData(
+            f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END"
+        )
+    at = np.clip(time, own[0], own[-1])
+    if len(own) < 4:
+        values = np.column_stack([np.interp(at, own, column) for column in torques.values.T])
+    else:
+        values = natural_spline(own, torques.values, degree=3)(at)
+    return Series(time, torques.names, values)
+
+
+def given_torques(
+    path: Path | None, model: Model, loads: Path | None, contacts: str, reactions: bool
+) -> tuple[Series | None, tuple[str, ...]]:
+    """`read_torques` where a file is given, and nothing beside it that it excludes.
+
+    Parameters
+    ----------
+    loads, contacts : what else is given of external forces
+    reactions : whether joint reactions, or contact points that share them, are asked for
+
+    Raises
+    ------
+    BadData
+        where they contradict each other
+    """
+    if path is None:
+        return None, ()
+    for given, what in (
+        (loads is not None, "loads: the torques already hold what the external forces do; give one of them"),
+        (bool(contacts), "contacts: forces of contacts are found with inverse dynamics, so leave the torques out"),
+        (
+            reactions,
+            "joint reactions or contact points: loads of joints need the external forces, so give loads instead",
+        ),
+    ):
+        if given:
+            raise BadData(f"{path.name}: torques are given together with {what}")
+    return read_torques(path, model)

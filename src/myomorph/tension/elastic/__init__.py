@@ -1,0 +1,1 @@
+"""Muscle tensions on elastic tendons: activation and tendon dynamics over the whole recording."""

@@ -1,0 +1,430 @@
+"""The elastic problem by an interior-point method with exact curvature, each step exploiting its structure.
+
+Activations, slacks and all other unknowns of a frame are eliminated from the Newton system, and with them the
+multipliers of the balance; what is left are the tendon forces, f (frames, muscles), whose matrix is banded over frames.
+The curvature of each equilibrium counts as far as it is not negative, so that every step descends; a filter accepts
+steps (Waechter and Biegler 2006; primal-dual interior-point methods: Nocedal and Wright 2006, ch. 19).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.tension.elastic.band import BandSystem
+from myomorph.tension.elastic.elements import elements
+from myomorph.tension.elastic.program import LEAST, MOST, SMOOTH, Point, Program
+
+SLACK = 1e-6
+"""Slack of the balance per multiplier: where no activation can balance, torques are missed least."""
+
+FIRST, LAST = 1e-2, 1e-6
+"""Barrier parameter at the beginning and at the end, in units of the effort a^2 of one muscle."""
+
+TOLERANCE = (5e-4, 1e-5, 1e-5)
+"""Residuals of the gradient, of bounds and of constraints at which the problem is solved."""
+
+ENOUGH = 50.0
+"""Residual, in units of the barrier parameter, at which that is made smaller."""
+
+STEPS = 300
+NEAR = 1e-2
+"""How far from its bounds, in shares of their distance, an unknown begins at least."""
+
+
+class Outcome(NamedTuple):
+    """Where the solver ended.
+
+    Attributes
+    ----------
+    point : forces, activations and others
+    y : (frames, rows) multipliers of the balance
+    residual : greatest KKT residual
+    equilibrium : greatest difference of tendon and fiber force, normalized
+    cost, steps, solved : objective, iterations, whether the tolerance was met
+    fibers : (frames - 1, muscles, 2) normalized fiber lengths and velocities
+    """
+
+    point: Point
+    y: Array
+    residual: float
+    equilibrium: float
+    cost: float
+    steps: int
+    solved: bool
+    fibers: Array
+
+
+class Box:
+    """Unknowns between bounds, which may be infinite, with multipliers.
+
+    Attributes
+    ----------
+    low, high : broadcast to the unknowns
+    z, w : multipliers of the lower and the upper bound, 0 of an infinite one
+    """
+
+    def __init__(self, low: Array, high: Array, v: Array, mu: float):
+        self.low, self.high = np.broadcast_to(low, v.shape), np.broadcast_to(high, v.shape)
+        self.below, self.above = np.isfinite(self.low), np.isfinite(self.high)
+        self.z = np.where(self.below, mu / self._down(v), 0.0)
+        self.w = np.where(self.above, mu / self._up(v), 0.0)
+
+    def _down(self, v: Array) -> Array:
+        return np.where(self.below, v - self.low, 1.0)
+
+    def _up(self, v: Array) -> Array:
+        return np.where(self.above, self.high - v, 1.0)
+
+    @staticmethod
+    def inside(low: Array, high: Array, v: Array, near: float = NEAR) -> Array:
+        """The values moved off their bounds."""
+        span = np.where(np.isfinite(high - low), high - low, 1.0)
+        gap = np.minimum(near * np.maximum(1.0, np.abs(v)), near * span)
+        return np.where(v - low < gap, low + gap, np.where(high - v < gap, high - gap, v))
+
+    def force(self) -> Array:
+        """What the bounds add to the gradient of the Lagrangian."""
+        return self.w - self.z
+
+    def barrier(self, v: Array, mu: float) -> tuple[Array, Array]:
+        """Gradient of the barrier, and the curvature of a primal-dual step."""
+        down, up = 1.0 / self._down(v), 1.0 / self._up(v)
+        return mu * (up * self.above - down * self.below), self.z * down + self.w * up
+
+    def logs(self, v: Array) -> float:
+        """Sum of the logarithms of the distances to the bounds."""
+        down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
+        if not (down > 0.0).all() or not (up > 0.0).all():
+            return -np.inf
+        return float(np.log(down).sum() + np.log(up).sum())
+
+    def complementarity(self, v: Array, mu: float) -> float:
+        """Greatest difference of a multiplier times its distance from the barrier parameter."""
+        one = np.abs(self.z * self._down(v) - mu) * self.below
+        other = np.abs(self.w * self._up(v) - mu) * self.above
+        return float(max(one.max(initial=0.0), other.max(initial=0.0)))
+
+    def changes(self, v: Array, dv: Array, mu: float) -> tuple[Array, Array]:
+        """Steps of the multipliers."""
+        down, up = self._down(v), self._up(v)
+        return np.where(self.below, (mu - self.z * dv) / down - self.z, 0.0), np.where(
+            self.above, (mu + self.w * dv) / up - self.w, 0.0
+        )
+
+    def reach(self, v: Array, dv: Array, share: float) -> float:
+        """Longest step that keeps a share of the distance to the bounds."""
+        worst = max(
+            float((-dv * self.below / self._down(v)).max(initial=0.0)),
+            float((dv * self.above / self._up(v)).max(initial=0.0)),
+        )
+        return min(1.0, share / worst) if worst > 0.0 else 1.0
+
+    def dual_reach(self, dz: Array, dw: Array, share: float) -> float:
+        """Longest step that keeps a share of the multipliers."""
+        worst = max(
+            float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
+            float((-dw / np.where(self.w > 0.0, self.w, 1.0)).max(initial=0.0)),
+        )
+        return min(1.0, share / worst) if worst > 0.0 else 1.0
+
+    def keep_near(self, v: Array, mu: float) -> None:
+        """Multipliers within a wide corridor of the barrier's own."""
+        down, up = mu / self._down(v), mu / self._up(v)
+        self.z = np.where(self.below, np.clip(self.z, down / 1e10, down * 1e10), 0.0)
+        self.w = np.where(self.above, np.clip(self.w, up / 1e10, up * 1e10), 0.0)
+
+
+@dataclass(eq=False)
+class Linearized:
+    """The problem at a point: what a step is made of."""
+
+    g: Array
+    fibers: Array
+    cost: float
+    slope_a: Array
+    bend_a: Array
+    slope_x: Array
+    bend_x: Array
+    balance: Array
+    rate: Array
+    rate_slopes: Array
+
+
+class Solver:
+    """One program, solved from one start."""
+
+    def __init__(self, program: Program, start: Point, y: Array):
+        p = self.p = program
+        # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
+        effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
+        mu = FIRST * float(np.clip(effort, 1.0, 1e3))
+        self.frames, self.muscles = start.f.shape
+        self.second = p.rates is not None and self.frames > 2
+        f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
+        low, high = (np.broadcast_to(one, start.a.shape) for one in (p.activation.lower, p.activation.upper))
+        a = Box.inside(low, high, start.a)
+        low_x, high_x = (np.broadcast_to(one, start.x.shape) for one in (p.other.lower, p.other.upper))
+        x = Box.inside(low_x, high_x, start.x)
+        self.mu, self.y = mu, y.copy()
+        self.v = [f, a, x]
+        self.boxes = [Box(np.asarray(LEAST), np.asarray(MOST), f, mu), Box(low, high, a, mu), Box(low_x, high_x, x, mu)]
+        self.between = 0.5 * (p.steps[1:] + p.steps[:-1])[:, None]
+        if self.second:
+            s = np.maximum(self._rates(a)[0], NEAR)
+            self.v.append(s)
+            self.boxes.append(Box(np.asarray(0.0), np.asarray(np.inf), s, mu))
+        self.band = BandSystem(self.frames, self.muscles, self.second)
+        self.row_scale = 1.0 / np.maximum(np.abs(p.pulls).max(axis=(0, 2), initial=0.0), 1.0)
+        self.filter: list[tuple[float, float]] = []
+        self.bent, self.taken = 0, 0.0
+
+    def _rates(self, a: Array) -> tuple[Array, Array]:
+        """Room to the bounds of the rates (2, frames - 2, muscles), and its slopes (2, 2, ...) over both a."""
+        assert self.p.rates is not None
+        up, up1, low, low1 = self.p.rates.bounds(0.5 * (a[1:] + a[:-1]))
+        dt, change = self.between, a[1:] - a[:-1]
+        room = np.stack([dt * up - change, change - dt * low])
+        half_up, half_low = 0.5 * dt * up1, 0.5 * dt * low1
+        return room, np.stack([np.stack([half_up + 1.0, half_up - 1.0]), np.stack([-half_low - 1.0, 1.0 - half_low])])
+
+    def _balance(self, f: Array, x: Array, y: Array) -> Array:
+        p = self.p
+        held = np.matmul(p.pulls, f[:, :, None])[..., 0] + np.matmul(p.columns, x[:, :, None])[..., 0]
+        return p.right - held - SLACK * y
+
+    def linearize(self, v: list[Array], y: Array) -> Linearized:
+        """The problem at a point."""
+        p, (f, a, x) = self.p, v[:3]
+        g, fibers = np.empty((*a.shape, 10)), np.empty((*a.shape, 2))
+        elements(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g, fibers)
+        cost_a, slope_a, bend_a = p.activation.terms(a)
+        cost_x, slope_x, bend_x = p.other.terms(x)
+        rate, rate_slopes = self._rates(a) if self.second else (np.zeros((2, 0, 0)), np.zeros((2, 2, 0, 0)))
+        if self.second:
+            rate = rate - v[3]
+        cost = cost_a + cost_x + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
+        return Linearized(
+            g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, rate_slopes
+        )
+
+    def multipliers(self, at: Linearized) -> tuple[Array, Array]:
+        """Slope of the Lagrangian without equilibrium over a, and the multipliers of equilibrium."""
+        slope = at.slope_a + self.boxes[1].force()
+        if self.second:
+            z = self.boxes[3].z
+            slope[:-1] -= (at.rate_slopes[:, 0] * z).sum(axis=0)
+            slope[1:] -= (at.rate_slopes[:, 1] * z).sum(axis=0)
+        return slope, -slope / at.g[..., 3]
+
+    def _smooth_slope(self, f: Array) -> Array:
+        change = 2.0 * SMOOTH * np.diff(f, axis=0)
+        found = np.zeros_like(f)
+        found[1:] += change
+        found[:-1] -= change
+        return found
+
+    def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
+        """Residuals of the gradient (relative to the mean slope of the cost over forces), of bounds, of constraints."""
+        f = self.v[0]
+        _, multiplier = self.multipliers(at)
+        pulled = np.matmul(self.y[:, None], self.p.pulls)[:, 0]
+        dual = self._smooth_slope(f) + self.boxes[0].force() - pulled
+        dual[:-1] += multiplier * at.g[..., 1]
+        dual[1:] += multiplier * at.g[..., 2]
+        dual_x = at.slope_x + self.boxes[2].force() - np.matmul(self.y[:, None], self.p.columns)[:, 0]
+        both = max(np.abs(dual).max(initial=0.0), np.abs(dual_x / (1.0 + np.sqrt(at.bend_x))).max(initial=0.0))
+        scale = 1.0 + float(np.abs(pulled).mean())
+        complementarity = max(box.complementarity(v, mu) for box, v in zip(self.boxes, self.v, strict=True))
+        return float(both) / scale, complementarity, self._infeasible(at.g[..., 0], at.balance, at.rate)[1]
+
+    def _infeasible(self, g: Array, balance: Array, rate: Array) -> tuple[float, float]:
+        """Sum and greatest of what the constraints miss."""
+        parts = [np.abs(one) for one in (g, balance * self.row_scale, rate)]
+        return float(sum(one.sum() for one in parts)), float(max(one.max(initial=0.0) for one in parts))
+
+    def step(self, at: Linearized, shift: float) -> tuple[list[Array], Array] | None:
+        """Newton step of f, a, x and slacks, and of y; None where the matrix is not positive definite."""
+        p, mu, (f, a, x) = self.p, self.mu, self.v[:3]
+        g = at.g
+        _, lam = self.multipliers(at)
+        barrier_a, bend_a = self.boxes[1].barrier(a, mu)
+        ga, da = at.slope_a + barrier_a, at.bend_a + bend_a
+        c, pk, pn = (-g[..., i] / g[..., 3] for i in (0, 1, 2))
+        barrier_f, d = self.boxes[0].barrier(f, mu)
+        gf = self._smooth_slope(f) + barrier_f - np.matmul(self.y[:, None], p.pulls)[:, 0]
+        d = d + shift + 4.0 * SMOOTH
+        d[0] -= 2.0 * SMOOTH
+        d[-1] -= 2.0 * SMOOTH
+        e = np.full((self.frames - 1, self.muscles), -2.0 * SMOOTH)
+        second = np.zeros((0, 0))
+        if self.second:
+            second = self._add_rates(at, (c, pk, pn), ga, gf, d, e)
+        kk = da * pk * pk + lam * (g[..., 4] + (2.0 * g[..., 7] + g[..., 9] * pk) * pk)
+        kn = da * pk * pn + lam * (g[..., 5] + g[..., 7] * pn + g[..., 8] * pk + g[..., 9] * pk * pn)
+        nn = da * pn * pn + lam * (g[..., 6] + (2.0 * g[..., 8] + g[..., 9] * pn) * pn)
+        reduced = ga + (da + lam * g[..., 9]) * c
+        gf[:-1] += pk * reduced + lam * g[..., 7] * c
+        gf[1:] += pn * reduced + lam * g[..., 8] * c
+        barrier_x, bend_x = self.boxes[2].barrier(x, mu)
+        dx = at.bend_x + bend_x + 1e-12
+        gx = at.slope_x + barrier_x - np.matmul(self.y[:, None], p.columns)[:, 0]
+        soft = np.matmul(p.columns / dx[:, None], p.columns.transpose(0, 2, 1))
+        soft += SLACK * np.eye(soft.shape[1])
+        lower = np.linalg.cholesky(soft)
+        missed = at.balance + np.matmul(p.columns, (gx / dx)[:, :, None])[..., 0]
+        both = np.linalg.solve(lower, np.concatenate([p.pulls, missed[:, :, None]], axis=2))
+        C, t = both[:, :, :-1], both[:, :, -1]
+        if not self._factorized((d, e, second), (kk, kn, nn), C):
+            return None
+        df = self.band.solve(np.matmul(t[:, None], C)[:, 0] - gf)
+        left = t - np.matmul(C, df[:, :, None])[..., 0]
+        dy = np.linalg.solve(lower.transpose(0, 2, 1), left[:, :, None])[..., 0]
+        da_ = c + pk * df[:-1] + pn * df[1:]
+        step = [df, da_, (np.matmul(dy[:, None], p.columns)[:, 0] - gx) / dx]
+        if self.second:
+            step.append(at.rate + at.rate_slopes[:, 0] * da_[:-1] + at.rate_slopes[:, 1] * da_[1:])
+        return step, dy
+
+    def _factorized(self, matrix: tuple[Array, Array, Array], bends: tuple[Array, Array, Array], C: Array) -> bool:
+        """Factorize with the exact curvature, or with that of each equilibrium as far as it is not negative."""
+        for kk, kn, nn in (bends, _not_negative(*bends)):
+            d, e = matrix[0].copy(), matrix[1] + kn
+            d[:-1] += kk
+            d[1:] += nn
+            if self.band.factorize(d, e, matrix[2], C):
+                return True
+            self.bent += 1
+        return False
+
+    def _add_rates(
+        self, at: Linearized, by_force: tuple[Array, Array, Array], ga: Array, gf: Array, d: Array, e: Array
+    ) -> Array:
+        """Add the rates' part of the gradient to ga and of the matrix to d and e; its second blocks beside."""
+        c, pk, pn = by_force
+        s, z = self.v[3], self.boxes[3].z
+        stiff = z / s
+        push = self.mu / s - stiff * at.rate
+        one, other = at.rate_slopes[:, 0], at.rate_slopes[:, 1]
+        # The gradient at c = 0 of a; the step of the elements adds what c is to their own part alone.
+        drift = stiff * (one * c[:-1] + other * c[1:])
+        pull = drift - push
+        first, last = (one * pull).sum(axis=0), (other * pull).sum(axis=0)
+        gf[:-2] += pk[:-1] * first
+        gf[1:-1] += pn[:-1] * first + pk[1:] * last
+        gf[2:] += pn[1:] * last
+        r0, r1, r2 = one * pk[:-1], one * pn[:-1] + other * pk[1:], other * pn[1:]
+        d[:-2] += (stiff * r0 * r0).sum(axis=0)
+        d[1:-1] += (stiff * r1 * r1).sum(axis=0)
+        d[2:] += (stiff * r2 * r2).sum(axis=0)
+        e[:-1] += (stiff * r0 * r1).sum(axis=0)
+        e[1:] += (stiff * r1 * r2).sum(axis=0)
+        return (stiff * r0 * r2).sum(axis=0)
+
+    def merit(self, v: list[Array], y: Array, at: Linearized) -> tuple[float, float]:
+        """What the constraints miss, and the cost with the barrier."""
+        logs = sum(box.logs(one) for box, one in zip(self.boxes, v, strict=True))
+        missed = self._infeasible(at.g[..., 0], at.balance, at.rate)[0]
+        if not np.isfinite(missed + at.cost + logs):
+            return np.inf, np.inf
+        # The slack of the balance has its own cost, which the multipliers stand for.
+        return missed, at.cost - self.mu * logs + 0.5 * SLACK * float((y * y).sum())
+
+    def slope(self, at: Linearized, step: list[Array], dy: Array) -> float:
+        """Slope of the cost with the barrier along a step."""
+        grads = [self._smooth_slope(self.v[0]), at.slope_a, at.slope_x, np.zeros(1)]
+        total = SLACK * float((self.y * dy).sum())
+        for box, v, dv, grad in zip(self.boxes, self.v, step, grads, strict=False):
+            total += float(((grad + box.barrier(v, self.mu)[0]) * dv).sum())
+        return total
+
+    def advance(self, at: Linearized, step: list[Array], dy: Array) -> Linearized | None:
+        """Take a step as far as the filter accepts: the problem there, None where it accepts none."""
+        share = max(0.99, 1.0 - self.mu)
+        top = min(box.reach(v, dv, share) for box, v, dv in zip(self.boxes, self.v, step, strict=True))
+        missed, value = self.merit(self.v, self.y, at)
+        slope = self.slope(at, step, dy)
+        length, found = top, None
+        rounding = 1e-12 * (1.0 + abs(value))
+        for _ in range(14):
+            v = [one + length * dv for one, dv in zip(self.v, step, strict=True)]
+            y = self.y + length * dy
+            there = self.linearize(v, y)
+            now_missed, now = self.merit(v, y, there)
+            ahead = all(now_missed <= (1.0 - 1e-5) * t or now <= p - 1e-5 * t + rounding for t, p in self.filter)
+            if np.isfinite(now) and ahead:
+                armijo = slope < 0.0 and missed <= 1e-4 and length * -slope > missed
+                if armijo and now <= value + 1e-4 * length * slope + rounding:
+                    found = v, y, there
+                    break
+                if not armijo and (now_missed <= (1.0 - 1e-5) * missed + 1e-14 or now <= value - 1e-5 * missed):
+                    self.filter.append((missed, value))
+                    found = v, y, there
+                    break
+            length *= 0.5
+        if found is None:
+            return None
+        pairs = [box.changes(v, dv, self.mu) for box, v, dv in zip(self.boxes, self.v, step, strict=True)]
+        dual = min(box.dual_reach(*pair, share) for box, pair in zip(self.boxes, pairs, strict=True))
+        self.v, self.y, there = found
+        for box, (dz, dw), one in zip(self.boxes, pairs, self.v, strict=True):
+            box.z, box.w = box.z + dual * dz, box.w + dual * dw
+            box.keep_near(one, self.mu)
+        self.taken = length
+        return there
+
+    def solve(self, log: Callable[[str], None] | None = None) -> Outcome:
+        """Follow the barrier down to the solution."""
+        shift, steps, errors = 0.0, 0, (np.inf, np.inf, np.inf)
+        at = self.linearize(self.v, self.y)
+        for steps in range(1, STEPS + 1):
+            while True:
+                errors = self.errors(at, self.mu)
+                if max(errors) > ENOUGH * self.mu or self.mu <= LAST:
+                    break
+                self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
+                self.filter = []
+            if log is not None:
+                log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
+            if self.mu <= LAST and _solved(errors):
+                break
+            found = self.step(at, shift)
+            there = None if found is None else self.advance(at, *found)
+            if there is None:
+                shift = max(4.0 * shift, 1e-4)
+                if shift > 1e6:
+                    break
+                continue
+            shift = shift / 4.0 if shift > 1e-4 else 0.0
+            at = there
+        residual = max(self.errors(at, 0.0)[0], errors[2])
+        return Outcome(
+            Point(*self.v[:3]),
+            self.y,
+            max(residual, errors[1]),
+            float(np.abs(at.g[..., 0]).max(initial=0.0)),
+            at.cost,
+            steps,
+            _solved(errors),
+            at.fibers,
+        )
+
+
+def _solved(errors: tuple[float, float, float]) -> bool:
+    return all(one <= most for one, most in zip(errors, TOLERANCE, strict=True))
+
+
+def _not_negative(kk: Array, kn: Array, nn: Array) -> tuple[Array, Array, Array]:
+    """The nearest symmetric 2 x 2 matrices without a negative eigenvalue."""
+    mean, half = 0.5 * (kk + nn), 0.5 * (kk - nn)
+    root = np.sqrt(half * half + kn * kn)
+    low, high = mean - root, mean + root
+    bad = low < 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(bad, np.where(high > 0.0, high / (high - low), 0.0), 1.0)
+    shift = np.where(bad, low, 0.0)
+    return scale * (kk - shift), scale * kn, scale * (nn - shift)

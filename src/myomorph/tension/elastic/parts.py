@@ -1,0 +1,51 @@
+"""Which muscles, rows and other unknowns belong together: parts of the problem that share nothing are solved apart."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from myomorph.tension.separable import Separable
+
+
+class Part(NamedTuple):
+    """Unknowns and rows of one part, in ascending order.
+
+    Attributes
+    ----------
+    muscles : those on elastic tendons
+    others : all other unknowns
+    rows : of the balance, in the order of elimination
+    """
+
+    muscles: NDArray[np.int64]
+    others: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+
+def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
+    """The parts that have a muscle on an elastic tendon, the largest first.
+
+    Parameters
+    ----------
+    elastic : (muscles,) of the first unknowns, which have an elastic tendon
+    """
+    unknowns, rows = len(separable.weight), len(separable.first)
+    column = np.repeat(np.arange(unknowns), np.diff(separable.start))
+    links = coo_array((np.ones(len(column)), (column, unknowns + separable.row)), shape=(unknowns + rows,) * 2)
+    count, label = connected_components(links, directed=False)
+    stretches = np.zeros(unknowns, np.bool_)
+    stretches[: len(elastic)] = elastic
+    found = [
+        Part(
+            np.flatnonzero(stretches & (label[:unknowns] == k)),
+            np.flatnonzero(~stretches & (label[:unknowns] == k)),
+            np.flatnonzero(label[unknowns:] == k),
+        )
+        for k in range(count)
+    ]
+    return sorted((one for one in found if len(one.muscles)), key=lambda one: -len(one.muscles))

@@ -1,0 +1,348 @@
+"""The tension problem with elastic tendons: overlapping windows of frames, and what comes out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Motion, Series
+from myomorph.rigid.frames import over_frames, thread_count
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
+from myomorph.tension.elastic.fibers_at import fibers_at
+from myomorph.tension.elastic.interior import Outcome
+from myomorph.tension.elastic.parts import parts_of
+from myomorph.tension.elastic.term import ElasticMuscleTerm
+from myomorph.tension.elastic.windows import Frames, drawn, filled, program_of, runs, solve_part, start_of
+from myomorph.tension.fibers import Certificate, Fibers, Unreachable
+from myomorph.tension.problem import Balance, TensionProblem, problem_setup
+from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.terms.contacts import ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import Term
+
+WINDOW = 128
+"""Frames kept of each window of a long recording."""
+
+MARGIN = 0.3
+"""Time before and after them that is solved too [s]."""
+
+SHORTEST_BRIDGE = 0.1
+"""Gaps up to this long are bridged [s]."""
+
+PASSES = 2
+"""Passes over a window whose contact forces are smoothed: each frame is given those beside it of the pass before, the
+first those of the solution with rigid tendons."""
+
+TRANSIENT = 0.1
+"""Time from the beginning and before the end in which what lies beyond is felt [s]."""
+
+LONGEST_FIBER = 1.8
+"""Normalized length beyond which fibers are said not to reach."""
+
+MISSED = 1e-3
+"""Torque left over, relative to 1 + the greatest, above which a frame is infeasible."""
+
+
+def elastic_problem(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions | None = None,
+    actuators: Sequence[Actuator] | None = None,
+    *,
+    contacts: ContactTask | None = None,
+    emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
+) -> tuple[ElasticProblem, tuple[str, ...]]:
+    """What `solve_tension` solves with elastic tendons, set up but not solved, and the names of the actuators.
+
+    Parameters and errors are those of `solve_tension`.
+    """
+    options = options or TensionOptions(tendons="elastic")
+    if options.curves == "constant":
+        raise BadData("curves 'constant' with elastic tendons: a tendon stretches fibers, which need curves")
+    if getattr(options, "recruitment", "power") != "power":
+        raise BadData(
+            "recruitment 'minmax' is not built for elastic tendons: take recruitment 'power', or rigid tendons"
+        )
+    tree = compile_tree(model)
+    muscles = ElasticMuscleTerm(tree, options)
+    setup, names = problem_setup(tree, motion, torques, options, actuators, contacts, emg, terms, muscles)
+    return ElasticProblem(*setup), names
+
+
+def solve_elastic(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions | None = None,
+    actuators: Sequence[Actuator] | None = None,
+    progress: Callable[[int], None] | None = None,
+    *,
+    contacts: ContactTask | None = None,
+    emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
+) -> Tension:
+    """`solve_tension` with elastic tendons; parameters and errors are those of it."""
+    problem, names = elastic_problem(
+        model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
+    )
+    # Threads of the package share out windows and parts; those of BLAS would only wait for each other.
+    with threadpool_limits(1, "blas"):
+        over_frames(problem.solve, len(motion), progress, problem.window)
+    return problem.result(names)
+
+
+Solved = tuple[Outcome, tuple[float, float]]
+
+
+class _Found(NamedTuple):
+    """What one window's certificate says."""
+
+    residual: float
+    equilibrium: float
+    steps: int
+    solved: bool
+    far: tuple[float, float]
+
+
+class ElasticProblem(TensionProblem):
+    """`TensionProblem` whose frames are linked by tendons.
+
+    Attributes
+    ----------
+    muscles : with the curves of tendons
+    unreachable : muscles whose fibers cannot reach, solved with rigid tendons
+    parts : what is solved apart
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    """
+
+    muscles: ElasticMuscleTerm
+
+    def __init__(
+        self,
+        tree: Tree,
+        terms: Sequence[Term],
+        options: TensionOptions,
+        time: Array,
+        coordinates: Array,
+        rates: Array,
+        torques: Array,
+    ):
+        super().__init__(tree, terms, options, time, coordinates, rates, torques)
+        frames, muscles = len(time), len(self.muscles.strength)
+        self.lengths, self.speeds = np.empty((frames, muscles)), np.empty((frames, muscles))
+        over_frames(self._measure, frames)
+        self.unreachable = self._take_off_unreachable()
+        self._refuse_rows()
+        if not self.muscles.elastic.any():
+            raise BadData("no muscle has an elastic tendon that its fibers can reach: take rigid tendons")
+        self.parts = parts_of(self.separable, self.muscles.elastic)
+        step = float(np.median(np.diff(time))) if frames > 1 else MARGIN
+        self._margin = int(np.ceil(MARGIN / step))
+        whole = frames <= WINDOW + 2 * self._margin
+        self.window = frames if whole else WINDOW
+        self._tendon_forces = np.full((frames, muscles), np.nan)
+        self._bridged = np.zeros(frames, np.bool_)
+        self._transient = np.zeros(frames, np.bool_)
+        self._certificates: list[_Found] = []
+
+    def _measure(self, start: int, stop: int) -> None:
+        c = np.ascontiguousarray(self.coordinates[start:stop])
+        self.lengths[start:stop], self.speeds[start:stop] = self.muscles.paths_of(c, self._rates[start:stop])
+
+    def _take_off_unreachable(self) -> tuple[Unreachable, ...]:
+        """Muscles on elastic tendons whose fibers cannot reach, which are given rigid ones."""
+        H, found = self.muscles.arrays.hill, []
+        along = self.lengths - H.tendon
+        fiber = np.where(along > 0.0, np.sqrt(along**2 + H.height**2), along) / H.fiber
+        with np.errstate(invalid="ignore"):
+            cannot = (fiber <= 0.0) | (fiber > LONGEST_FIBER)
+        for m in np.flatnonzero(self.muscles.elastic & cannot.any(axis=0)):
+            own = fiber[:, m]
+            worst = np.nanargmax(np.abs(own - 1.0))
+            name = self.assembly.tree.model.muscle_names[m]
+            found.append(Unreachable(name, int(np.flatnonzero(cannot[:, m])[0]), float(own[worst])))
+            self.muscles.elastic[m] = False
+        return tuple(found)
+
+    def _refuse_rows(self) -> None:
+        """Rows of terms on activations at frames, which are no unknowns here."""
+        elastic = np.flatnonzero(self.muscles.elastic)
+        for rows in self.rows:
+            if np.isin(rows.column, elastic).any():
+                raise BadData(f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not take yet")
+
+    def solve(self, start: int, stop: int) -> None:
+        """Solve the frames start ... stop - 1, and frames before and after them that are felt."""
+        begin, end = max(start - self._margin, 0), min(stop + self._margin, len(self._time))
+        if self.window >= len(self._time):
+            begin, end = start, stop
+        given = self.balance(begin, end)
+        good = np.asarray(np.isfinite(given.values).all(axis=1))
+        good &= np.isfinite(given.right).all(axis=1)
+        x, residual = np.full((end - begin, len(self.separable.weight)), np.nan), np.full(end - begin, np.nan)
+        forces = np.full((end - begin, len(self.muscles.strength)), np.nan)
+        iterations, status = np.zeros(end - begin, np.int64), np.full(end - begin, MISSING, np.int8)
+        out = (x, forces, residual, iterations, status)
+        for first, last in runs(good, self._bridgeable(begin, good)):
+            self._solve_run(given, begin, slice(first, last), good[first:last], out)
+        kept, part = slice(start - begin, stop - begin), slice(start, stop)
+        self._residual[part], self._iterations[part] = residual[kept], iterations[kept]
+        self._status[part] = status[kept]
+        self._tendon_forces[part] = forces[kept]
+        self._bridged[part] = (~good & np.isfinite(x[:, 0]))[kept]
+        self._store_window(part, x[kept], forces[kept], Balance(*(one[kept] for one in given)))
+
+    def _bridgeable(self, begin: int, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Frames of gaps short enough to be bridged."""
+        found = np.zeros(len(good), np.bool_)
+        known = np.flatnonzero(good)
+        time = self._time[begin : begin + len(good)]
+        for one, other in pairwise(known):
+            if other > one + 1 and time[other] - time[one] <= SHORTEST_BRIDGE + 1e-9:
+                found[one + 1 : other] = True
+        return found
+
+    def _solve_run(
+        self, given: Balance, begin: int, part: slice, good: NDArray[np.bool_], out: tuple[np.ndarray, ...]
+    ) -> None:
+        """Solve frames without a gap that is not bridged, into the arrays of the window."""
+        frames, status = self._frames(given, begin, part, good)
+        x, forces, residual, iterations, steps_status = out
+        found: list[_Found] = []
+        if len(frames.time) > 1:
+            own = frames.penalties
+            for _ in range(1 if self.smooth is None else PASSES):
+                if self.smooth is not None:
+                    links = self.smooth.links(begin + part.start, begin + part.stop)
+                    frames.penalties = drawn(own, links, frames.x, self.separable)
+                found = self._pass(frames)
+            if not all(one.solved for one in found):
+                status[:] = STALLED
+        others = frames.x
+        x[part], forces[part] = others, frames.forces
+        residual[part], scale = self._missed(frames, others)
+        iterations[part] = max((one.steps for one in found), default=0)
+        status = np.where((status == OPTIMAL) & (residual[part] > MISSED * scale), INFEASIBLE, status)
+        steps_status[part] = np.where(good, status, MISSING)
+        self._certificates += found
+        self._mark(begin + part.start, begin + part.stop)
+
+    def _pass(self, frames: Frames) -> list[_Found]:
+        """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
+        dynamics, again = self.options.activation_dynamics, self.options.second_start
+        programs = [program_of(one, frames, self.separable, self.muscles, dynamics) for one in self.parts]
+        tasks = [
+            partial(solve_part, program, *start_of(one, frames, program), again)
+            for one, program in zip(self.parts, programs, strict=True)
+        ]
+        found = []
+        for one, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
+            frames.forces[:, one.muscles] = outcome.point.f
+            frames.x[:, one.muscles] = _at_frames(outcome.point.a)
+            frames.x[:, one.others] = outcome.point.x
+            found.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
+        return found
+
+    def _frames(self, given: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
+        """What programs are made of in a run of frames, with the solution on rigid tendons."""
+        own = slice(begin + part.start, begin + part.stop)
+        time, term, shared = self._time[own], self.muscles, self.separable
+        values, right, lengths, speeds = (
+            filled(time, one, good)
+            for one in (given.values[part], given.right[part], self.lengths[own], self.speeds[own])
+        )
+        active, passive = term.rigid_forces(lengths, speeds)
+        ratio, offset = (np.where(term.elastic, one / term.strength, 0.0) for one in (active, passive))
+        muscles = len(term.strength)
+        column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
+        on_muscles = np.flatnonzero(column < muscles)
+        stretched = on_muscles[term.elastic[column[on_muscles]]]
+        rigid_values, rigid_right = values.copy(), right.copy()
+        rigid_values[:, stretched] *= ratio[:, column[stretched]]
+        for entry in stretched:
+            rigid_right[:, shared.row[entry]] -= values[:, entry] * offset[:, column[entry]]
+        asked = given._replace(values=rigid_values, right=rigid_right)
+        x, y, _, _, status = self.solved(asked, own.start)
+        x, y = np.nan_to_num(x, posinf=0.0, neginf=0.0), np.nan_to_num(y, posinf=0.0, neginf=0.0)
+        forces = np.where(term.elastic, ratio * x[:, :muscles] + offset, np.nan)
+        penalties = self.penalties[own]
+        return Frames(time, values, right, penalties, lengths, speeds, x, y, forces), np.where(
+            status == MISSING, MISSING, OPTIMAL
+        )
+
+    def _missed(self, frames: Frames, x: Array) -> tuple[Array, Array]:
+        """Greatest torque that is not balanced in each frame, and the scale it is judged by."""
+        shared, held = self.separable, x.copy()
+        elastic = np.flatnonzero(self.muscles.elastic)
+        held[:, elastic] = frames.forces[:, elastic]
+        column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
+        left = frames.right.copy()
+        for entry, (row, unknown) in enumerate(zip(shared.row, column, strict=True)):
+            left[:, row] -= frames.values[:, entry] * held[:, unknown]
+        return np.abs(left).max(axis=1), 1.0 + np.abs(frames.right).max(axis=1)
+
+    def _mark(self, first: int, last: int) -> None:
+        """Mark frames near a beginning or an end of what could be solved in one go, unless a window only ends there."""
+        time = self._time
+        known = np.asarray(np.isfinite(self.lengths).all(axis=1))
+        if first == 0 or not known[first - 1] or np.isnan(self._tau[first - 1]).any():
+            self._transient[first:last] |= time[first:last] < time[first] + TRANSIENT
+        if last == len(time) or not known[last] or np.isnan(self._tau[last]).any():
+            self._transient[first:last] |= time[first:last] > time[last - 1] - TRANSIENT
+
+    def _store_window(self, part: slice, x: Array, forces: Array, given: Balance) -> None:
+        """Keep what was found: as with rigid tendons, but for the forces of muscles on elastic ones."""
+        self._store(part, x, given)
+        elastic = self.muscles.elastic
+        pulls = forces * self.muscles.strength + given.viscous
+        self._forces[part][:, elastic] = pulls[:, elastic]
+
+    def result(self, names: tuple[str, ...]) -> Tension:
+        """What was found, as a value, with its fibers; `names` are those of the actuators."""
+        tension = super().result(names)
+        found = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
+        all_names = self.assembly.tree.model.muscle_names
+        rigid = tuple(name for name, one in zip(all_names, self.muscles.elastic, strict=True) if not one)
+        seconds = np.array([one.far for one in self._certificates]).reshape(-1, 2)
+        certificate = Certificate(
+            max((one.residual for one in self._certificates), default=0.0),
+            max((one.equilibrium for one in self._certificates), default=0.0),
+            max((one.steps for one in self._certificates), default=0),
+            *(float(np.sqrt(np.mean(seconds[:, k] ** 2))) if len(seconds) else np.nan for k in range(2)),
+        )
+        fibers = Fibers(*found, self._transient, self._bridged, rigid, self.unreachable, certificate)
+        return replace(tension, fibers=fibers)
+
+
+def _with_fibers(tension: Tension, fibers: Fibers) -> Tension:
+    from dataclasses import replace
+
+    return replace(tension, fibers=fibers)
+
+
+def _at_frames(a: Array) -> Array:
+    """Activations at the frames: the mean of those before and after, at the ends the nearest."""
+    return np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])
+
+
+def _at_once(tasks: Sequence[Callable[[], Solved]], threads: bool) -> list[Solved]:
+    """Results of tasks, in threads where no windows already are."""
+    workers = min(thread_count(), len(tasks)) if threads else 1
+    if workers <= 1:
+        return [task() for task in tasks]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(lambda task: task(), tasks))

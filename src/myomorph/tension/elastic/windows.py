@@ -1,0 +1,216 @@
+"""One window of frames: gaps bridged, a start on rigid tendons, the programs of its parts, and what they found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.arrays import Array
+from myomorph.tension.elastic.elements import integrate
+from myomorph.tension.elastic.interior import Outcome, Solver
+from myomorph.tension.elastic.parts import Part
+from myomorph.tension.elastic.program import LEAST, MOST, Costs, Point, Program, Rates
+from myomorph.tension.elastic.term import ElasticMuscleTerm
+from myomorph.tension.separable import Links, Separable
+
+START_ROOM = 0.02
+"""How far from its bounds an activation begins at least, in shares of their distance."""
+
+SECOND_START = 0.3
+"""Activation of all muscles at all times in a second start."""
+
+
+@dataclass(eq=False)
+class Frames:
+    """What a window's programs are made of, without gaps.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    values, right : (frames, entries) of A with tendon forces' columns, (frames, rows)
+    penalties : (1 or frames, 3, unknowns)
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    x, y : (frames, unknowns), (frames, rows) solution with rigid tendons
+    forces : (frames, muscles) normalized tendon forces of that
+    """
+
+    time: Array
+    values: Array
+    right: Array
+    penalties: Array
+    lengths: Array
+    speeds: Array
+    x: Array
+    y: Array
+    forces: Array
+
+
+def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Ranges of frames that begin and end with a good one, the gaps inside them bridged."""
+    found: list[tuple[int, int]] = []
+    start = None
+    for k, (one, other) in enumerate(zip(good, bridge, strict=True)):
+        if one and start is None:
+            start = k
+        if not one and not other and start is not None:
+            found.append((start, k))
+            start = None
+    if start is not None:
+        found.append((start, len(good)))
+    ends = [np.flatnonzero(good[a:b])[-1] + 1 for a, b in found]
+    return [(a, a + int(end)) for (a, _), end in zip(found, ends, strict=True)]
+
+
+def filled(time: Array, values: Array, good: NDArray[np.bool_]) -> Array:
+    """Rows of values (frames, ...) that are not good, by a straight line from those that are."""
+    if good.all():
+        return values
+    known = np.flatnonzero(good)
+    after = np.clip(np.searchsorted(known, np.arange(len(good))), 1, max(len(known) - 1, 1))
+    one, other = known[after - 1], known[np.minimum(after, len(known) - 1)]
+    share = np.where(other > one, (time - time[one]) / np.maximum(time[other] - time[one], 1e-12), 0.0)
+    share = share.reshape(-1, *([1] * (values.ndim - 1)))
+    return np.where(good.reshape(share.shape), values, (1.0 - share) * values[one] + share * values[other])
+
+
+def between(frames: Frames) -> tuple[Array, Array, Array]:
+    """Times between frames [s], and lengths and velocities of the paths there, by cubics through both frames."""
+    steps = np.diff(frames.time)
+    dt, L, V = steps[:, None], frames.lengths, frames.speeds
+    lengths = 0.5 * (L[1:] + L[:-1]) + 0.125 * dt * (V[:-1] - V[1:])
+    return steps, lengths, 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
+
+
+def _penalties_between(penalties: Array, frames: int) -> Array:
+    """Interval penalties (3, frames - 1, unknowns) of activations between frames from those at the frames."""
+    all_ = np.broadcast_to(penalties, (frames, *penalties.shape[1:]))
+    low, high, pull = np.moveaxis(all_, 1, 0)
+    share = np.stack([pull[:-1] > 0.0, pull[1:] > 0.0]).astype(np.float64)
+    count = np.maximum(share.sum(axis=0), 1.0)
+    ends = (np.where(pull > 0.0, one, 0.0) for one in (low, high, pull))
+    mean = [(share[0] * one[:-1] + share[1] * one[1:]) / count for one in ends]
+    # Where one frame alone knows of the activation, it counts half.
+    return np.stack([*mean[:2], mean[2] * count / 2.0])
+
+
+def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
+    """Interval penalties (frames, 3, unknowns) with those that draw linked unknowns to the amounts of frames beside.
+
+    Parameters
+    ----------
+    penalties : (1 or frames, 3, unknowns) without
+    x : (frames, unknowns) whose amounts the frames beside have
+    """
+    found = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
+    own = slice(links.first, links.first + links.scale.shape[1])
+    pull, total = np.zeros_like(links.scale), np.zeros_like(links.scale)
+    stiff = links.stiffness[:, None] * shared.weight[own]
+    amount, touches = links.scale * x[:, own], links.scale > 0.0
+    both = touches[1:] & touches[:-1]
+    for here, beside in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        pull[here] += stiff * both
+        total[here] += stiff * both * amount[beside]
+    linked = pull > 0.0
+    middle = total / np.where(linked, pull * links.scale, 1.0)
+    found[:, 0, own] = np.where(linked, middle, found[:, 0, own])
+    found[:, 1, own] = np.where(linked, middle, found[:, 1, own])
+    found[:, 2, own] = np.where(linked, pull * links.scale**2, found[:, 2, own])
+    return found
+
+
+def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscleTerm, dynamics: bool) -> Program:
+    """The program of one part over the frames."""
+    count = len(frames.time)
+    steps, lengths, speeds = between(frames)
+    mean = float(steps.mean())
+    share = steps[:, None] / mean
+    share_x = 0.5 * (np.concatenate([share[:1] * 0.0, share]) + np.concatenate([share, share[:1] * 0.0]))
+    column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
+    rank = np.full(len(shared.first), -1)
+    rank[part.rows] = np.arange(len(part.rows))
+
+    def dense(unknowns: NDArray[np.int64]) -> Array:
+        place = np.full(len(shared.weight), -1)
+        place[unknowns] = np.arange(len(unknowns))
+        mine = np.flatnonzero(place[column] >= 0)
+        found = np.zeros((count, len(part.rows), len(unknowns)))
+        found[:, rank[shared.row[mine]], place[column[mine]]] = frames.values[:, mine]
+        return found
+
+    def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
+        shape, least, most = (shared.weight[unknowns], shared.exponent[unknowns]), shared.lower, shared.upper
+        return Costs(
+            *shape,
+            least[unknowns],
+            most[unknowns],
+            np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]),
+            weight,
+        )
+
+    at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
+    m, times = part.muscles, term.rates
+    return Program(
+        term.arrays,
+        m,
+        steps,
+        np.ascontiguousarray(lengths[:, m]),
+        np.ascontiguousarray(speeds[:, m]),
+        dense(m),
+        dense(part.others),
+        np.ascontiguousarray(frames.right[:, part.rows]),
+        costs(m, _penalties_between(frames.penalties, count), share),
+        costs(part.others, at_frames, share_x),
+        Rates(times.rise[m], times.fall[m], times.smooth[m]) if dynamics else None,
+    )
+
+
+def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array]:
+    """A start near the solution with rigid tendons, and its multipliers.
+
+    Its activations, as far as their rates are possible, and the forces that muscles on elastic tendons have with these:
+    forces on rigid tendons may jump, and elastic tendons could then not be in equilibrium.
+    """
+    a = frames.x[:, part.muscles]
+    a = possible(program, 0.5 * (a[1:] + a[:-1]))
+    point = Point(integrated(program, a), a, frames.x[:, part.others])
+    return point, frames.y[:, part.rows] * program.other.share
+
+
+def possible(program: Program, a: Array) -> Array:
+    """Activations (frames - 1, muscles) well inside their bounds, and with rates that are possible."""
+    low, high = program.activation.lower, program.activation.upper
+    room = START_ROOM * (high - low)
+    a = np.clip(a, low + room, high - room)
+    if program.rates is None:
+        return a
+    between = 0.5 * (program.steps[1:] + program.steps[:-1])
+    for k, dt in enumerate(between):
+        up, _, down, _ = program.rates.bounds(a[k])
+        # Half of the rate at the beginning of the step, so that at its middle it is possible too.
+        a[k + 1] = np.clip(
+            a[k + 1], a[k] + 0.5 * np.maximum(dt * down, -a[k]), a[k] + 0.5 * np.minimum(dt * up, 1.0 - a[k])
+        )
+    return a
+
+
+def integrated(program: Program, a: Array) -> Array:
+    """Normalized tendon forces (frames, muscles) that activations lead to."""
+    f = np.empty((len(a) + 1, a.shape[1]))
+    given = (program.lengths, program.speeds, program.steps)
+    integrate(program.arrays, program.own, a, *given, 2.0 * LEAST, 0.5 * MOST, f)
+    return f
+
+
+def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Outcome, tuple[float, float]]:
+    """The solution, and how far that from another start is: root mean square of activations and of forces."""
+    found = Solver(program, start, y).solve()
+    if not again:
+        return found, (np.nan, np.nan)
+    flat = np.full_like(start.a, SECOND_START)
+    other = replace(start, f=integrated(program, flat), a=flat)
+    second = Solver(program, other, np.zeros_like(y)).solve()
+    distances = (second.point.a - found.point.a, second.point.f - found.point.f)
+    far = tuple(float(np.sqrt(np.mean(one**2))) for one in distances)
+    return (second if second.solved and not found.solved else found), (far[0], far[1])

@@ -1,0 +1,111 @@
+"""Fibers and tendons of muscles on elastic tendons over time: what a `Tension` tells of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.labelled import Variable
+
+
+@dataclass(frozen=True)
+class Unreachable:
+    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid.
+
+    Attributes
+    ----------
+    frame : the first in which they cannot
+    worst : the normalized fiber length furthest out: below 0 where the path is shorter than the slack tendon
+    """
+
+    muscle: str
+    frame: int
+    worst: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How sure the solution of the elastic problem is, over all its windows.
+
+    Attributes
+    ----------
+    residual : greatest residual of the optimality conditions
+    equilibrium : greatest difference of tendon and fiber force, normalized by the maximum isometric force
+    steps : most iterations of a window
+    second_activations, second_forces : root mean square distance of activations, and of normalized tendon forces, of
+        the solution from another start; NaN where none was asked for
+    """
+
+    residual: float
+    equilibrium: float
+    steps: int
+    second_activations: float = np.nan
+    second_forces: float = np.nan
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Fibers:
+    """Fibers and tendons, every array (frames, muscles), NaN where a frame was not solved.
+
+    Attributes
+    ----------
+    lengths : of the fibers [m]
+    velocities : lengthening of the fibers [m/s]
+    tendon_strains : length over slack length less 1, 0 of a rigid tendon
+    fiber_powers, tendon_powers : positive where force does work on the outside [W]
+    transient : (frames,) whether a frame is so near to the beginning or to the end that what was before it or comes
+        after it, which nobody knows, can be felt
+    bridged : (frames,) whether torques or coordinates were missing, so that they were interpolated
+    rigid : muscles that were solved with rigid tendons: their class has no other, the model calls them so, or their
+        fibers cannot reach
+    unreachable : those whose fibers cannot reach
+    """
+
+    lengths: Array
+    velocities: Array
+    tendon_strains: Array
+    fiber_powers: Array
+    tendon_powers: Array
+    transient: np.ndarray
+    bridged: np.ndarray
+    rigid: tuple[str, ...]
+    unreachable: tuple[Unreachable, ...]
+    certificate: Certificate
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, velocities, strains and powers, and which frames are at an end or bridged: joined by `Tension`'s."""
+        two = ("time", "muscle")
+        return {
+            "fiber_length": Variable(two, self.lengths, "m"),
+            "fiber_velocity": Variable(two, self.velocities, "m/s"),
+            "tendon_strain": Variable(two, self.tendon_strains),
+            "fiber_power": Variable(two, self.fiber_powers, "W"),
+            "tendon_power": Variable(two, self.tendon_powers, "W"),
+            "transient": Variable(("time",), self.transient),
+            "bridged": Variable(("time",), self.bridged),
+        }
+
+    def of(self, muscles: Mapping[int, str], names: Sequence[str]) -> Fibers:
+        """Fibers of some muscles, by other names.
+
+        Parameters
+        ----------
+        muscles : column to new name
+        names : present name of every column
+        """
+        columns = list(muscles)
+        new = {names[k]: own for k, own in muscles.items()}
+        return replace(
+            self,
+            lengths=self.lengths[:, columns],
+            velocities=self.velocities[:, columns],
+            tendon_strains=self.tendon_strains[:, columns],
+            fiber_powers=self.fiber_powers[:, columns],
+            tendon_powers=self.tendon_powers[:, columns],
+            rigid=tuple(new[name] for name in self.rigid if name in new),
+            unreachable=tuple(replace(one, muscle=new[one.muscle]) for one in self.unreachable if one.muscle in new),
+        )

@@ -1,0 +1,364 @@
+"""Muscles from recordings: torques that have to be borne, with activations known as well as EMG tells them.
+
+    tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = 0 + e_a where no EMG is),   p = prior + e_p
+
+Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has the covariance
+S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known of activations says. Gauss-Newton
+steps in p use S^-1; activations follow as their mean given p, within 0 and 1. Errors of neighbouring frames are alike:
+frames count by 1 / (1 + 2 sum rho_k), rho_k the correlation of the whitened misfit over k frames. Errors of
+torques and activations are estimated beside p from the squared misfits (Rasmussen and Williams 2006 for the marginal).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.tension.personal.curves import MuscleShapes
+from myomorph.tension.personal.fibers import Followed, follow, rigid_lengths
+from myomorph.tension.personal.prior import OUTSIDE, PHYSIOLOGICAL, Prior
+from myomorph.tension.personal.recordings import Windows
+
+STEPS = 30
+TRUSTING = 8
+"""First steps, in which errors are what was assumed of them."""
+SHORTEST_ERROR, LONGEST_ERROR = 20, 50
+"""Frames over which errors are taken to be alike at least, the length of a burst of EMG, and at most."""
+SETTLED = 0.02
+"""Steps end where no parameter moves by more of its standard deviation."""
+LONGEST = 0.1
+"""Step of a parameter."""
+UNKNOWN = 0.2
+"""Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
+EMG_LEAST, EMG_SHARE = 0.03, 0.15
+"""Standard deviation of an activation that EMG tells: this much, and a share of it."""
+REST = 0.003
+"""Standard deviation of an activation at rest."""
+REST_ERROR = 0.05
+"""Standard deviation of a measured passive torque, of its root mean square; at least half a newton metre."""
+SCALES = (0.1, 9.0)
+"""Within which the variances of activations are adjusted to the misfits."""
+ACTIVE_SETS = 16
+"""Newton steps for the activations that stand at 0 or 1."""
+MOST_ERROR = 0.5
+"""Of the root mean square of a torque: more of it is not taken for an error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """How far off torques and activations are.
+
+    Attributes
+    ----------
+    torque : (rows,) standard deviation [N m or N]
+    told : factor on the variance of activations that EMG tells
+    """
+
+    torque: Array
+    told: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Parameters, how sure they are, and what became of the recordings.
+
+    Attributes
+    ----------
+    p : (parameters,) see `Prior`
+    covariance : (parameters, parameters) after the recordings
+    noise : errors of torques and activations that the misfits show
+    activations : of each recording, (windows, frames, muscles)
+    weights : of each recording: what a frame counts
+    steps : done; `moved` the last one's largest, in standard deviations
+    """
+
+    p: Array
+    covariance: Array
+    noise: Noise
+    activations: tuple[Array, ...]
+    weights: tuple[float, ...]
+    steps: int
+    moved: float
+
+
+def fit(
+    prior: Prior,
+    shapes: MuscleShapes,
+    windows: Sequence[Windows],
+    floors: Array,
+    free: np.ndarray | None = None,
+    advance: Callable[[int], None] | None = None,
+    steps: int = STEPS,
+) -> Fitted:
+    """The most probable parameters given the recordings.
+
+    Parameters
+    ----------
+    floors : (rows,) least standard deviation of the torques
+    free : (parameters,) which ones are estimated; None for all that have a prior spread
+    advance : called with the number of steps just done
+    steps : at most
+    """
+    free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
+    p, noise = np.zeros(len(prior.deviation)), Noise(floors)
+    parts = [_Part(prior, shapes, one) for one in windows]
+    covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
+    moved, done, shrink = np.inf, 0, 1.0
+    for done in range(1, steps + 1):
+        normal, right = prior.precision.copy(), -prior.precision @ p
+        for part in parts:
+            part.linearize(p, noise)
+            weight = shrink * part.weight
+            normal += weight * part.jacobian.T @ part.jacobian
+            right += weight * part.jacobian.T @ part.misfit
+        rows, misfit = _outside(prior, shapes, windows, p)
+        normal += rows.T @ rows
+        right += rows.T @ misfit
+        covariance = np.zeros_like(normal)
+        covariance[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
+        step = covariance @ right
+        step *= min(1.0, LONGEST / max(np.abs(step).max(initial=0.0), 1e-12))
+        new = prior.kept(p + step)
+        step, p = new - p, new
+        for part in parts:
+            part.settle(step)
+        # Before the parameters have found their places, misfits are theirs and not errors of the recordings.
+        if done > TRUSTING:
+            noise = _noise(parts, noise, floors, covariance)
+            for part in parts:
+                part.weigh()
+            shrink = _left_to_errors(parts, float(np.sum(free) - np.trace(covariance @ prior.precision)))
+        spread = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
+        moved = float((np.abs(step) / spread)[free].max(initial=0.0))
+        if advance is not None:
+            advance(1)
+        if moved < SETTLED and done > TRUSTING + 4:
+            break
+    told = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
+    return Fitted(p, covariance, noise, *told, done, moved)
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """How well muscles explain recordings.
+
+    Attributes
+    ----------
+    score : negative logarithm of the marginal probability, per frame
+    left : (rows,) root mean square of the torque that activations within what is known of them leave [N m or N]
+    """
+
+    score: float
+    left: Array
+
+
+def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array, noise: Noise) -> Checked:
+    """How well parameters explain recordings that they need not have been fitted to."""
+    score, frames = 0.0, 0
+    left = np.zeros(len(noise.torque))
+    for one in windows:
+        part = _Part(prior, shapes, one)
+        for _ in range(4):
+            part.linearize(p, noise)
+            part.settle(np.zeros(len(p)))
+        part.linearize(p, noise)
+        score += part.score()
+        frames += int(one.counted.sum())
+        left += np.sum(part.plain**2, axis=0)
+    return Checked(score / frames, np.sqrt(left / frames))
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Products of each frame's matrix and vector."""
+    return (matrices @ vectors[..., None])[..., 0]
+
+
+class _Part:
+    """One recording at the present parameters and activations.
+
+    Attributes
+    ----------
+    jacobian, misfit : whitened, (frames rows, parameters) and (frames rows,)
+    weight : what a frame counts
+    plain : (frames, rows) torque left at the present activations
+    """
+
+    def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
+        self.prior, self.shapes, self.windows = prior, shapes, windows
+        self.told = np.isfinite(windows.emg)
+        self.envelope = np.where(self.told, windows.emg, 0.0)
+        self.activations = np.clip(np.where(self.told, windows.emg, 0.05), 0.0, 1.0)
+        self.arms = windows.arms[windows.counted]
+        self.torques = windows.torques[windows.counted]
+        self.rest = not np.isfinite(windows.step)
+        # Passive torques are measured by themselves: none of the errors of inverse dynamics are theirs.
+        self.measured = np.maximum(0.5, REST_ERROR * np.sqrt(np.mean(self.torques**2, axis=0)))
+        self.weight = 0.2
+
+    def _of(self, values: Array) -> Array:
+        return values[self.windows.counted]
+
+    def linearize(self, p: Array, noise: Noise) -> None:
+        """Follow the fibers, and whiten the misfit and its slopes."""
+        w, prior = self.windows, self.prior
+        sizes = prior.sizes(p)
+        followed = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations, w.step)
+        at = Followed(*(self._of(one) for one in followed))
+        gains = prior.gains_of(p)
+        told = self._of(self.told)
+        expected = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
+        now = self._of(self.activations)
+        variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), UNKNOWN**2)
+        if self.rest:
+            variance = np.full_like(variance, REST**2)
+        self.plain = self.torques - _times(self.arms, at.force)
+        self.columns = self.arms * at.by_activation[:, None]
+        self.of_torque = self.measured**2 if self.rest else noise.torque**2
+        S = self._bounded(now, expected, variance)
+        self.whiten = np.linalg.inv(np.linalg.cholesky(S))
+        self.covariance = S
+        white = _times(self.whiten, self.error)
+        jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
+        self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
+        self.slopes, self.misfit = jacobian, white.ravel()
+        self.white = white
+
+    def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
+        """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
+
+        The least of |a - m|^2 / var(a) + |e_tau|^2 / var(e_tau), by Newton steps in the multipliers y of the balance:
+        a = clip(m + var(a) G^T y), e_tau = var(e_tau) y.
+        """
+        y = np.zeros_like(self.plain)
+        fixed = np.zeros(now.shape, np.int8)
+        for k in range(ACTIVE_SETS):
+            held = fixed != 0
+            self.variance = np.where(held, 0.0, variance)
+            self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
+            self.error = self.plain + _times(self.columns, now - self.expected)
+            spread = self.columns * self.variance[:, None]
+            S = spread @ self.columns.transpose(0, 2, 1) + np.diag(self.of_torque)
+            new = np.linalg.solve(S, self.error[..., None])[..., 0]
+            y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
+            wanted = expected + variance * _times(self.columns.transpose(0, 2, 1), y)
+            before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
+            if np.array_equal(before, fixed):
+                break
+            if k == ACTIVE_SETS - 2:
+                # Where bounds are still taken in turns, nothing is held: that leaves more open, not less.
+                fixed = np.where(before == fixed, fixed, 0).astype(np.int8)
+        self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
+        return S
+
+    def _jacobian(self, at: Followed, fiber: Array, strain: Array, p: Array, expected: Array) -> Array:
+        """(frames, rows, parameters) slopes of the torque."""
+        prior = self.prior
+        by_fiber, by_point, by_force, by_strain, by_gain = prior.parts
+        point = prior.point + p[by_point]
+        jacobian = np.zeros((*self.torques.shape, len(p)))
+        of_fiber = at.by_fiber * fiber - at.by_slack * point * fiber
+        jacobian[..., by_fiber] = self.arms * of_fiber[:, None]
+        jacobian[..., by_point] = -self.arms * (at.by_slack * fiber)[:, None]
+        of_force, of_strain = self.arms * at.force[:, None], self.arms * (at.by_strain * strain)[:, None]
+        of_gain = self.columns * expected[:, None]
+        for part, values, index, count in (
+            (by_force, of_force, prior.group, len(prior.groups)),
+            (by_strain, of_strain, prior.group, len(prior.groups)),
+            (by_gain, of_gain, prior.gain, len(prior.gains)),
+        ):
+            members = index[:, None] == np.arange(count)
+            jacobian[..., part] = values @ members.astype(np.float64)
+        return jacobian
+
+    def weigh(self) -> None:
+        """What a frame counts, by how alike the misfits of neighbouring frames are."""
+        white = self.white
+        if self.rest:
+            self.weight = 1.0
+            return
+        frames = np.full((*self.windows.counted.shape, white.shape[1]), np.nan)
+        frames[self.windows.counted] = white
+        square, length = np.nanmean(frames**2), 1.0
+        for lag in range(1, min(LONGEST_ERROR, frames.shape[1] // 2)):
+            pairs = frames[:, :-lag] * frames[:, lag:]
+            known = np.isfinite(pairs)
+            rho = float(pairs[known].sum()) / max(int(known.sum()), 1) / max(square, 1e-12)
+            if rho < 0.05:
+                break
+            length += 2.0 * rho
+        # What the parameters follow of slow errors is missing from the misfit, so that it looks quicker than they are.
+        self.weight = 0.5 * (self.weight + 1.0 / max(length, SHORTEST_ERROR))
+
+    def settle(self, step: Array) -> None:
+        """Activations given the recording, after a step of the parameters."""
+        error = self.error - self.slopes @ step
+        wanted = self.expected + _times(self.gain.transpose(0, 2, 1), error)
+        new = self.activations.copy()
+        now = new[self.windows.counted]
+        new[self.windows.counted] = np.clip(now + np.clip(np.clip(wanted, 0.0, 1.0) - now, -0.2, 0.2), 0.0, 1.0)
+        self.activations = new
+
+    def score(self) -> float:
+        """Half the whitened misfit and the logarithm of the spread, summed over frames."""
+        _, logarithm = np.linalg.slogdet(self.covariance)
+        return float(0.5 * np.sum(self.misfit**2) + 0.5 * np.sum(logarithm))
+
+
+def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
+    """Share of the independent misfits that the parameters do not follow: so much less is known than it looks."""
+    seen = sum(part.weight * part.misfit.size for part in parts)
+    return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.25, 1.0))
+
+
+def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
+    """Errors of torques and of EMG as their means given the misfits (a step of expectation and maximization)."""
+    moving = [one for one in parts if not one.rest]
+    if not moving:
+        return noise
+    squares, carried, frames = np.zeros(len(noise.torque)), np.zeros(len(noise.torque)), 0
+    apart, known = 0.0, 0.0
+    for part in moving:
+        solved = np.linalg.inv(part.covariance)
+        # What the parameters leave open is no part of the errors, but of what is known of them.
+        among = part.slopes @ covariance @ part.slopes.transpose(0, 2, 1)
+        by_torque = part.of_torque[:, None] * solved
+        mean = _times(by_torque, part.error)
+        left = part.of_torque - part.of_torque * np.einsum("frr->fr", by_torque)
+        left += np.einsum("frs,fst,frt->fr", by_torque, among, by_torque)
+        squares += np.sum(mean**2 + left, axis=0)
+        carried += np.sum(part.torques**2, axis=0)
+        frames += len(part.error)
+        free = part.told[part.windows.counted] & (part.variance > 0.0)
+        moved = _times(part.gain.transpose(0, 2, 1), part.error)
+        after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
+        after = after + np.einsum("frm,frm->fm", part.gain, among @ part.gain)
+        own = np.where(free, part.variance, 1.0) / noise.told
+        apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))
+        known += float(free.sum())
+    most = np.maximum(MOST_ERROR**2 * carried / frames, floors**2)
+    torque = np.sqrt(np.clip(squares / frames, floors**2, most))
+    told = float(np.clip(apart / known, *SCALES)) if known else 1.0
+    return replace(noise, torque=torque, told=told)
+
+
+def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array) -> tuple[Array, Array]:
+    """Rows that pull muscles into physiological lengths, (2 muscles, parameters) and (2 muscles,)."""
+    muscles = len(prior.names)
+    every = np.concatenate([one.lengths[one.counted] for one in windows])
+    ends = np.array([every.min(axis=0), every.max(axis=0)])
+    sizes = prior.sizes(p)
+    before, now = (rigid_lengths(shapes, one, ends) for one in (prior.start, sizes))
+    low, high = np.minimum(PHYSIOLOGICAL[0], before[0]), np.maximum(PHYSIOLOGICAL[1], before[1])
+    along = (ends - sizes.slack) / sizes.fiber
+    slope = np.clip(along / np.maximum(now, 1e-6), 0.0, 1.0)
+    rows, misfit = np.zeros((2 * muscles, len(p))), np.zeros(2 * muscles)
+    index = np.arange(muscles)
+    for k, beyond in enumerate((np.minimum(now[0] - low, 0.0), np.maximum(now[1] - high, 0.0))):
+        out = (beyond != 0.0).astype(np.float64)
+        rows[k * muscles + index, index] = -out * slope[k] * (ends[k] - prior.reference) / sizes.fiber / OUTSIDE
+        rows[k * muscles + index, muscles + index] = out * slope[k] / OUTSIDE
+        misfit[k * muscles : (k + 1) * muscles] = -beyond / OUTSIDE
+    return rows, misfit

@@ -1,0 +1,148 @@
+"""Fiber and tendon lengths of a scaled model at which its muscles work where those of the generic model do.
+
+Modenese et al. 2016: in many poses within the joints' ranges a muscle of the generic model, fully active and in
+equilibrium with its tendon, has normalized fiber and tendon lengths x and t; the scaled model's path L should give the
+same ones,
+
+    L = lo (x cos(alpha)) + ls t,
+
+which is a linear least-squares problem for lo and ls of each muscle. Poses are spread evenly over the ranges of all
+coordinates together, so that one set of paths serves every muscle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.stats import qmc
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadModel
+from myomorph.model.model import Model
+from myomorph.muscles.path import compile_paths
+from myomorph.tension.personal.curves import muscle_shapes
+from myomorph.tension.personal.fibers import follow
+from myomorph.tension.personal.prior import sizes_of
+from myomorph.tension.terms.actuators import free_coordinates
+
+POSES = 1024
+REACH = (0.5, 1.5)
+"""Normalized fiber lengths of the generic model's poses that count, as in the source."""
+FEWEST = 10
+
+
+@dataclass(frozen=True, eq=False)
+class GenericMap:
+    """A scaled model whose muscles work where the generic model's do.
+
+    Attributes
+    ----------
+    model : with optimal fiber and tendon slack lengths mapped
+    muscles : names of those that were mapped
+    poses : (muscles,) poses that counted
+    before, after : (muscles,) root mean square difference of normalized fiber lengths from the generic model's, with
+        the scaled model's own lengths and with the mapped ones
+    notes : muscles that could not be mapped and why, one line each
+    """
+
+    model: Model
+    muscles: tuple[str, ...]
+    poses: Array
+    before: Array
+    after: Array
+    notes: tuple[str, ...]
+
+
+def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap:
+    """Map the operating ranges of a generic model's muscles onto a scaled model.
+
+    Source: Modenese et al. 2016, J Biomech 49:141-148.
+
+    Parameters
+    ----------
+    generic : the model that was scaled
+    scaled : with muscles of the same names
+
+    Raises
+    ------
+    BadModel
+        where no muscle of the scaled model is in the generic one
+    """
+    names = tuple(name for name in scaled.muscle_names if name in generic.muscle_names)
+    if not names:
+        some = ", ".join(generic.muscle_names[:3])
+        raise BadModel(f"model '{scaled.name}' has no muscle of the generic model '{generic.name}' ({some} ...)")
+    reference, own = _lengths(generic, scaled, poses)
+    shapes, sizes = muscle_shapes(generic), sizes_of(generic)
+    active = np.ones_like(reference)[None]
+    x = follow(shapes, sizes, reference[None], np.zeros_like(active), active, np.inf).length[0]
+    w = np.sqrt(np.maximum(x**2 - shapes.sine**2, 0.0))
+    tendon = np.where(shapes.rigid, 1.0, (reference - sizes.fiber * w) / np.maximum(sizes.slack, 1e-9))
+    before = _active_lengths(scaled, own)
+    muscles, notes = (
+        list(scaled.muscles),
+        [
+            f"muscle '{name}' is not in the generic model: it keeps its lengths"
+            for name in scaled.muscle_names
+            if name not in names
+        ],
+    )
+    counts = np.zeros(len(names))
+    for k, name in enumerate(names):
+        g, m = generic.muscle_names.index(name), scaled.muscle_names.index(name)
+        good = (x[:, g] > REACH[0]) & (x[:, g] < REACH[1]) & (tendon[:, g] >= 0.98) & np.isfinite(own[:, m])
+        counts[k] = good.sum()
+        if counts[k] < FEWEST:
+            notes.append(
+                f"muscle '{name}': its fibers work between {REACH[0]:g} and {REACH[1]:g} optimal lengths in "
+                f"{int(counts[k])} of {poses} poses of the generic model: it keeps its lengths"
+            )
+            continue
+        lo, ls = _least_squares(w[good, g], tendon[good, g], own[good, m], sizes.fiber[g], sizes.slack[g])
+        if not (lo > 0.0 and ls > 0.0):
+            notes.append(f"muscle '{name}': no positive lengths map its poses: it keeps its lengths")
+            continue
+        muscles[m] = replace(muscles[m], optimal_fiber_length=lo, tendon_slack_length=ls)
+    mapped = replace(scaled, muscles=tuple(muscles))
+    after = _active_lengths(mapped, own)
+    pick = [generic.muscle_names.index(name) for name in names], [scaled.muscle_names.index(name) for name in names]
+    counted = (x[:, pick[0]] > REACH[0]) & (x[:, pick[0]] < REACH[1])
+    error = [np.where(counted, one[:, pick[1]] - x[:, pick[0]], np.nan) for one in (before, after)]
+    shown = [np.sqrt(np.nansum(one**2, axis=0) / np.maximum(counted.sum(axis=0), 1)) for one in error]
+    return GenericMap(mapped, names, counts, shown[0], shown[1], tuple(notes))
+
+
+def _least_squares(w: Array, t: Array, length: Array, fiber: float, slack: float) -> tuple[float, float]:
+    """Optimal and slack length of one muscle; where its path hardly varies, in the generic model's proportion."""
+    A = np.column_stack([w, t])
+    if np.ptp(length) < 0.01 * fiber or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > 1e4:
+        factor = float(np.mean(length) / np.mean(fiber * w + slack * t))
+        return factor * fiber, factor * slack
+    (lo, ls), _ = nnls(A, length)
+    return float(lo), float(ls)
+
+
+def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
+    """(poses, muscles) path lengths of both models in the same poses."""
+    shared = [
+        one for one in free_coordinates(generic) if one in scaled.coordinate_names and one in generic.coordinate_names
+    ]
+    ranges = {one.name: one.range for one in generic.coordinates}
+    unit = qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
+    found = []
+    for model in (generic, scaled):
+        c = np.tile([one.default for one in model.coordinates], (poses, 1))
+        for k, name in enumerate(shared):
+            low, high = ranges[name]
+            if np.isfinite(low) and np.isfinite(high):
+                c[:, model.coordinate_names.index(name)] = low + unit[:, k] * (high - low)
+        found.append(compile_paths(model).evaluate(c)[0])
+    return found[0], found[1]
+
+
+def _active_lengths(model: Model, lengths: Array) -> Array:
+    """(poses, muscles) normalized fiber lengths of fully active muscles in equilibrium."""
+    active = np.ones_like(lengths)[None]
+    return follow(muscle_shapes(model), sizes_of(model), lengths[None], 0.0 * active, active, np.inf).length[0]

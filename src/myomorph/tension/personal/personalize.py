@@ -1,0 +1,404 @@
+"""Muscles of a model fitted to a person: from the generic model's operating ranges and from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.tension.personal.curves import MuscleShapes, muscle_shapes
+from myomorph.tension.personal.fibers import MuscleSizes, rigid_lengths
+from myomorph.tension.personal.fit import Fitted, fit
+from myomorph.tension.personal.generic_map import GenericMap, map_generic
+from myomorph.tension.personal.held_out import HeldOut, held_out, split
+from myomorph.tension.personal.prior import Prior, PriorOptions, prior_of
+from myomorph.tension.personal.recordings import PersonalTrial, Windows, torque_floors, windows_of
+
+NINETY = 1.6448536269514722
+"""Standard deviations on either side that hold 90 % of a normal distribution."""
+PARTLY, WELL = 0.5, 0.25
+"""Greatest ratios of variances, after and before the recordings, at which a parameter is partly or well identified."""
+CLOSE = {"optimal_fiber_length": 0.05, "tendon_slack_length": 0.03}
+"""Half width of the interval of an identifiable parameter, as a share of its value."""
+OVERSTRETCHED = 1.8
+FIBER, SLACK, FORCE, STRAIN, GAIN = (
+    "optimal_fiber_length", "tendon_slack_length", "strength", "passive_strain", "emg_gain",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PersonalizeOptions(PriorOptions):
+    """Settings of `personalize`; spreads are standard deviations between people.
+
+    Attributes
+    ----------
+    tendons : "elastic": tendons stretch as their class has it; "rigid": they keep their slack length
+    hold_out : whether the last recording, or the last third of a single one, is held out to check on
+    keep_generic : whether groups of muscles keep generic values that explain what was held out better
+    """
+
+    tendons: Literal["elastic", "rigid"] = "elastic"
+    hold_out: bool = True
+    keep_generic: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tendons not in ("elastic", "rigid"):
+            raise BadData(f"unknown tendons '{self.tendons}': there are 'elastic', 'rigid'")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter of a person.
+
+    Attributes
+    ----------
+    of : muscle, group of muscles, or muscles that share a channel of EMG
+    parameter : "optimal_fiber_length", "tendon_slack_length" [m], "strength", "passive_strain" or "emg_gain" [1]
+    generic : of the model that personalization began with; a factor's is 1
+    person : estimated
+    low, high : of the interval that holds it with 90 % probability
+    variance_ratio : variance after the recordings over that before them, of lengths as of their logarithms
+    identifiable : "yes": the recordings leave a quarter of the variance or less, and lengths are known to 5 % (fibers)
+        and 3 % (slack); "partly": half of the variance or less; "no": it is mostly what was assumed before
+    bound : "low" or "high" where it stands at the end of what is physiological, else ""
+    kept : whether the generic value was kept because it explains the held-out recording better
+    """
+
+    of: str
+    parameter: str
+    generic: float
+    person: float
+    low: float
+    high: float
+    variance_ratio: float
+    identifiable: Literal["yes", "partly", "no"]
+    bound: str = ""
+    kept: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Personalized:
+    """A model with a person's muscles, and how sure they are.
+
+    Attributes
+    ----------
+    model : with the person's muscles
+    estimates : every parameter
+    recordings : names
+    coordinates : whose torques were compared
+    mapped : of the generic model, None where none was given
+    held_out : None where nothing was
+    before, after : (muscles, 2) least and greatest normalized fiber lengths of the recordings, tendons at slack length
+    torque_errors : (coordinates,) standard deviation of the torques' errors that the misfits show [N m or N]
+    frames : that count, of so many as were fitted to
+    fitted : the estimate's own numbers; None without recordings
+    notes : what may not be believed, one line each, worst first
+    """
+
+    model: Model
+    estimates: tuple[Estimate, ...]
+    recordings: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    mapped: GenericMap | None
+    held_out: HeldOut | None
+    before: Array
+    after: Array
+    torque_errors: Array
+    frames: tuple[float, int]
+    fitted: Fitted | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def personalize(
+    model: Model,
+    trials: Sequence[PersonalTrial] = (),
+    options: PersonalizeOptions | None = None,
+    *,
+    generic: Model | None = None,
+    advance: Callable[[int], None] | None = None,
+) -> Personalized:
+    """Optimal fiber lengths, tendon slack lengths, strengths and passive strains of a person's muscles.
+
+    With a generic model, muscles are first given the lengths at which they work where the generic model's do
+    (`map_generic`). Recordings then move them, as far as torques that have to be borne ask for it (see `fit`): what
+    they do not tell keeps its value, and every parameter says how much they told.
+
+    Sources: Modenese et al. 2016 for the map; Lloyd and Besier 2003, Pizzolato et al. 2015 for muscles from torques
+    and EMG.
+
+    Parameters
+    ----------
+    model : scaled to the person
+    trials : recordings, at least one or a generic model
+    options : settings; None for defaults
+    generic : the model that was scaled
+    advance : called with the number of steps just done
+
+    Returns
+    -------
+    Personalized
+
+    Raises
+    ------
+    BadData
+        without a recording or a generic model, or where a motion has no velocities
+    BadModel
+        for muscles of a class whose curves are not known
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> found = mm.personalize(model, generic=model)
+    >>> [round(one.optimal_fiber_length, 3) for one in found.model.muscles]
+    [0.12, 0.12]
+    """
+    options = options or PersonalizeOptions()
+    if not trials and generic is None:
+        raise BadData("nothing to fit muscles to: give a motion with torques, a generic model, or both")
+    mapped = None if generic is None else map_generic(generic, model)
+    start = model if mapped is None else mapped.model
+    notes: list[str] = [] if mapped is None else list(mapped.notes)
+    if not trials:
+        assert mapped is not None
+        none = np.zeros((len(model.muscles), 2))
+        return Personalized(
+            start, _of_map(model, mapped), (), (), mapped, None, none, none, np.zeros(0), (0.0, 0), None, tuple(notes)
+        )
+    shapes = muscle_shapes(start, options.tendons == "elastic")
+    windows, rows = windows_of(start, trials)
+    fixed, reach = _cannot_reach(start, shapes, windows)
+    # The matrices are small: waking further threads of BLAS for them costs more than they save.
+    with threadpool_limits(limits=1, user_api="blas"):
+        prior = prior_of(start, shapes, windows, rows, options, fixed)
+        floors = torque_floors(start, rows, [one for one in windows if np.isfinite(one.step)] or windows)
+        seen, unseen = split(windows) if options.hold_out else (list(windows), [])
+        fitted = fit(prior, shapes, seen, floors, advance=advance)
+        checked, p = None, fitted.p
+        if unseen:
+            checked, p = held_out(prior, shapes, seen, unseen, floors, fitted, options.keep_generic)
+    sizes = prior.sizes(p)
+    made = with_sizes(start, sizes, prior.start)
+    estimates = _estimates(prior, fitted, p, () if checked is None else checked.kept)
+    ends = _ends(windows)
+    before, after = (rigid_lengths(shapes, one, ends).T for one in (prior.start, sizes))
+    counted = sum(weight * one.counted.sum() for weight, one in zip(fitted.weights, seen, strict=True))
+    frames = (float(counted), sum(int(one.counted.sum()) for one in seen))
+    worst = [f"{len(reach)} muscles cannot reach; {reach[0]}"] if len(reach) > 1 else reach
+    notes = [*worst, *_notes(fitted, estimates, checked, options, seen), *notes, *reach[1:]]
+    return Personalized(
+        made, estimates, tuple(one.name for one in windows), rows, mapped, checked, before, after,
+        fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes),
+    )  # fmt: skip
+
+
+def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
+    """The model with other optimal fiber lengths, tendon slack lengths, strengths and passive strains."""
+    muscles = []
+    for m, muscle in enumerate(model.muscles):
+        factor = float(sizes.strain[m] / before.strain[m])
+        parameters = _stretched(muscle.kind, dict(muscle.parameters), factor)
+        if "default_fiber_length" in parameters:
+            parameters["default_fiber_length"] *= float(sizes.fiber[m]) / muscle.optimal_fiber_length
+        muscles.append(
+            replace(
+                muscle,
+                optimal_fiber_length=float(sizes.fiber[m]),
+                tendon_slack_length=float(sizes.slack[m]),
+                max_isometric_force=float(sizes.force[m]),
+                parameters=FrozenMap(parameters),
+            )
+        )
+    return replace(model, muscles=tuple(muscles))
+
+
+_STRAINS = {
+    "Millard2012EquilibriumMuscle": ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
+    "Thelen2003Muscle": ("FmaxMuscleStrain", 0.6),
+    "DeGrooteFregly2016Muscle": ("passive_fiber_strain_at_one_norm_force", 0.6),
+}
+
+
+def _stretched(kind: str, parameters: dict[str, float], factor: float) -> dict[str, float]:
+    """Parameters of a class whose passive curve is reached at strains larger by a factor."""
+    known = _STRAINS.get(kind)
+    if known is None or abs(factor - 1.0) < 1e-12:
+        return parameters
+    name, default = known
+    parameters[name] = factor * parameters.get(name, parameters.get(name.split("/")[-1], default))
+    zero = "FiberForceLengthCurve/strain_at_zero_force"
+    if kind.startswith("Millard"):
+        for curve in (zero, zero.split("/")[1]):
+            if curve in parameters:
+                parameters[curve] *= factor
+        for stiffness in ("stiffness_at_low_force", "stiffness_at_one_norm_force"):
+            for curve in (f"FiberForceLengthCurve/{stiffness}", stiffness):
+                if curve in parameters:
+                    parameters[curve] /= factor
+    return parameters
+
+
+def _ends(windows: Sequence[Windows]) -> Array:
+    every = np.concatenate([one.lengths[one.counted] for one in windows])
+    return np.array([every.min(axis=0), every.max(axis=0)])
+
+
+def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]) -> tuple[np.ndarray, list[str]]:
+    """Muscles whose path is shorter than the slack tendon in half of the frames, or that are off; and lines on them."""
+    fixed, notes = np.zeros(len(model.muscles), bool), []
+    for m, muscle in enumerate(model.muscles):
+        if not muscle.enabled:
+            fixed[m] = True
+            continue
+        share, worst = 0, (0.0, "", 0.0)
+        total = 0
+        for one in windows:
+            length, time = one.lengths[..., m][one.counted], one.time[one.counted]
+            short = (muscle.tendon_slack_length - length) / muscle.optimal_fiber_length
+            x = (length - muscle.tendon_slack_length) / muscle.optimal_fiber_length
+            for excess, what in (
+                (short, "is shorter than its slack tendon"),
+                (x - OVERSTRETCHED, "stretches it beyond"),
+            ):
+                k = int(np.argmax(excess))
+                if excess[k] > max(worst[0], 0.0):
+                    worst = (float(excess[k]), what, float(time[k]))
+                    where = one.name
+            share += int(np.sum((short > 0.0) | (x > OVERSTRETCHED)))
+            total += len(length)
+        if share:
+            told = (
+                f"{worst[1]} by {1e3 * worst[0] * muscle.optimal_fiber_length:.0f} mm"
+                if "tendon" in worst[1]
+                else f"{worst[1]} {OVERSTRETCHED:g} optimal fiber lengths, to {worst[0] + OVERSTRETCHED:.2f}"
+            )
+            notes.append(
+                f"muscle '{muscle.name}' cannot reach in {share} of {total} frames of the model given: its path {told} "
+                f"at {worst[2]:.2f} s of '{where}'"
+            )
+    return fixed, notes
+
+
+def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
+    """Lengths before and after a map, which says nothing of how sure they are."""
+    found = []
+    for one, other in zip(model.muscles, mapped.model.muscles, strict=True):
+        for name in (FIBER, SLACK):
+            value = float(getattr(other, name))
+            found.append(Estimate(one.name, name, float(getattr(one, name)), value, np.nan, np.nan, 1.0, "no"))
+    return tuple(found)
+
+
+def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
+    """All parameters with their intervals."""
+    sizes, found = prior.sizes(p), []
+    before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
+    _, point, force, strain, gain = prior.parts
+    for m, name in enumerate(prior.names):
+        group_kept = prior.groups[prior.group[m]] in kept
+        lo = sizes.fiber[m]
+        rows = np.zeros((2, len(p)))
+        rows[0, m] = 1.0
+        rows[1, m] = -(prior.point[m] + p[point.start + m]) * lo / sizes.slack[m]
+        rows[1, point.start + m] = -lo / sizes.slack[m]
+        for row, parameter, first, now in (
+            (rows[0], FIBER, prior.start.fiber[m], lo),
+            (rows[1], SLACK, prior.start.slack[m], sizes.slack[m]),
+        ):
+            at = (m, point.start + m) if parameter == SLACK else (m,)
+            found.append(_estimate(prior, fitted, p, before, row, name, parameter, (first, now), at, group_kept))
+    for part, parameter, names in (
+        (force, FORCE, prior.groups),
+        (strain, STRAIN, prior.groups),
+        (gain, GAIN, prior.gains),
+    ):
+        for k, name in enumerate(names):
+            row = np.zeros(len(p))
+            row[part.start + k] = 1.0
+            values = (1.0, float(np.exp(p[part.start + k])))
+            group_kept = parameter != GAIN and name in kept
+            found.append(
+                _estimate(prior, fitted, p, before, row, name, parameter, values, (part.start + k,), group_kept)
+            )
+    return tuple(found)
+
+
+def _estimate(
+    prior: Prior,
+    fitted: Fitted,
+    p: Array,
+    before: Array,
+    row: Array,
+    of: str,
+    parameter: str,
+    values: tuple[float, float],
+    at: Sequence[int],
+    kept: bool,
+) -> Estimate:
+    """One parameter whose logarithm has the slopes `row` in p."""
+    variance, first = float(row @ fitted.covariance @ row), float(row @ before @ row)
+    free = bool(np.any(prior.deviation[list(at)] > 0.0)) and values[1] > 0.0
+    ratio = min(variance / first, 1.0) if free else 1.0
+    # Generic values that were kept are no surer than before the recordings.
+    spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
+    close = spread <= CLOSE.get(parameter, np.inf)
+    level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
+    bound = next(("high" if p[k] > 0.0 else "low" for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
+    low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
+    return Estimate(
+        of, parameter, float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio,
+        "no" if kept else level, bound, kept,
+    )  # fmt: skip
+
+
+def _notes(
+    fitted: Fitted,
+    estimates: Sequence[Estimate],
+    checked: HeldOut | None,
+    options: PersonalizeOptions,
+    seen: Sequence[Windows],
+) -> list[str]:
+    """What may not be believed, worst first."""
+    notes = []
+    if checked is not None and checked.kept:
+        what = ", ".join(checked.kept)
+        notes.append(
+            f"generic muscles explain {', '.join(checked.recordings)} better than fitted ones in {len(checked.kept)} "
+            f"groups, which keep their generic values: {what}"
+            if options.keep_generic
+            else f"generic muscles explain {', '.join(checked.recordings)} better than the fitted ones: {what}"
+        )
+    lengths = [one for one in estimates if one.parameter in (FIBER, SLACK)]
+    for parameter in (FIBER, SLACK):
+        those = [one for one in lengths if one.parameter == parameter]
+        known = sum(one.identifiable == "yes" for one in those)
+        some = sum(one.identifiable == "partly" for one in those)
+        notes.append(
+            f"{parameter.replace('_', ' ')}s: the recordings identify {known} of {len(those)}, {some} partly; the "
+            "others are what was assumed before"
+        )
+    bounds = [f"{one.of} {one.parameter}" for one in estimates if one.bound]
+    if bounds:
+        notes.append(
+            f"{len(bounds)} parameters stand at a bound: {', '.join(bounds[:5])}" + (" ..." if bounds[5:] else "")
+        )
+    if fitted.moved > 0.5:
+        notes.append(f"the fit was still moving after {fitted.steps} steps, by {fitted.moved:.2f} standard deviations")
+    if not any(np.isfinite(one.emg).any() for one in seen):
+        notes.append("no EMG: torques alone tell little of single muscles, see the column 'identifiable'")
+    if checked is None and options.hold_out:
+        notes.append(
+            "the recordings are too short to hold out a part: nothing shows that the muscles fit another motion"
+        )
+    return notes
+
+
+__all__ = ["Estimate", "PersonalTrial", "PersonalizeOptions", "Personalized", "personalize"]

@@ -1,0 +1,238 @@
+"""What is known of a person's muscles before any recording: parameters, their spread and bounds, and groups.
+
+Of every muscle the logarithm of the optimal fiber length and the shift of the normalized fiber length at the mean
+pose of the recordings are estimated; the tendon slack length follows from both. Spreads are those between people:
+fiber lengths normalized to the sarcomere vary by 12 to 25 % and sarcomere lengths in a given pose by a tenth (Ward et
+al. 2009, 27 muscles of 21 bodies, sizes of bodies not taken out), strengths of muscle groups by 20 to 30 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.sides import split_side
+from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.tension.personal.curves import MuscleShapes
+from myomorph.tension.personal.fibers import MuscleSizes
+from myomorph.tension.personal.recordings import Windows
+
+FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
+    np.log(1.6),
+    0.5,
+    np.log(3.0),
+    np.log(2.0),
+    np.log(5.0),
+)
+"""Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain, and of the shift."""
+LEAST_SLACK = 0.3
+"""Of the tendon slack length of the model that personalization begins with."""
+PHYSIOLOGICAL = (0.5, 1.4)
+"""Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese et al. 2016)."""
+OUTSIDE = 0.05
+"""Standard deviation of how far a muscle passes them, or the range it had before."""
+
+
+@dataclass(frozen=True)
+class PriorOptions:
+    """What is known of a person before the recordings; spreads are standard deviations.
+
+    Attributes
+    ----------
+    fiber_spread : of the logarithm of optimal fiber lengths
+    point_spread : of normalized fiber lengths in a given pose, which shifts the tendon slack length
+    strength_spread : of the logarithm of a muscle group's strength
+    passive_spread : of the logarithm of a muscle group's passive fiber strain
+    gain_spread : of the logarithm of gains of EMG; 0 where envelopes are activations as they are
+    sides : correlation of left and right muscles of the same name
+    """
+
+    fiber_spread: float = 0.15
+    point_spread: float = 0.12
+    strength_spread: float = 0.25
+    passive_spread: float = 0.2
+    gain_spread: float = 0.3
+    sides: float = 0.8
+
+    def __post_init__(self) -> None:
+        for name in ("fiber_spread", "point_spread", "strength_spread", "passive_spread", "gain_spread"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise BadData(f"{name} is {getattr(self, name):g}: expected 0 to 1")
+        if not 0.0 <= self.sides < 1.0:
+            raise BadData(f"the correlation of sides is {self.sides:g}: expected 0 to below 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Parameters p = (log fiber, shift of the operating point, log strength, log passive strain, log gains).
+
+    Attributes
+    ----------
+    names : (muscles,)
+    start : of the model that personalization begins with
+    point : (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
+    reference : (muscles,) path length there [m]
+    groups : names of muscle groups
+    group : (muscles,) each muscle's
+    gain : (muscles,) number of the gain of each muscle's EMG, -1 for none
+    gains : names of the muscles that share each gain
+    deviation : (parameters,) prior standard deviation
+    precision : (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed parameter
+    bound : (parameters,) farthest from 0
+    """
+
+    names: tuple[str, ...]
+    start: MuscleSizes
+    point: Array
+    reference: Array
+    groups: tuple[str, ...]
+    group: NDArray[np.int64]
+    gain: NDArray[np.int64]
+    gains: tuple[str, ...]
+    deviation: Array
+    precision: Array
+    bound: Array
+
+    @property
+    def parts(self) -> tuple[slice, slice, slice, slice, slice]:
+        """Where the five kinds of parameters lie."""
+        sizes = (len(self.names), len(self.names), len(self.groups), len(self.groups), len(self.gains))
+        ends = np.cumsum([0, *sizes]).tolist()
+        return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
+
+    def sizes(self, p: Array) -> MuscleSizes:
+        """The muscles at parameters p (parameters,)."""
+        fiber, point, force, strain, _ = self.parts
+        lo = self.start.fiber * np.exp(p[fiber])
+        slack = self.reference - (self.point + p[point]) * lo
+        rise = np.exp(p[force])[self.group]
+        return MuscleSizes(lo, slack, self.start.force * rise, self.start.strain * np.exp(p[strain])[self.group])
+
+    def gains_of(self, p: Array) -> Array:
+        """(muscles,) gain of each muscle's EMG, 1 where it has none."""
+        every = np.append(np.exp(p[self.parts[4]]), 1.0)
+        return every[self.gain]
+
+    def kept(self, p: Array) -> Array:
+        """Parameters within their bounds, with a tendon left to every muscle."""
+        p = np.clip(p, -self.bound, self.bound)
+        fiber, point = self.parts[:2]
+        least = LEAST_SLACK * self.start.slack
+        most = (self.reference - least) / (self.start.fiber * np.exp(p[fiber])) - self.point
+        p[point] = np.minimum(p[point], np.maximum(most, -self.bound[point]))
+        return p
+
+
+def sizes_of(model: Model) -> MuscleSizes:
+    """A model's own muscles."""
+    H = compile_hill(model)
+    return MuscleSizes(H.fiber, H.tendon, H.force, np.ones(len(H.fiber)))
+
+
+def prior_of(
+    model: Model,
+    shapes: MuscleShapes,
+    windows: Sequence[Windows],
+    rows: Sequence[str],
+    options: PriorOptions,
+    fixed: np.ndarray,
+) -> Prior:
+    """The prior of a model's muscles.
+
+    Parameters
+    ----------
+    rows : names of the coordinates compared
+    fixed : (muscles,) muscles that keep their lengths, as those that are switched off or cannot reach
+    """
+    start = sizes_of(model)
+    mean = np.mean(np.concatenate([one.lengths[one.counted] for one in windows]), axis=0)
+    point = np.clip((mean - start.slack) / start.fiber, PHYSIOLOGICAL[0], PHYSIOLOGICAL[1])
+    # The reference path length belongs to the point: where the point was moved into range, so is the path.
+    reference = start.slack + point * start.fiber
+    groups, group = muscle_groups(model, windows, rows)
+    gains, gain = _shared_emg(model.muscle_names, windows)
+    muscles = len(model.muscles)
+    counts = (muscles, muscles, len(groups), len(groups), len(gains))
+    spreads = (
+        options.fiber_spread,
+        options.point_spread,
+        options.strength_spread,
+        options.passive_spread,
+        options.gain_spread,
+    )
+    bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND)
+    deviation = np.repeat(spreads, counts)
+    for part in range(2):
+        deviation[part * muscles : (part + 1) * muscles][fixed] = 0.0
+    precision = _precision(deviation, _pairs(model.muscle_names), muscles, options.sides)
+    return Prior(
+        model.muscle_names, start, point, reference, groups, group, gain, gains, deviation, precision,
+        np.repeat(bounds, counts),
+    )  # fmt: skip
+
+
+def _precision(deviation: Array, pairs: Sequence[tuple[int, int]], muscles: int, correlation: float) -> Array:
+    """Inverse of the prior covariance; a parameter without spread has a variance of its own that holds it."""
+    covariance = np.diag(np.maximum(deviation, 1e-6) ** 2)
+    for i, j in pairs:
+        for first in (0, muscles):
+            shared = correlation * deviation[first + i] * deviation[first + j]
+            covariance[first + i, first + j] = covariance[first + j, first + i] = shared
+    return np.linalg.inv(covariance)
+
+
+def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
+    """Muscles of the same name on both sides."""
+    found: dict[str, dict[str, int]] = {}
+    for m, name in enumerate(names):
+        base, side = split_side(name)
+        if side:
+            found.setdefault(base, {})[side] = m
+    return [tuple(one.values()) for one in found.values() if len(one) == 2]  # type: ignore[misc]
+
+
+def muscle_groups(
+    model: Model, windows: Sequence[Windows], rows: Sequence[str]
+) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Groups by what a muscle does most: the coordinate and sense of its largest mean moment arm, both sides together.
+
+    Returns
+    -------
+    names, as "knee_angle +"; and the group of each muscle, (muscles,)
+    """
+    mean = np.mean(np.concatenate([one.arms[one.counted] for one in windows]), axis=0)
+    labels = []
+    for m, name in enumerate(model.muscle_names):
+        row = int(np.argmax(np.abs(mean[:, m])))
+        if not abs(mean[row, m]) > 0.0:
+            labels.append(split_side(name)[0])
+            continue
+        labels.append(f"{split_side(rows[row])[0]} {'+' if mean[row, m] > 0.0 else '-'}")
+    names = tuple(dict.fromkeys(labels))
+    return names, np.array([names.index(label) for label in labels], np.int64)
+
+
+def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
+    moving = [one for one in windows if np.isfinite(one.step)]
+    gain = np.full(len(names), -1, np.int64)
+    keys: dict[bytes, int] = {}
+    members: list[list[str]] = []
+    for m, name in enumerate(names):
+        told = np.concatenate([one.emg[..., m].ravel() for one in moving]) if moving else np.zeros(0)
+        if not np.isfinite(told).any():
+            continue
+        key = np.nan_to_num(told, nan=-1.0).tobytes()
+        if key not in keys:
+            keys[key] = len(members)
+            members.append([])
+        members[keys[key]].append(name)
+        gain[m] = keys[key]
+    return tuple(" ".join(one) for one in members), gain

@@ -1,0 +1,177 @@
+"""Recordings as personalization takes them: paths, moment arms, torques and EMG in windows of even frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.emg import EmgTarget
+
+FRAME = 0.01
+"""Between the frames at which fibers are followed [s]."""
+WINDOW, LEAD = 1.2, 0.15
+"""Fibers are followed in windows so long [s]; of each the first part only lets them find their lengths."""
+LEAST_ARM = 1e-3
+"""Coordinates about which no muscle has a moment arm of this share of the longest say nothing of muscles."""
+
+
+@dataclass(frozen=True, eq=False)
+class PersonalTrial:
+    """A recording that muscles are fitted to.
+
+    Attributes
+    ----------
+    name : for messages and reports
+    motion : with velocities
+    torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
+    emg : activations that EMG tells, at the motion's times, before gains; None for none
+    passive : whether muscles were at rest and every frame held still, as where passive torques were measured
+    """
+
+    name: str
+    motion: Motion
+    torques: Series
+    emg: EmgTarget | None = None
+    passive: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """One recording, cut into windows that overlap by what lets the fibers find their lengths.
+
+    Attributes
+    ----------
+    time : (windows, frames) [s]
+    lengths, speeds : (windows, frames, muscles) of the paths [m], [m/s]
+    arms : (windows, frames, rows, muscles) [m/rad or m/m]
+    torques : (windows, frames, rows) that muscles have to give [N m or N]
+    emg : (windows, frames, muscles) NaN where unknown
+    counted : (windows, frames) whether the frame is compared
+    step : between frames [s], infinite where every frame is held still
+    """
+
+    name: str
+    time: Array
+    lengths: Array
+    speeds: Array
+    arms: Array
+    torques: Array
+    emg: Array
+    counted: np.ndarray
+    step: float
+
+
+def windows_of(model: Model, trials: Sequence[PersonalTrial]) -> tuple[list[Windows], tuple[str, ...]]:
+    """The recordings in windows, and the names of the coordinates whose torques are compared.
+
+    Raises
+    ------
+    BadData
+        where a motion has no velocities or no torques, or no muscle crosses a free coordinate
+    """
+    read = [_Read(model, one) for one in trials]
+    reach = np.max([np.abs(np.nan_to_num(one.arms)).max(axis=(0, 2)) for one in read], axis=0)
+    kept = reach > LEAST_ARM * reach.max(initial=0.0)
+    if not kept.any():
+        raise BadData(f"model '{model.name}': no muscle has a moment arm about a free coordinate")
+    names = tuple(name for name, keep in zip(read[0].rows, kept, strict=True) if keep)
+    return [one.windows(kept) for one in read], names
+
+
+class _Read:
+    """What one recording gives, on its own clock."""
+
+    def __init__(self, model: Model, trial: PersonalTrial):
+        motion = trial.motion
+        if motion.velocities is None:
+            raise BadData(f"'{trial.name}': the motion has no velocities: differentiate it first")
+        self.trial, self.time = trial, np.array(motion.time)
+        moved = muscle_kinematics(model, motion, moment_arms=False)
+        assert moved.velocities is not None
+        self.lengths, self.speeds = np.array(moved.lengths), np.array(moved.velocities)
+        # With a force of F0 at any length, columns of A are moment arms times F0: couplers and loops are folded in.
+        options = TensionOptions(curves="constant", passive=False)
+        problem, _ = tension_problem(model, motion, trial.torques, options)
+        given = problem.balance(0, len(motion))
+        force = np.maximum(compile_hill(model).force, 1e-9)
+        self.rows = problem.assembly.rows
+        shape, muscles = problem.separable, len(model.muscles)
+        dense = np.zeros((len(motion), len(self.rows), muscles))
+        place = np.empty(given.right.shape[1], np.int64)
+        place[:] = -1
+        place[problem.assembly.coordinate_row] = np.arange(len(self.rows))
+        for m in range(muscles):
+            here = slice(shape.start[m], shape.start[m + 1])
+            dense[:, place[shape.row[here]], m] = given.values[:, here] / force[m]
+        self.arms, self.torques = dense, np.array(given.torques)
+        self.emg = np.full(self.lengths.shape, np.nan)
+        if trial.passive:
+            self.emg[:] = 0.0
+        elif trial.emg is not None:
+            columns = [model.muscle_names.index(name) for name in trial.emg.muscles]
+            self.emg[:, columns] = np.maximum(trial.emg.activations, 0.0)
+
+    def windows(self, kept: np.ndarray) -> Windows:
+        """Cut at even times."""
+        parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
+        good = np.all([np.isfinite(one.reshape(len(one), -1)).all(axis=1) for one in parts], axis=0)
+        if good.sum() < 6:
+            raise BadData(f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected 6")
+        if self.trial.passive:
+            lengths, speeds, arms, torques = (part[good][None] for part in parts)
+            counted, at_rest = np.ones((1, int(good.sum())), bool), self.emg[good][None]
+            time, still = self.time[good][None], np.zeros_like(speeds)
+            return Windows(self.trial.name, time, lengths, still, arms, torques, at_rest, counted, np.inf)
+        start, stop = self.time[good][0], self.time[good][-1]
+        count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
+        time = start + FRAME * np.arange(count)
+        lengths, speeds, arms, torques = (CubicSpline(self.time[good], part[good])(time) for part in parts)
+        emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
+        # A frame is compared where its neighbours in the recording are known.
+        near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))
+        size, lead = round(WINDOW / FRAME), round(LEAD / FRAME)
+        body = size - lead
+        number = max(int(np.ceil((count - lead) / body)), 1)
+        index = np.minimum(np.arange(number)[:, None] * body + np.arange(min(size, count)), count - 1)
+        inside = np.arange(number)[:, None] * body + np.arange(min(size, count)) < count
+        counted = near[index] & inside & (np.arange(index.shape[1]) >= min(lead, count // 3))
+        return Windows(
+            self.trial.name, time[index], lengths[index], speeds[index], arms[index], torques[index], emg[index],
+            counted, FRAME,
+        )  # fmt: skip
+
+
+def _known_at(time: Array, own: Array, values: Array) -> Array:
+    """Values at other times, NaN beside gaps."""
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(len(time), np.nan)
+    found = np.interp(time, own[known], values[known])
+    far = _gap(own[known], time) > 1.5 * np.median(np.diff(own))
+    return np.where(far, np.nan, found)
+
+
+def _gap(own: Array, time: Array) -> Array:
+    """How far each time is from the nearest of `own`, ascending [s]."""
+    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+    return np.minimum(np.abs(own[after] - time), np.abs(own[after - 1] - time))
+
+
+def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
+    """(rows,) least error of the torques: 1 N m on a body of human size, and 3 % of what is carried [N m or N]."""
+    size = {one.coordinate: one.optimal_force for one in default_reserves(model) if hasattr(one, "coordinate")}
+    least = np.array([size.get(name, 1.0) for name in names])
+    carried = np.sqrt(np.mean(np.concatenate([one.torques[one.counted] for one in windows]) ** 2, axis=0))
+    return np.maximum(least, 0.03 * carried)

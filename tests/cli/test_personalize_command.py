@@ -1,0 +1,123 @@
+"""`myomorph personalize`: the model it writes, its tables, what it says of bad input, and the step of a study."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from identified_arm import put_on_plate
+from myomorph.io.formats import read_model
+from myomorph.io.osim.read import read_osim
+from myomorph.io.sto import read_sto, write_sto
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+
+
+@pytest.fixture
+def plate(arm):
+    put_on_plate(arm)
+    return arm
+
+
+def given(arm, *more):
+    return ("personalize", "--model", arm.model, "--out", arm.folder / "own.osim", *more)
+
+
+def test_muscles_from_torques_of_loads(plate, command):
+    told = command(*given(plate, "--motion", plate.motion, "--loads", plate.loads, "--cutoff", 6.0))
+    assert told.status == 0, told.err
+    before, after = read_model(plate.model), read_osim(plate.folder / "own.osim")
+    assert after.muscle_names == before.muscle_names
+    folder = plate.folder / "own_personalization"
+    assert {path.name for path in folder.iterdir()} >= {
+        *("personalized_muscles.csv", "fiber_lengths.csv", "notes.txt", "report.html", "provenance.json"),
+    }
+    rows = list(csv.DictReader((folder / "personalized_muscles.csv").read_text().splitlines()))
+    lengths = [row for row in rows if row["parameter"] == "optimal_fiber_length"]
+    assert [row["of"] for row in lengths] == list(before.muscle_names)
+    for row, muscle in zip(lengths, after.muscles, strict=True):
+        assert float(row["person"]) == pytest.approx(muscle.optimal_fiber_length, rel=1e-5)
+        assert float(row["low"]) < float(row["person"]) < float(row["high"])
+        assert row["identifiable"] in ("yes", "partly", "no")
+    assert "identify" in told.err
+    assert "Normalized fiber length" in (folder / "report.html").read_text()
+
+
+def test_torques_of_a_table_give_the_same_as_loads(plate, command):
+    table = plate.folder / "tau.sto"
+    assert (
+        command("id", "--model", plate.model, "--motion", plate.motion, "--loads", plate.loads, "--out", table).status
+        == 0
+    )
+    assert command(*given(plate, "--motion", plate.motion, "--loads", plate.loads)).status == 0
+    first = read_osim(plate.folder / "own.osim")
+    assert command(*given(plate, "--motion", plate.motion, "--torques", table)).status == 0
+    second = read_osim(plate.folder / "own.osim")
+    for one, other in zip(first.muscles, second.muscles, strict=True):
+        assert one.tendon_slack_length == pytest.approx(other.tendon_slack_length, rel=1e-4)
+
+
+def test_the_generic_model_alone_serves(plate, command):
+    told = command(*given(plate, "--generic", plate.model))
+    assert told.status == 0, told.err
+    assert "2 muscles mapped from the generic model" in told.out
+    for one, other in zip(read_model(plate.model).muscles, read_osim(plate.folder / "own.osim").muscles, strict=True):
+        assert one.optimal_fiber_length == pytest.approx(other.optimal_fiber_length, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        ((), "nothing to fit muscles to"),
+        (("--motion", "{motion}"), "motions without torques"),
+        (("--motion", "{motion}", "{motion}", "--loads", "{loads}"), "2 motions but 1 files of loads"),
+        (("--motion", "{motion}", "--loads", "{loads}", "--torques", "{loads}"), "not both"),
+        (("--motion", "{motion}", "--loads", "{loads}", "--fiber-spread", "3"), "expected 0 to 1"),
+    ],
+)
+def test_bad_input(plate, command, more, what):
+    texts = [one.format(motion=plate.motion, loads=plate.loads) for one in more]
+    told = command(*given(plate, *texts))
+    assert told.status == 2
+    assert what in " ".join(told.err.split())
+    assert not (plate.folder / "own.osim").exists()
+
+
+def test_torques_at_other_times_are_refused(plate, command):
+    table = plate.folder / "tau.sto"
+    assert (
+        command("id", "--model", plate.model, "--motion", plate.motion, "--loads", plate.loads, "--out", table).status
+        == 0
+    )
+    read = read_sto(table)
+    write_sto(type(read)(read.time + 100.0, read.names, read.values), table)
+    told = command(*given(plate, "--motion", plate.motion, "--torques", table))
+    assert told.status == 2
+    assert "has times" in told.err
+
+
+STUDY = """
+[study]
+name = "reaching"
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = ["reach.trc"]
+steps = ["ik", "personalize", "tension"]
+"""
+
+
+def test_a_study_uses_the_person_s_muscles(plate):
+    path = plate.folder / "study.toml"
+    path.write_text(STUDY)
+    subject, trial = run_study(read_plan(path), plate.out)
+    assert (subject.done, subject.error) == (("personalize",), "")
+    assert trial.done == ("ik", "tension")
+    home = plate.out / "s01"
+    made = read_result(home / "reach" / "reach.nc").provenance["tension"]
+    assert [one.name for one in made.sources if one.role == "model"] == [str(home / "personalized.osim")]
+    assert (home / "personalization" / "report.html").is_file()
+    again = run_study(read_plan(path), plate.out)
+    assert again[0].reused == ("personalize",)

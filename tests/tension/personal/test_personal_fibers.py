@@ -1,0 +1,108 @@
+"""Fibers followed from known activations: slopes by finite differences, forces against an independent integrator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.simulated_muscles import as_degroote, integrated_degroote, integrated_forces, smooth_activations, swings
+
+from myomorph.io.formats import read_model
+from myomorph.muscles.fiber_equations import length_factors
+from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
+from myomorph.tension.personal.fibers import follow
+from myomorph.tension.personal.prior import sizes_of
+
+TIME = np.arange(0.0, 1.2, 0.01)
+RANGES = {"r_shoulder_elev": (-0.3, 1.3), "r_elbow_flex": (0.3, 2.0)}
+
+
+@pytest.fixture(scope="module", params=["Thelen2003Muscle", "DeGrooteFregly2016Muscle"])
+def case(request, data):
+    """A swinging arm with six muscles of a class, paths and activations."""
+    model = read_model(data("opensim-reference-small/arm26_bounds.osim"))
+    if request.param == "DeGrooteFregly2016Muscle":
+        model = as_degroote(model)
+    rng = np.random.default_rng(3)
+    motion = swings(model, RANGES, TIME, rng)
+    moved = muscle_kinematics(model, motion, moment_arms=False)
+    return model, motion, moved, smooth_activations(TIME, len(model.muscles), rng)
+
+
+@pytest.mark.parametrize("elastic", [True, False])
+def test_slopes_are_those_of_finite_differences(case, elastic):
+    model, _, moved, a = case
+    shapes, sizes = muscle_shapes(model, elastic), sizes_of(model)
+    given = moved.lengths[None], moved.velocities[None]
+    found = follow(shapes, sizes, *given, a[None], 0.01)
+    for name, slope in (("fiber", found.by_fiber), ("slack", found.by_slack), ("strain", found.by_strain)):
+        h = 1e-6 * getattr(sizes, name)
+        up, down = (
+            follow(shapes, replace(sizes, **{name: getattr(sizes, name) + sign * h}), *given, a[None], 0.01).force
+            for sign in (1.0, -1.0)
+        )
+        difference = (up - down) / (2.0 * h)
+        scale = np.abs(difference).max(axis=(0, 1)) + 1e-3 * sizes.force / getattr(sizes, name)
+        # Tables are joined with one slope but a jump of curvature: a difference across a joint sees it.
+        assert np.quantile(np.abs(difference - slope) / scale, 0.99) < 1e-4, name
+    h = 1e-6
+    up, down = (follow(shapes, sizes, *given, (a + sign * h)[None], 0.01).force for sign in (1.0, -1.0))
+    scale = np.abs(found.by_activation).max(axis=(0, 1))
+    assert np.quantile(np.abs((up - down) / (2.0 * h) - found.by_activation) / scale, 0.99) < 1e-4
+
+
+def test_forces_are_those_of_an_independent_integrator(case):
+    model, motion, moved, a = case
+    if model.muscles[0].kind.startswith("DeGroote"):
+        theirs = integrated_degroote(model, moved.lengths, TIME, a)
+    else:
+        theirs = integrated_forces(model, motion, a)
+    ours = follow(
+        muscle_shapes(model), sizes_of(model), moved.lengths[None], moved.velocities[None], a[None], 0.01
+    ).force[0]
+    settled = slice(20, None)
+    error = np.sqrt(np.mean((ours - theirs)[settled] ** 2, axis=0)) / theirs.max(axis=0)
+    assert error.max() < 0.02
+    assert np.median(error) < 0.002
+
+
+def test_rigid_tendons_give_the_forces_of_hill_forces(case):
+    model, _, moved, a = case
+    known = hill_forces(model, moved.lengths, moved.velocities)
+    wanted = a * known.active + known.passive
+    found = follow(
+        muscle_shapes(model, False), sizes_of(model), moved.lengths[None], moved.velocities[None], a[None], 0.01
+    )
+    scale = sizes_of(model).force
+    damped = np.array([one.parameters.get("fiber_damping", 0.0) for one in model.muscles])
+    assert not damped.any()
+    assert np.abs((found.force[0] - wanted) / scale).max() < 1e-3
+
+
+def test_frames_held_still_are_in_equilibrium(case):
+    model, _, moved, a = case
+    shapes, sizes = muscle_shapes(model), sizes_of(model)
+    found = follow(shapes, sizes, moved.lengths[None], 0.0 * moved.lengths[None], a[None], np.inf)
+    x = found.length[0]
+    w = np.sqrt(x**2 - shapes.sine**2)
+    pull = (a * shapes.active(x)[0] * shapes.velocity(np.zeros_like(x))[0] + shapes.passive(x)[0]) * w / x
+    tendon = shapes.tendon((moved.lengths - sizes.fiber * w) / sizes.slack - 1.0)[0]
+    reaches = moved.lengths > 1.02 * sizes.slack + sizes.fiber * shapes.shortest
+    assert np.abs(pull - tendon)[reaches].max() < 1e-8
+    np.testing.assert_allclose(found.force[0], sizes.force * tendon, atol=1e-9 * sizes.force.max())
+
+
+def test_tables_hold_the_curves(case):
+    model = case[0]
+    shapes = muscle_shapes(model)
+    x = np.linspace(0.4, 1.7, 77)
+    for m in range(2):
+        active, passive = length_factors(compile_hill(model), m, x)
+        columns = np.tile(x[:, None], (1, len(model.muscles)))
+        np.testing.assert_allclose(shapes.active(columns)[0][:, m], active, atol=1e-7)
+        np.testing.assert_allclose(shapes.passive(columns)[0][:, m], passive, atol=1e-5)
+    assert LENGTHS[0] == 0.0

@@ -1,0 +1,175 @@
+"""Muscles fitted to simulated people: parameters come back within their intervals, and what is not known is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.accuracy.personalize import ARM, CAREFUL, passive_trial
+from benchmarks.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
+
+from myomorph.io.formats import read_model
+from myomorph.io.osim.write import write_osim
+from myomorph.model.errors import BadData, BadModel
+from myomorph.tension.personal.curves import muscle_shapes
+from myomorph.tension.personal.fibers import MuscleSizes
+from myomorph.tension.personal.fit import fit
+from myomorph.tension.personal.generic_map import map_generic
+from myomorph.tension.personal.held_out import held_out, split
+from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize, with_sizes
+from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of
+from myomorph.tension.personal.recordings import torque_floors, windows_of
+
+FIBER, SLACK = "optimal_fiber_length", "tendon_slack_length"
+
+
+@pytest.fixture(scope="module")
+def arm26(data):
+    return as_degroote(read_model(data("opensim-reference-small/arm26_bounds.osim")))
+
+
+@pytest.fixture(scope="module")
+def someone(arm26):
+    """A person, and three recordings of 4 s with good EMG, and passive torques."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 4.0, 0.01)
+    motions = [swings(arm26, ARM, time, rng) for _ in range(3)]
+    own = person(arm26, motions[0], Spread(), rng, np.array([0, 0, 0, 1, 1, 1]))
+    gains = some_gains(arm26, CAREFUL, rng)
+    trials = [
+        recorded(arm26, own, motion, smooth_activations(time, 6, rng), CAREFUL, rng, gains, f"swing {k}")
+        for k, motion in enumerate(motions)
+    ]
+    return own, [*trials, passive_trial(arm26, own, ARM, rng)]
+
+
+@pytest.fixture(scope="module")
+def found(arm26, someone):
+    return personalize(arm26, someone[1], PersonalizeOptions(gain_spread=0.06, keep_generic=False))
+
+
+def lengths(found, model, own):
+    """Estimates of lengths with the true values."""
+    for one in found.estimates:
+        if one.parameter in (FIBER, SLACK):
+            yield one, getattr(own.muscles[model.muscle_names.index(one.of)], one.parameter)
+
+
+def test_lengths_lie_within_their_intervals(arm26, someone, found):
+    inside = [one.low <= true <= one.high for one, true in lengths(found, arm26, someone[0])]
+    assert np.mean(inside) >= 0.75  # of twelve, where 90 % are expected
+
+
+def test_what_is_identifiable_is_found(arm26, someone, found):
+    known = [(one, true) for one, true in lengths(found, arm26, someone[0]) if one.identifiable != "no"]
+    assert len(known) >= 4
+    before = np.mean([abs(one.generic / true - 1.0) for one, true in known])
+    after = np.mean([abs(one.person / true - 1.0) for one, true in known])
+    assert after < 0.7 * before
+    for one in found.estimates:
+        if one.identifiable == "yes":
+            assert one.variance_ratio <= 0.25
+
+
+def test_the_person_explains_a_recording_that_was_held_out(found):
+    checked = found.held_out
+    assert checked.recordings == ("swing 2",)
+    assert checked.score < checked.score_generic
+    assert np.all(checked.left < 1.05 * checked.left_generic)
+
+
+def test_a_muscle_without_information_keeps_its_prior(arm26, someone):
+    """A trial without torques of note and EMG: nothing is identifiable, nothing moves far."""
+    trial = someone[1][0]
+    weak = replace(trial.torques, values=0.0 * trial.torques.values)
+    still = replace(trial.motion, velocities=0.0 * trial.motion.velocities, values=0.0 * trial.motion.values + 0.5)
+    silent = PersonalTrial("still", still, weak)
+    quiet = personalize(arm26, [silent], PersonalizeOptions(hold_out=False))
+    of_lengths = [one for one in quiet.estimates if one.parameter in (FIBER, SLACK)]
+    assert sum(one.identifiable == "yes" for one in of_lengths) == 0
+    assert any("no EMG" in note for note in quiet.notes)
+    assert any("identify 0 of 6" in note for note in quiet.notes)
+
+
+def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
+    """Fitted parameters of one group are replaced by wrong ones: held out, its generic values are better and stay."""
+    trials = someone[1][:2]
+    shapes = muscle_shapes(arm26)
+    windows, rows = windows_of(arm26, trials)
+    prior = prior_of(arm26, shapes, windows, rows, PriorOptions(), np.zeros(6, bool))
+    seen, unseen = split(windows)
+    floors = torque_floors(arm26, rows, windows)
+    fitted = fit(prior, shapes, seen, floors)
+    g = prior.groups.index("elbow_flex +")
+    wrong = fitted.p.copy()
+    wrong[prior.parts[1].start + np.flatnonzero(prior.group == g)] -= 0.35
+    wrong[prior.parts[2].start + g] = -1.0
+    checked, p = held_out(prior, shapes, seen, unseen, floors, replace(fitted, p=wrong))
+    assert "elbow_flex +" in checked.kept
+    assert p[prior.parts[2].start + g] == 0.0
+    told, same = held_out(prior, shapes, seen, unseen, floors, replace(fitted, p=wrong), keep=False)
+    assert "elbow_flex +" in told.kept
+    np.testing.assert_array_equal(same, wrong)
+
+
+def test_a_generic_model_alone_maps_its_operating_ranges(arm26):
+    """A model whose muscles were all lengthened by a wrong scaling comes back to those of the generic model."""
+    spoiled = replace(
+        arm26,
+        muscles=tuple(
+            replace(
+                one,
+                optimal_fiber_length=0.9 * one.optimal_fiber_length,
+                tendon_slack_length=1.03 * one.tendon_slack_length,
+            )
+            for one in arm26.muscles
+        ),
+    )
+    mapped = map_generic(arm26, spoiled)
+    for one, true in zip(mapped.model.muscles, arm26.muscles, strict=True):
+        assert one.optimal_fiber_length == pytest.approx(true.optimal_fiber_length, rel=1e-4)
+        assert one.tendon_slack_length == pytest.approx(true.tendon_slack_length, rel=1e-4)
+    assert mapped.after.max() < 1e-4 < mapped.before.max()
+    again = personalize(spoiled, generic=arm26)
+    assert [one.optimal_fiber_length for one in again.model.muscles] == [
+        one.optimal_fiber_length for one in mapped.model.muscles
+    ]
+
+
+def test_nothing_to_fit_to_is_refused(arm26):
+    with pytest.raises(BadData, match="nothing to fit muscles to"):
+        personalize(arm26)
+    other = replace(arm26, muscles=tuple(replace(one, name=f"x{one.name}") for one in arm26.muscles))
+    with pytest.raises(BadModel, match="no muscle of the generic model"):
+        map_generic(other, arm26)
+    with pytest.raises(BadData, match="expected 0 to 1"):
+        PersonalizeOptions(fiber_spread=2.0)
+
+
+def test_muscles_that_cannot_reach_are_named(arm26, someone):
+    long = replace(arm26.muscles[0], tendon_slack_length=arm26.muscles[0].tendon_slack_length + 0.3)
+    model = replace(arm26, muscles=(long, *arm26.muscles[1:]))
+    found = personalize(model, someone[1][:1], PersonalizeOptions(hold_out=False))
+    assert f"'{long.name}' cannot reach" in found.notes[0]
+    assert "shorter than its slack tendon" in found.notes[0]
+    assert "swing 0" in found.notes[0]
+
+
+def test_written_models_have_the_person_s_muscles(data, tmp_path):
+    """Of Millard's and Thelen's class too: lengths, strength, and the passive curve stretched by its factor."""
+    for name in ("rajagopal-walk-emg/subject_walk_scaled.osim", "opensim-reference-small/arm26_bounds.osim"):
+        model = read_model(data(name))
+        before = sizes_of(model)
+        after = MuscleSizes(1.05 * before.fiber, 0.97 * before.slack, 1.2 * before.force, 1.1 * before.strain)
+        made = with_sizes(model, after, before)
+        write_osim(made, tmp_path / "made.osim")
+        read = sizes_of(read_model(tmp_path / "made.osim"))
+        np.testing.assert_allclose(read.fiber, after.fiber, rtol=1e-9)
+        np.testing.assert_allclose(read.slack, after.slack, rtol=1e-9)
+        np.testing.assert_allclose(read.force, after.force, rtol=1e-9)
+        x = np.tile([[1.4]], (1, len(model.muscles)))
+        plain = muscle_shapes(model).passive(x)[0]
+        stretched = muscle_shapes(read_model(tmp_path / "made.osim")).passive(1.0 + 1.1 * (x - 1.0))[0]
+        # Millard's curve begins with a stiffness that does not follow its strains.
+        np.testing.assert_allclose(stretched, plain, rtol=0.01)

@@ -1,0 +1,247 @@
+"""Tensions on elastic tendons: conditions of the optimum, limits, and what happens to bad frames and muscles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from walking import task, walk
+
+import myomorph.tension.elastic.problem as elastic
+from myomorph.io.osim.read import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.motion.filters import differentiate
+from myomorph.muscles.fiber_equations import degroote_stretch, degroote_velocity_factor, length_factors
+from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
+from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import Rows, Term
+
+ARM = "opensim-reference-small/"
+DEGROOTE = "DeGrooteFregly2016Muscle"
+CLASSES = (DEGROOTE, "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
+ELASTIC = TensionOptions(tendons="elastic")
+
+
+def as_class(model: Model, kind: str, **parameters: float) -> Model:
+    """The model with all muscles of one class."""
+    muscles = tuple(replace(one, kind=kind, parameters=parameters) for one in model.muscles)
+    return replace(model, muscles=muscles)
+
+
+def arm(data, kind: str = DEGROOTE, count: int = 40, **parameters: float) -> tuple[Model, Motion, Series]:
+    """Frames of OpenSim's arm of two coordinates and six muscles, and their torques."""
+    model = as_class(read_osim(data(ARM + "arm26_bounds.osim")), kind, **parameters)
+    whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    keep = slice(0, 2 * count, 2)
+    motion = Motion(
+        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+    )
+    return model, motion, inverse_dynamics(model, motion)
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@pytest.mark.parametrize("passive", [False, True])
+def test_every_class_is_solved_and_certified(data, kind, passive):
+    found = solve_tension(*arm(data, kind), replace(ELASTIC, passive=passive))
+    assert found.optimal.all()
+    assert found.fibers.certificate.residual < 1e-3
+    assert found.fibers.certificate.equilibrium < 1e-5
+    assert found.equilibrium_residual.max() < 1e-4
+    assert (found.activations > found.lower - 1e-9).all()
+    assert (found.activations < found.upper + 1e-9).all()
+    assert not found.fibers.rigid
+
+
+def test_fibers_and_tendons_are_as_long_as_the_paths_and_share_their_power(data):
+    model, motion, torques = arm(data)
+    found = solve_tension(model, motion, torques, ELASTIC)
+    H, paths, fibers = compile_hill(model), muscle_kinematics(model, motion), found.fibers
+    along = np.sqrt(fibers.lengths**2 - H.height**2)
+    tendon = H.tendon * (1.0 + fibers.tendon_strains)
+    assert np.allclose(along + tendon, paths.lengths, atol=1e-12)
+    whole = -found.forces * paths.velocities
+    assert np.allclose(fibers.fiber_powers + fibers.tendon_powers, whole, atol=1e-9)
+    strength = np.array([one.max_isometric_force for one in model.muscles])
+    for m, muscle in enumerate(model.muscles):
+        assert np.allclose(tendon[:, m], H.tendon[m] * degroote_stretch(muscle, found.forces[:, m] / strength[m]))
+
+
+def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
+    far = []
+    rigid = None
+    for strain in (0.2, 0.01):
+        model, motion, torques = arm(data, tendon_strain_at_one_norm_force=strain)
+        rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"))
+        found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
+        far.append(np.sqrt(np.mean((found.activations - rigid.activations)[3:-3] ** 2)))
+    assert far[1] < 0.4 * far[0]
+    assert far[1] < 0.01
+
+
+def test_a_general_solver_finds_no_less_effort(data):
+    model, motion, torques = arm(data, count=10)
+    found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
+    H, paths = compile_hill(model), muscle_kinematics(model, motion)
+    L, V, time = paths.lengths, paths.velocities, motion.time
+    dt = np.diff(time)[:, None]
+    middle = 0.5 * (L[1:] + L[:-1]) + dt / 8.0 * (V[:-1] - V[1:])
+    speed = 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
+    arms = paths.moment_arms[:, :, [model.coordinate_names.index(one) for one in found.coordinates]]
+    share = np.ones((len(time), 1))
+    share[[0, -1]] = 0.5
+
+    def activations(f):
+        tendon = np.stack([H.tendon[m] * degroote_stretch(one, f[:, m]) for m, one in enumerate(model.muscles)], axis=1)
+        along = middle - 0.5 * (tendon[1:] + tendon[:-1])
+        fiber = np.sqrt(along**2 + H.height**2)
+        v = (speed - np.diff(tendon, axis=0) / dt) * along / fiber / H.speed
+        factor = np.stack(
+            [length_factors(H, m, np.ascontiguousarray(fiber[:, m] / H.fiber[m]))[0] for m in range(6)], 1
+        )
+        pull = 0.5 * (f[1:] + f[:-1]) * fiber / along - TONE
+        pull -= 0.25 * SLACKENED**2 / pull
+        return pull / (factor * np.maximum(degroote_velocity_factor(v), 0.0) + FLOOR)
+
+    def cost(flat):
+        f = flat.reshape(len(time), 6)
+        a = activations(f)
+        left = found.torques - np.einsum("kmj,km->kj", arms, f * H.force)
+        outside = np.maximum(a - 1.0, 0.0) ** 2 + np.maximum(-a, 0.0) ** 2
+        return (a**2).sum() + (share * left**2).sum() + 1e4 * outside.sum()
+
+    ours = found.forces / H.force
+    start = np.full_like(ours, 0.1)
+    bounds = [(1e-3, 2.0)] * ours.size
+    options = {"maxiter": 3000, "maxfun": 400000}
+    other = minimize(cost, start.ravel(), method="L-BFGS-B", bounds=bounds, options=options)
+    assert cost(ours.ravel()) < 1.01 * other.fun + 1e-3
+
+
+def test_activation_changes_no_faster_than_it_can(data):
+    model, motion, torques = arm(data, "Thelen2003Muscle")
+    jumping = Series(torques.time, torques.names, torques.values + 4.0 * (np.arange(len(motion)) % 8 < 4)[:, None])
+    free = solve_tension(model, motion, jumping, replace(ELASTIC, activation_dynamics=False))
+    bound = solve_tension(model, motion, jumping, ELASTIC)
+    dt = np.diff(motion.time)[:, None]
+
+    def excess(a):
+        middle = 0.5 * (a[1:] + a[:-1])
+        slowest = -middle * (0.5 + 1.5 * middle) / 0.050
+        return np.maximum(dt * slowest - np.diff(a, axis=0), 0.0)[1:-1].max()
+
+    assert excess(free.activations) > 0.1
+    assert excess(bound.activations) < 0.02
+
+
+def test_windows_give_what_the_whole_gives(data, monkeypatch):
+    model, motion, torques = arm(data, count=50)
+    whole = solve_tension(model, motion, torques, ELASTIC)
+    monkeypatch.setattr(elastic, "WINDOW", 12)
+    monkeypatch.setattr(elastic, "MARGIN", 0.2)
+    parts = solve_tension(model, motion, torques, ELASTIC)
+    assert parts.optimal.all()
+    assert np.array_equal(parts.fibers.transient, whole.fibers.transient)
+    assert np.abs(parts.activations - whole.activations).max() < 0.01
+    assert np.sqrt(np.mean((parts.activations - whole.activations) ** 2)) < 1e-3
+
+
+def test_short_gaps_are_bridged_and_long_ones_left_open(data):
+    model, motion, torques = arm(data, count=50)
+    values = np.array(torques.values)
+    values[10:12] = np.nan
+    values[25:40] = np.nan
+    found = solve_tension(model, motion, Series(torques.time, torques.names, values), ELASTIC)
+    whole = solve_tension(model, motion, torques, ELASTIC)
+    assert list(np.flatnonzero(found.fibers.bridged)) == [10, 11]
+    assert np.isnan(found.activations[25:40]).all()
+    assert np.isfinite(found.activations[:25]).all()
+    assert (found.status[10:12] == 3).all()
+    assert (found.status[25:40] == 3).all()
+    assert found.optimal[:10].all()
+    assert found.fibers.transient[40]
+    assert found.fibers.transient[24]
+    assert not found.fibers.transient[12]
+    assert np.abs(found.activations[8:14] - whole.activations[8:14]).max() < 0.05
+
+
+def test_a_muscle_whose_fibers_cannot_reach_gets_a_rigid_tendon(data):
+    model, motion, torques = arm(data)
+    long = replace(model.muscles[0], tendon_slack_length=model.muscles[0].tendon_slack_length + 0.2)
+    model = replace(model, muscles=(long, *model.muscles[1:]))
+    found = solve_tension(model, motion, torques, ELASTIC)
+    assert [one.muscle for one in found.fibers.unreachable] == [long.name]
+    assert found.fibers.unreachable[0].worst <= 0.0
+    assert found.fibers.rigid == (long.name,)
+    assert found.optimal.all()
+    assert (found.fibers.tendon_strains[:, 0] == 0.0).all()
+
+
+def test_torques_that_no_activation_gives_go_to_reserves(data):
+    model, motion, torques = arm(data)
+    much = Series(torques.time, torques.names, torques.values + 500.0)
+    found = solve_tension(model, motion, much, ELASTIC)
+    assert np.abs(found.reserves).max() > 200.0
+    assert found.equilibrium_residual.max() < 0.1
+
+
+def test_without_reserves_frames_that_cannot_balance_are_marked(data):
+    model, motion, torques = arm(data)
+    much = Series(torques.time, torques.names, torques.values + 500.0)
+    found = solve_tension(model, motion, much, ELASTIC, actuators=())
+    assert not found.optimal.any()
+    assert found.equilibrium_residual.max() > 100.0
+
+
+def test_another_start_ends_at_the_same_place(data):
+    found = solve_tension(*arm(data), replace(ELASTIC, second_start=True))
+    assert found.fibers.certificate.second_activations < 0.01
+    assert found.fibers.certificate.second_forces < 0.01
+
+
+def test_emg_draws_activations(data):
+    model, motion, torques = arm(data)
+    plain = solve_tension(model, motion, torques, ELASTIC)
+    wanted = np.full((len(motion), 1), 0.3)
+    emg = EmgTarget((model.muscles[0].name,), wanted, weight=50.0)
+    drawn = solve_tension(model, motion, torques, ELASTIC, emg=emg)
+    before, after = (np.abs(one.activations[5:-5, 0] - 0.3).mean() for one in (plain, drawn))
+    assert after < 0.3 * before
+
+
+def test_what_elastic_tendons_do_not_take_is_refused(data):
+    model, motion, torques = arm(data, count=5)
+
+    class Pair(Term):
+        def rows(self, unknowns):
+            return Rows.cost("pair", unknowns.row({model.muscles[0].name: 1.0}), 0.1, 1.0)
+
+    with pytest.raises(BadData, match="'pair' has rows on activations"):
+        solve_tension(model, motion, torques, ELASTIC, terms=[Pair()])
+    with pytest.raises(BadData, match="constant"):
+        solve_tension(model, motion, torques, replace(ELASTIC, curves="constant"))
+    with pytest.raises(BadData, match="minmax"):
+        solve_tension(model, motion, torques, replace(ELASTIC, recruitment="minmax"))
+    with pytest.raises(BadData, match="there are 'rigid', 'elastic'"):
+        TensionOptions(tendons="stretchy")
+
+
+@pytest.mark.parametrize("smoothness", [0.0, 1.0])
+def test_contacts_take_part(data, smoothness):
+    model, motion, _ = walk(data, slice(300, 324, 2))
+    torques = inverse_dynamics(model, motion)
+    touching = task(model, motion, smoothness=smoothness)
+    rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"), contacts=touching)
+    found = solve_tension(model, motion, torques, ELASTIC, contacts=touching)
+    assert found.contacts is not None
+    assert found.equilibrium_residual.max() < 0.1
+    up = found.contacts.forces[..., 1].sum(axis=1), rigid.contacts.forces[..., 1].sum(axis=1)
+    assert np.abs(up[0] - up[1]).max() < 0.05 * np.abs(up[1]).max()

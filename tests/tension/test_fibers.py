@@ -1,0 +1,62 @@
+"""Fibers and tendons as values: parts of joined models, labelled arrays."""
+
+import numpy as np
+import pytest
+
+from myomorph.tension.fibers import Certificate, Fibers, Unreachable
+from myomorph.tension.tension import Tension, TensionOptions, tension_of
+
+
+@pytest.fixture
+def joined():
+    """A tension of a joined model of two parts with two muscles each."""
+    rng = np.random.default_rng(1)
+    names = ("one_soleus", "one_tibant", "two_soleus", "two_tibant")
+    each = [rng.normal(size=(5, 4)) for _ in range(5)]
+    ends = np.array([True, False, False, False, True])
+    unreachable = (Unreachable("two_tibant", 3, -0.4),)
+    fibers = Fibers(*each, ends, ~ends, ("one_tibant", "two_tibant"), unreachable, Certificate(1e-5, 1e-7, 12))
+    none, zeros = np.zeros((5, 0)), np.zeros((5, 4))
+    return Tension(
+        time=np.arange(5.0),
+        muscles=names,
+        activations=zeros,
+        forces=zeros,
+        reserve_names=(),
+        reserves=none,
+        coordinates=(),
+        torques=none,
+        equilibrium_residual=np.zeros(5),
+        status=np.zeros(5, np.int8),
+        iterations=np.ones(5, np.int64),
+        lower=np.zeros(4),
+        upper=np.ones(4),
+        overstretched=(),
+        options=TensionOptions(tendons="elastic"),
+        fibers=fibers,
+    )
+
+
+def test_a_part_of_a_joined_model_has_its_own_fibers(joined):
+    part, whole = tension_of(joined, "two").fibers, joined.fibers
+    assert np.array_equal(part.lengths, whole.lengths[:, 2:])
+    assert np.array_equal(part.velocities, whole.velocities[:, 2:])
+    assert np.array_equal(part.tendon_strains, whole.tendon_strains[:, 2:])
+    assert np.array_equal(part.fiber_powers, whole.fiber_powers[:, 2:])
+    assert np.array_equal(part.tendon_powers, whole.tendon_powers[:, 2:])
+    assert part.rigid == ("tibant",)
+    assert part.unreachable == (Unreachable("tibant", 3, -0.4),)
+    assert tension_of(joined, "one").fibers.unreachable == ()
+
+
+def test_fibers_are_read_only(joined):
+    with pytest.raises(ValueError, match="read-only"):
+        joined.fibers.lengths[0, 0] = 1.0
+
+
+def test_labelled_arrays_of_a_tension_hold_its_fibers(joined):
+    found = joined.variables()
+    assert found["fiber_length"].unit == "m"
+    assert np.array_equal(found["tendon_strain"].values, joined.fibers.tendon_strains)
+    pytest.importorskip("xarray")
+    assert joined.to_xarray()["fiber_power"].sel(muscle="one_tibant").shape == (5,)
