@@ -15,7 +15,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_delay import ChannelMap, Delays, EmgCalibration, channel_means, find_delays, fit_gains, shifted
+from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, fit_gains, shifted
 from myomorph.motion.envelope import EnvelopeOptions, envelopes
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.motion.sync import cut, resample_wrenches
@@ -28,10 +28,12 @@ CUTOFF = 6.0
 ALONE = "without EMG"
 WAYS: Mapping[str, EmgOptions | None] = {
     ALONE: None,
-    "soft, weight 1": EmgOptions(weight=1.0),
-    "soft, weight 10": EmgOptions(),
-    "equality": EmgOptions(mode="equality"),
+    "default": EmgOptions(),
+    "others by least effort": EmgOptions(unmeasured="effort"),
+    "weight 10": EmgOptions(weight=10.0),
+    "driven": EmgOptions(mode="driven"),
 }
+"""The first is without EMG, the second the library's own choice."""
 
 RAJAGOPAL = {
     "SOL": ("soleus",),
@@ -233,36 +235,27 @@ def measure_channels(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_calibration(folder: Path) -> Iterator[dict[str, object]]:
-    """Delays and gains by two halves of each walk."""
+    """Delays, gains and weights by two halves of each walk, and what torques say of them."""
     for walk in (*(make(folder) for make in WALKS), overground(folder, "l")):
-        halves = [_calibrated(walk, span) for span in (walk.calibrated, walk.tested)]
-        (delays, first), (others, second) = halves
-        delay, again = (_with_interval(one) for one in (delays, others))
-        apart = np.abs(first.gains - second.gains) / np.maximum(0.5 * (first.gains + second.gains), 1e-9)
+        first, second = (_calibrated(walk, span) for span in (walk.calibrated, walk.tested))
+        apart = np.abs(np.log(first.gains / second.gains))
         same = walk.calibrated == walk.tested
+        known = first.by_torque
         yield {
             "walk": walk.name,
-            "correlation without EMG, mean": float(np.nanmean(delays.correlation)),
-            "delay [ms]": delay,
-            "on other frames [ms]": "" if same else again,
+            "delay [ms]": round(1e3 * float(first.delays[0])),
+            "on other frames [ms]": "" if same else round(1e3 * float(second.delays[0])),
             "gains, least ... most": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
-            "gains on other frames apart, median": "" if same else f"{np.median(apart):.1%}",
-            "largest": "" if same else f"{apart.max():.1%}",
+            "told by torques": f"{int(known.sum())} of {len(known)}",
+            "gains on other frames apart, median": "" if same else f"{np.median(np.expm1(apart)):.1%}",
+            "largest": "" if same else f"{np.expm1(apart).max():.1%}",
+            "weight": first.weight,
+            "channels that others mislead": sum("misleads" in text for text in first.warnings),
         }
 
 
-def _with_interval(delays: Delays) -> str:
-    low, high = 1e3 * delays.interval[0]
-    return f"{1e3 * delays.seconds[0]:.0f} ({low:.0f} to {high:.0f})" + ("" if delays.found.all() else ", not found")
-
-
-def _calibrated(walk: Walk, span: tuple[float, float]) -> tuple[Delays, EmgCalibration]:
-    motion, torques = walk.part(span)
-    alone = solve_tension(walk.model, motion, torques)
-    told = Emg(walk.emg.time, tuple(walk.channels), np.array([walk.emg[name] for name in walk.channels]).T)
-    means = channel_means(walk.channels, alone.muscles, alone.activations)
-    delays = find_delays([(told, Series(motion.time, told.names, means))])
-    return delays, calibrate_emg(walk.model, [EmgTrial(motion, torques, walk.emg)], walk.channels)
+def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
+    return calibrate_emg(walk.model, [EmgTrial(*walk.part(span), walk.emg)], walk.channels)
 
 
 def measure_study(folder: Path) -> Iterator[dict[str, object]]:

@@ -206,7 +206,7 @@ def test_terms_that_do_not_fit_are_refused(walker):
         solve_tension(model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", weight=0.0)])
     with pytest.raises(BadData, match="1 rows and 2 targets"):
         Rows.cost("pair", np.ones((1, 3)), [0.0, 1.0], 1.0)
-    emg = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.3), "equality")
+    emg = EmgTarget(("soleus_r",), np.full((len(motion), 1), 0.3), "driven")
     with pytest.raises(BadData, match="draw 'soleus_r' into intervals"):
         solve_tension(model, motion, tau, emg=emg, terms=[PreferredActivation("soleus_r", 0.1)])
     with pytest.raises(BadData, match="2 terms of the tension problem link frames: expected one"):

@@ -104,6 +104,8 @@ def calibrate_emg(
     for trial in trials:
         mapped_muscles(trial.emg, channels, model)
         refuse_unfit(trial.emg, trial.motion.time, channels)
+    # Frames are looked at one by one here, whatever the tensions are then found with.
+    tension = None if tension is None else replace(tension, tendons="rigid", recruitment="power")
     names = tuple(channels)
     for name in maxima or {}:
         check_name("EMG channel", name, names, "the calibration")
@@ -159,9 +161,9 @@ PEAK = 99.0
 
 def _groups(frames: Sequence[TrackedFrames], names: tuple[str, ...], tells: Array, peaks: Array) -> tuple[Group, ...]:
     """Channels whose muscles share joints, their synergies, and the unmeasured muscles of these joints."""
-    acts: np.ndarray = np.max([np.abs(one.columns).max(axis=0) for one in frames], axis=0) > 0.0
+    acts = np.asarray(np.array([np.abs(one.columns).max(axis=0) for one in frames]).max(axis=0) > 0.0)
     reach = (acts.astype(float) @ tells) > 0.0
-    measured: np.ndarray = tells.any(axis=1)
+    measured = np.asarray(tells.any(axis=1))
     groups, left = list[Group](), list(np.flatnonzero(reach.any(axis=0)))
     taken = np.zeros(len(measured), dtype=bool)
     while left:

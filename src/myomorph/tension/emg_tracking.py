@@ -197,7 +197,7 @@ class TorqueTracking:
     def _covariance(self, one: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
         """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
         known = np.isfinite(shifted(one.emg, one.time, delays))
-        good: np.ndarray = known.any(axis=1)
+        good: np.ndarray = np.asarray(known.any(axis=1))
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
         spread = np.full((int(good.sum()), one.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)

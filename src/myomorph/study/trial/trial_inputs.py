@@ -19,7 +19,6 @@ from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
 
 if TYPE_CHECKING:
-    from myomorph.motion.emg_delay import EmgCalibration
     from myomorph.study.trial.contact_file import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
@@ -93,7 +92,6 @@ class TrialInputs:
     torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
     emg_maxima : envelope of channels in maximum voluntary contractions
-    emg_subject : what EMG of the subject's other trials says, None where this one is alone
     events : of the recording
     plates : force plates, for pictures and for feet that share one
     plate_time : clock of their forces (samples,) [s]
@@ -120,7 +118,6 @@ class TrialInputs:
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
-    emg_subject: Callable[[], EmgCalibration | None] | None = None
     events: tuple[Event, ...] = ()
     plates: tuple[ForcePlate, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
-from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
-from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -37,6 +33,7 @@ from myomorph.study.trial.contact_warnings import (
     interval_table,
     put_warnings,
 )
+from myomorph.study.trial.emg_tables import EMG_TABLE, EmgTargets, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
     joint_contact_numbers,
@@ -55,7 +52,6 @@ from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
@@ -64,8 +60,6 @@ OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
-EMG_TABLE = "emg_channels.csv"
-EMG_CONFLICTS = "emg_conflicts.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,20 +77,6 @@ class Tensions:
     contacts: Contacts | None = None
     loads: Wrenches | None = None
     carried: Series | None = None
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class EmgTargets:
-    """What EMG tells of a recording.
-
-    Attributes
-    ----------
-    target : None where no channel tells of a muscle
-    """
-
-    target: EmgTarget | None
-    calibration: EmgCalibration | None
     notes: tuple[str, ...] = ()
 
 
@@ -152,7 +132,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
-        notes = (*_write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
+        notes = (*write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
     known = torques.wrenches if task.setting is None else task.setting.exact
     frame = trial.options[TensionTables].reactions
     if frame != "none":
@@ -213,9 +193,7 @@ def emg_targets_of(
         return EmgTargets(None, None, (note,))
     recorded = EmgTrial(motion, torques, trial.emg, contacts)
     maxima = {name: one for name, one in trial.emg_maxima.items() if name in trial.emg_muscles}
-    calibration = None if trial.emg_subject is None else trial.emg_subject()
-    if calibration is None:
-        calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
+    calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
     target = emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, chosen, calibration)
     return EmgTargets(target, calibration, calibration.warnings)
 
@@ -232,45 +210,6 @@ def added_actuators(trial: TrialInputs, options: TensionOptions) -> tuple[Actuat
         replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
         for one in default_reserves(trial.model, options.reserve, options.residual)
     )
-
-
-def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
-    """Delay, gain and muscles of each channel as a table, where there are any."""
-    if told.calibration is None:
-        return
-    found = told.calibration
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(
-            ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
-            + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
-        )
-        for k, name in enumerate(found.channels):
-            low, high = (_cell(one) for one in found.intervals[k])
-            source = "torques" if found.by_torque[k] else "usual" if low else "file"
-            held = (_cell(one) for one in found.held_out[k])
-            row: tuple[str, ...] = (name, f"{found.delays[k]:.4f}", f"{found.gains[k]:.6g}", low, high, source)
-            row += (f"{found.offsets[k]:.6g}", f"{found.shapes[k]:g}", f"{found.weight:g}", *held)
-            table.writerow((*row, " ".join(muscles.get(name, ()))))
-
-
-def _cell(value: float) -> str:
-    """A number of a table, empty where it is not known."""
-    return f"{value:.4g}" if np.isfinite(value) else ""
-
-
-def _write_conflicts(model: Model, tension: Tension, target: EmgTarget | None, output: StepOutput) -> tuple[str, ...]:
-    """Where EMG and torques contradict each other, as a table and as a line."""
-    if target is None:
-        return ()
-    found = emg_conflicts(model, tension, target)
-    with written(output.folder / EMG_CONFLICTS) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))
-        for one in found:
-            times = (f"{value:.4f}" for value in (one.start, one.stop, one.worst))
-            table.writerow((one.muscle, one.coordinate, *times, f"{one.emg:.5g}", f"{one.found:.5g}"))
-    return conflict_line(found, EMG_CONFLICTS)
 
 
 def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, ...], output: StepOutput) -> None:

@@ -1,0 +1,73 @@
+"""Tables of EMG beside muscle tensions: how channels were calibrated, and where EMG and torques do not agree."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.parsing.text import written
+from myomorph.model.model import Model
+from myomorph.motion.emg_delay import EmgCalibration
+from myomorph.study.trial.step import StepOutput
+from myomorph.tension.emg_conflicts import conflict_line, emg_conflicts
+from myomorph.tension.tension import Tension
+from myomorph.tension.terms.emg import EmgTarget
+
+EMG_TABLE, EMG_CONFLICTS = "emg_channels.csv", "emg_conflicts.csv"
+
+
+@dataclass(frozen=True, eq=False)
+class EmgTargets:
+    """What EMG tells of a recording.
+
+    Attributes
+    ----------
+    target : None where no channel tells of a muscle
+    """
+
+    target: EmgTarget | None
+    calibration: EmgCalibration | None
+    notes: tuple[str, ...] = ()
+
+
+def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
+    """Delay, gain and muscles of each channel as a table, where there are any."""
+    if told.calibration is None:
+        return
+    found = told.calibration
+    with written(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(
+            ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
+            + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
+        )
+        for k, name in enumerate(found.channels):
+            low, high = (_cell(one) for one in found.intervals[k])
+            source = "torques" if found.by_torque[k] else "usual" if low else "file"
+            held = (_cell(one) for one in found.held_out[k])
+            row: tuple[str, ...] = (name, f"{found.delays[k]:.4f}", f"{found.gains[k]:.6g}", low, high, source)
+            row += (f"{found.offsets[k]:.6g}", f"{found.shapes[k]:g}", f"{found.weight:g}", *held)
+            table.writerow((*row, " ".join(muscles.get(name, ()))))
+
+
+def _cell(value: float) -> str:
+    """A number of a table, empty where it is not known."""
+    return f"{value:.4g}" if np.isfinite(value) else ""
+
+
+def write_conflicts(model: Model, tension: Tension, target: EmgTarget | None, output: StepOutput) -> tuple[str, ...]:
+    """Where EMG and torques contradict each other, as a table and as a line."""
+    if target is None:
+        return ()
+    found = emg_conflicts(model, tension, target)
+    with written(output.folder / EMG_CONFLICTS) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))
+        for one in found:
+            times = (f"{value:.4f}" for value in (one.start, one.stop, one.worst))
+            table.writerow((one.muscle, one.coordinate, *times, f"{one.emg:.5g}", f"{one.found:.5g}"))
+    return conflict_line(found, EMG_CONFLICTS)
