@@ -286,10 +286,10 @@ class _Muscles:
                 values[:, own >= 0] = found[near][:, own[own >= 0]]
                 values[~inside] = np.nan
             if given.tension.fibers is not None:
-                found = given.tension.fibers
+                told = given.tension.fibers
                 self.fibers = np.full(shape, np.nan), np.full(shape, np.nan)
                 optimal = np.array([one.optimal_fiber_length for one in model.muscles])
-                for values, each in zip(self.fibers, (found.lengths, found.tendon_strains), strict=True):
+                for values, each in zip(self.fibers, (told.lengths, told.tendon_strains), strict=True):
                     values[:, own >= 0] = each[near][:, own[own >= 0]]
                     values[~inside] = np.nan
                 self.fibers[0][:] /= optimal
