@@ -24,6 +24,7 @@ from myomorph.store.stored import get_tension, put_tension
 from myomorph.study.trial.fiber_step import LARGE_STRAIN, WORK, fiber_notes, fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.fiber_work import fiber_work
 from myomorph.study.trial.step import StepOutput
+from myomorph.tension.dual import STALLED
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 ARM = "opensim-reference-small/"
@@ -124,6 +125,15 @@ def test_fibers_that_are_too_long_are_reported_and_still_solved(data):
     assert f"fibers would be {told.worst:.2f} optimal lengths long" in fiber_notes(found, model)[0]
 
 
+def test_frames_that_did_not_converge_are_the_first_note(solved):
+    model, motion, tension = solved
+    status = np.array(tension.status)
+    status[5:9] = STALLED
+    first = fiber_notes(replace(tension, status=status), model)[0]
+    assert "did not converge in 4 of 40 frames" in first
+    assert f"between {motion.time[5]:.3f} and {motion.time[8]:.3f} s" in first
+
+
 def test_clean_data_is_reported_without_a_note(data):
     model, motion, torques = arm(data)
     found = solve_tension(model, motion, torques, ELASTIC)
@@ -168,7 +178,8 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     model, motion, tension = solved
     shown = ShownTension(
         *(tension.time, tension.muscles, tension.activations, tension.forces, tension.reserves),
-        *(tension.coordinates, tension.optimal, tension.overstretched, tension.fibers),
+        *(tension.coordinates, tension.optimal, tension.overstretched),
+        fibers=tension.fibers,
     )
     given = ReportInput(PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=shown)
     section = fiber_section(prepare(given))

@@ -20,6 +20,7 @@ from myomorph.store.results import Stored
 from myomorph.study.trial.fiber_work import FiberWork, fiber_work
 from myomorph.study.trial.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
+from myomorph.tension.dual import STALLED
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.tension import Tension
 
@@ -68,11 +69,11 @@ def _unit(name: str) -> str:
 
 
 def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
-    """Muscles whose fibers cannot reach, frames that were bridged, tendons strained beyond what they bear."""
+    """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons strained too far."""
     fibers = tension.fibers
     if fibers is None:
         return ()
-    notes = []
+    notes = list(_unsolved(tension))
     for one in fibers.unreachable[:MOST_NAMED]:
         why = (
             "the path is shorter than the slack tendon"
@@ -101,6 +102,18 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
             f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
+
+
+def _unsolved(tension: Tension) -> Iterator[str]:
+    """What did not converge, whose fibers and forces may not be believed."""
+    stalled = np.flatnonzero(tension.status == STALLED)
+    if len(stalled) and tension.fibers is not None:
+        first, last = tension.time[stalled[[0, -1]]]
+        yield (
+            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between {first:.3f} and "
+            f"{last:.3f} s (residual {tension.fibers.certificate.residual:.2g}): forces and fibers there are not to be "
+            "believed; try frames at 100 Hz, or rigid tendons"
+        )
 
 
 def inside_ends(fibers: Fibers, values: Array) -> Array:

@@ -45,7 +45,6 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solv
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
-from myomorph.tension.emg_conflicts import conflict_line, emg_conflicts
 from myomorph.tension.passive_share import LARGE, passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
