@@ -54,6 +54,8 @@ def test_there_are_commands():
         "tension",
         "report",
         "tension",
+        "personalize",
+        "tension",
         "identify",
     ]
 
@@ -70,3 +72,4 @@ def test_readme_commands_run(laboratory):
     for name in ("subject.osim", "walk1.mot", "walk1_torques.sto", "walk1_tension/report.html", "identified.osim"):
         assert (laboratory / name).is_file()
     assert (laboratory / "walk1_contacts" / "contact_forces.xml").is_file()
+    assert (laboratory / "walk1_loads" / "joint_contact_forces.sto").is_file()

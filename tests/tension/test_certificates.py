@@ -206,7 +206,7 @@ def test_known_activations_narrow_what_is_left_open(walk):
     model, motion, task = walk
     problem, tension = solved(model, motion, task, None)
     free = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
-    told = EmgTarget(model.muscle_names, tension.activations, "equality", slack=0.01)
+    told = EmgTarget(model.muscle_names, tension.activations, "driven", slack=0.01)
     problem, tension = solved(model, motion, task, None, emg=told)
     bound = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
     assert set(free.sentences) == {""}, "what was not asked for is not said to be determined"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.tension.problem import tension_problem
@@ -19,6 +19,7 @@ LOUD = 10.0
 """How many times the RMS of the torques an unmeasured contact may make of them."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TrackedFrames:
     """What the balance of some frames of a trial is made of.

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Emg
 from myomorph.motion.emg_delay import independent_samples, shaped, shifted
 from myomorph.motion.synergies import Synergies
@@ -98,6 +98,7 @@ class Fit(NamedTuple):
     deviation: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Group:
     """Unmeasured muscles that share joints with some channels, and these channels' synergies.

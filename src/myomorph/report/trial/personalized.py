@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import dot, drawing, frame, grid_along, mark, rect, text
 from myomorph.report.page.page import rendered
@@ -33,6 +33,7 @@ class ParameterRow:
     kept: bool
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PersonalizedInput:
     """What the page shows.

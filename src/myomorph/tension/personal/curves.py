@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array, frozen_array
+from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.muscles.fiber_equations import (
@@ -32,6 +32,7 @@ SPEEDS = np.arange(-2.0, 2.0 + STEP / 2, STEP)
 STRAINS = np.arange(-0.2, 0.3, STEP / 4)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Lookup:
     """Functions on one even grid, several of them, and which of them each muscle has.
@@ -65,6 +66,7 @@ class Lookup:
         return y0 + s * (d0 + s * (b + s * c)) + beyond * slope, slope / self.step
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MuscleShapes:
     """What personalization leaves as it is of a model's muscles.

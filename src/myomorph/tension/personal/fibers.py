@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.tension.personal.curves import MuscleShapes
 from myomorph.tension.personal.fiber_kernels import follow_elastic
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MuscleSizes:
     """What personalization changes, each (muscles,).

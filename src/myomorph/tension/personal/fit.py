@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.tension.personal.curves import MuscleShapes
 from myomorph.tension.personal.fibers import Followed, follow, rigid_lengths
 from myomorph.tension.personal.prior import OUTSIDE, PHYSIOLOGICAL, Prior
@@ -47,6 +47,7 @@ MOST_ERROR = 0.5
 """Of the root mean square of a torque: more of it is not taken for an error."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Noise:
     """How far off torques and activations are.
@@ -61,6 +62,7 @@ class Noise:
     told: float = 1.0
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """Parameters, how sure they are, and what became of the recordings.
@@ -141,6 +143,7 @@ def fit(
     return Fitted(p, covariance, noise, *told, done, moved)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Checked:
     """How well muscles explain recordings.

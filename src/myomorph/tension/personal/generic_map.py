@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import qmc
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Model
 from myomorph.muscles.path import compile_paths
@@ -33,6 +33,7 @@ REACH = (0.5, 1.5)
 FEWEST = 10
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class GenericMap:
     """A scaled model whose muscles work where the generic model's do.

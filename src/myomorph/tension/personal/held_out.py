@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.tension.personal.curves import MuscleShapes
 from myomorph.tension.personal.fit import Fitted, check, fit
 from myomorph.tension.personal.prior import Prior
@@ -19,6 +19,7 @@ SHARE = 2.0 / 3.0
 """Of a single recording that muscles are fitted to; the rest is held out."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class HeldOut:
     """Recordings that were not fitted to.

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -84,6 +84,7 @@ class Estimate:
     kept: bool = False
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Personalized:
     """A model with a person's muscles, and how sure they are.

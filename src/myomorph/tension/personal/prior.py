@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.sides import split_side
@@ -69,6 +69,7 @@ class PriorOptions:
             raise BadData(f"the correlation of sides is {self.sides:g}: expected 0 to below 1")
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Prior:
     """Parameters p = (log fiber, shift of the operating point, log strength, log passive strain, log gains).

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
@@ -47,6 +47,7 @@ class PersonalTrial:
     passive: bool = False
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Windows:
     """One recording, cut into windows that overlap by what lets the fibers find their lengths.
