@@ -15,7 +15,7 @@ from benchmarks.accuracy.knee import BODY_WEIGHT, PARTS, STRIDES, WAYS, at_times
 from benchmarks.cases import data_folder
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "knee-force.svg"
-SHOWN = (("default", "#2166ac", "-"), ("personalized, elastic tendons, EMG", "#b2182b", "-"))
+SHOWN = (("default", "#2166ac", "-"), ("personalized", "#b2182b", "-"))
 """Rows of the table, by their names, with a color and a line."""
 
 
