@@ -149,9 +149,9 @@ def _of_persons() -> tuple[Claim, ...]:
             "measured EMG",
         ),
         Claim(
-            "The same with the other channels as soft targets",
+            "The same with the other channels as targets, by default",
             "emg_held_out",
-            _span("correlation, mean", {"others": "soft, weight 10"}),
+            _span("correlation, mean", {"others": "default"}),
             "above the line before",
             "measured EMG",
         ),
