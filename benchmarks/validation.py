@@ -63,7 +63,7 @@ def write(found: dict[str, str]) -> None:
     for page in known:
         text = f"# {page.title}\n\n{page.lead}\n"
         for name in page.sections:
-            text += "\n" + _text(page, name) + "\n" + found.get(name, "(not measured yet)\n")
+            text += "\n" + _text(page, name) + "\n" + (found.get(name, "").strip() or "(not measured yet)") + "\n"
         (FOLDER / f"{page.name}.md").write_text(text, encoding="utf-8")
     where = {name: f"{page.name}.md" for page in known for name in page.sections}
     text = (TEXT / "head.md").read_text(encoding="utf-8") + front_table(found, where) + "\n"
