@@ -1,4 +1,4 @@
-"""OpenSim's MocoInverse on elastic tendons, for the same muscles, paths, motion and loads as ours.
+"""OpenSim's MocoInverse on elastic tendons, for the same muscles, motion and loads as ours, with fitted paths.
 
 It takes many minutes, so what it found is kept in a folder outside the repository (the environment variable
 `MYOMORPH_MOCO_RESULTS`, else a folder in the system's temporary one) and read from there by later calls.

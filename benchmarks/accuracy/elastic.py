@@ -124,7 +124,7 @@ def _rms(values: Array) -> float:
 
 
 def moco_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Ours against MocoInverse, the same muscles, paths, motion and loads."""
+    """Ours against MocoInverse, the same muscles, motion and loads; its paths are fitted functions."""
     recording = folder / WALK
     yield compare_moco(recording, moco_inverse(recording, *SPAN))
 
@@ -161,6 +161,7 @@ def compare_moco(recording: Path, theirs: MocoFound, options: TensionOptions = A
         "RMS of tendon forces / F0": _rms(f),
         "worst muscle": elastic[int(np.argmax(np.mean(a**2, axis=0)))],
         "ours [s]": seconds,
+        "MocoInverse converged": "yes" if theirs.success else "no",
         "MocoInverse [s]": theirs.seconds,
         "times as fast": theirs.seconds / seconds,
     }
