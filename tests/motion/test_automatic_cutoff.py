@@ -88,3 +88,10 @@ def test_what_holds_the_pelvis_of_a_recorded_walk_is_a_fifth_of_that_without_a_f
         held = np.stack([torques[f"pelvis_t{axis}"][on_plates] for axis in "xyz"])
         residuals[cutoff is not None] = float(np.sqrt(np.mean(np.sum(held**2, axis=0))))
     assert residuals[True] < 0.2 * residuals[False]
+
+
+def test_it_is_found_once_for_a_motion(monkeypatch) -> None:
+    motion, _ = _walk(0.01)
+    first = automatic_cutoff(motion)
+    monkeypatch.setattr("myomorph.motion.automatic_cutoff._cutoff", lambda motion: pytest.fail("found again"))
+    assert automatic_cutoff(motion) == first

@@ -48,7 +48,8 @@ def muscles_command(
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*trial.warnings, *results.notes))
-    said(f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames; wrote {out}")
+    counts = f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames"
+    said(f"{counts}{filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from myomorph.model.arrays import Array, runs
@@ -19,6 +21,9 @@ NOISE = 1.0
 
 SHORTEST, LONGEST = 30, 4096
 """Frames in a row without a gap: fewer tell no spectrum, and of more the middle ones are enough."""
+
+_FOUND: WeakKeyDictionary[Motion, float | None] = WeakKeyDictionary()
+"""Of motions that still exist: coordinates, external forces and what is printed ask for the same one."""
 
 
 def automatic_cutoff(motion: Motion) -> float | None:
@@ -38,6 +43,12 @@ def automatic_cutoff(motion: Motion) -> float | None:
     -------
     cutoff [Hz], for `differentiate`; None where there is nothing to filter, or too little to tell
     """
+    if motion not in _FOUND:
+        _FOUND[motion] = _cutoff(motion)
+    return _FOUND[motion]
+
+
+def _cutoff(motion: Motion) -> float | None:
     seen = np.all(np.isfinite(motion.values), axis=1)
     part = max((slice(*ends) for ends in runs(seen)), key=lambda one: one.stop - one.start, default=slice(0, 0))
     if part.stop - part.start < SHORTEST:
