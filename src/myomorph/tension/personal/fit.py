@@ -37,8 +37,8 @@ EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
 REST = 0.003
 """Standard deviation of an activation at rest."""
-REST_ERROR = 0.05
-"""Standard deviation of a measured passive torque, of its root mean square; at least half a newton metre."""
+REST_ERROR, REST_FLOOR = 0.05, 0.5
+"""Least standard deviation of a measured passive torque: a share of its root mean square, and in N m or N."""
 SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 ACTIVE_SETS = 16
@@ -55,10 +55,12 @@ class Noise:
     Attributes
     ----------
     torque : (rows,) standard deviation [N m or N]
+    rest : (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N m or N]
     told : factor on the variance of activations that EMG tells
     """
 
     torque: Array
+    rest: Array
     told: float = 1.0
 
 
@@ -105,8 +107,9 @@ def fit(
     steps : at most
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
-    p, noise = np.zeros(len(prior.deviation)), Noise(floors)
     parts = [_Part(prior, shapes, one) for one in windows]
+    floors_at_rest = _floors_at_rest(parts, floors)
+    p, noise = np.zeros(len(prior.deviation)), Noise(floors, floors_at_rest)
     covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
     moved, done, shrink = np.inf, 0, 1.0
     for done in range(1, steps + 1):
@@ -130,6 +133,7 @@ def fit(
         # Before the parameters have found their places, misfits are theirs and not errors of the recordings.
         if done > TRUSTING:
             noise = _noise(parts, noise, floors, covariance)
+            noise = _noise_at_rest(parts, noise, floors_at_rest, covariance)
             for part in parts:
                 part.weigh()
             shrink = _left_to_errors(parts, float(np.sum(free) - np.trace(covariance @ prior.precision)))
@@ -161,7 +165,7 @@ class Checked:
 def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array, noise: Noise) -> Checked:
     """How well parameters explain recordings that they need not have been fitted to."""
     score, frames = 0.0, 0
-    left = np.zeros(len(noise.torque))
+    left, known = np.zeros(len(noise.torque)), np.zeros(len(noise.torque))
     for one in windows:
         part = _Part(prior, shapes, one)
         scores = []
@@ -174,7 +178,8 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
         score += min(*scores[3:], part.score())
         frames += int(one.counted.sum())
         left += np.sum(part.plain**2, axis=0)
-    return Checked(score / frames, np.sqrt(left / frames))
+        known += np.sum(part.known, axis=0)
+    return Checked(score / frames, np.sqrt(left / np.maximum(known, 1)))
 
 
 def _times(matrices: Array, vectors: Array) -> Array:
@@ -197,11 +202,12 @@ class _Part:
         self.told = np.isfinite(windows.emg)
         self.envelope = np.where(self.told, windows.emg, 0.0)
         self.activations = np.clip(np.where(self.told, windows.emg, 0.05), 0.0, 1.0)
-        self.arms = windows.arms[windows.counted]
         self.torques = windows.torques[windows.counted]
+        # Torques that were not measured are left out: their rows have no muscles, no misfit and an error of 1.
+        self.known = np.isfinite(self.torques)
+        self.torques = np.where(self.known, self.torques, 0.0)
+        self.arms = np.where(self.known[..., None], windows.arms[windows.counted], 0.0)
         self.rest = not np.isfinite(windows.step)
-        # Passive torques are measured by themselves: none of the errors of inverse dynamics are theirs.
-        self.measured = np.maximum(0.5, REST_ERROR * np.sqrt(np.mean(self.torques**2, axis=0)))
         self.weight = 0.2
 
     def _of(self, values: Array) -> Array:
@@ -222,7 +228,7 @@ class _Part:
             variance = np.full_like(variance, REST**2)
         self.plain = self.torques - _times(self.arms, at.force)
         self.columns = self.arms * at.by_activation[:, None]
-        self.of_torque = self.measured**2 if self.rest else noise.torque**2
+        self.of_torque = np.where(self.known, noise.rest**2 if self.rest else noise.torque**2, 1.0)
         S = self._bounded(now, expected, variance)
         self.whiten = np.linalg.inv(np.linalg.cholesky(S))
         self.covariance = S
@@ -246,7 +252,7 @@ class _Part:
             self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
             self.error = self.plain + _times(self.columns, now - self.expected)
             spread = self.columns * self.variance[:, None]
-            S = spread @ self.columns.transpose(0, 2, 1) + np.diag(self.of_torque)
+            S = spread @ self.columns.transpose(0, 2, 1) + self.of_torque[..., None] * np.eye(self.of_torque.shape[1])
             new = np.linalg.solve(S, self.error[..., None])[..., 0]
             y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
             wanted = expected + variance * _times(self.columns.transpose(0, 2, 1), y)
@@ -281,12 +287,8 @@ class _Part:
 
     def weigh(self) -> None:
         """What a frame counts, by how alike the misfits of neighbouring frames are."""
-        white = self.white
-        if self.rest:
-            self.weight = 1.0
-            return
-        frames = np.full((*self.windows.counted.shape, white.shape[1]), np.nan)
-        frames[self.windows.counted] = white
+        frames = np.full((*self.windows.counted.shape, self.white.shape[1]), np.nan)
+        frames[self.windows.counted] = np.where(self.known, self.white, np.nan)
         square, length = np.nanmean(frames**2), 1.0
         for lag in range(1, min(LONGEST_ERROR, frames.shape[1] // 2)):
             pairs = frames[:, :-lag] * frames[:, lag:]
@@ -296,7 +298,8 @@ class _Part:
                 break
             length += 2.0 * rho
         # What the parameters follow of slow errors is missing from the misfit, so that it looks quicker than they are.
-        self.weight = 0.5 * (self.weight + 1.0 / max(length, SHORTEST_ERROR))
+        # Poses held still may be in any order.
+        self.weight = 0.5 * (self.weight + 1.0 / max(length, 1.0 if self.rest else SHORTEST_ERROR))
 
     def settle(self, step: Array) -> None:
         """Activations given the recording, after a step of the parameters."""
@@ -315,7 +318,7 @@ class _Part:
 
 def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
     """Share of the independent misfits that the parameters do not follow: so much less is known than it looks."""
-    seen = sum(part.weight * part.misfit.size for part in parts)
+    seen = sum(part.weight * part.known.sum() for part in parts)
     return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.25, 1.0))
 
 
@@ -327,14 +330,8 @@ def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Arra
     squares, carried, frames = np.zeros(len(noise.torque)), np.zeros(len(noise.torque)), 0
     apart, known = 0.0, 0.0
     for part in moving:
-        solved = np.linalg.inv(part.covariance)
-        # What the parameters leave open is no part of the errors, but of what is known of them.
-        among = part.slopes @ covariance @ part.slopes.transpose(0, 2, 1)
-        by_torque = part.of_torque[:, None] * solved
-        mean = _times(by_torque, part.error)
-        left = part.of_torque - part.of_torque * np.einsum("frr->fr", by_torque)
-        left += np.einsum("frs,fst,frt->fr", by_torque, among, by_torque)
-        squares += np.sum(mean**2 + left, axis=0)
+        among, mean_squares = _torque_errors(part, covariance)
+        squares += mean_squares
         carried += np.sum(part.torques**2, axis=0)
         frames += len(part.error)
         free = part.told[part.windows.counted] & (part.variance > 0.0)
@@ -348,6 +345,39 @@ def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Arra
     torque = np.sqrt(np.clip(squares / frames, floors**2, most))
     told = float(np.clip(apart / known, *SCALES)) if known else 1.0
     return replace(noise, torque=torque, told=told)
+
+
+def _torque_errors(part: _Part, covariance: Array) -> tuple[Array, Array]:
+    """What parameters leave open of each frame's torques (frames, rows, rows), and summed squares of errors (rows,)."""
+    solved = np.linalg.inv(part.covariance)
+    # What the parameters leave open is no part of the errors, but of what is known of them.
+    among = part.slopes @ covariance @ part.slopes.transpose(0, 2, 1)
+    by_torque = part.of_torque[..., None] * solved
+    mean = _times(by_torque, part.error)
+    left = part.of_torque - part.of_torque * np.einsum("frr->fr", by_torque)
+    left += np.einsum("frs,fst,frt->fr", by_torque, among, by_torque)
+    return among, np.sum(np.where(part.known, mean**2 + left, 0.0), axis=0)
+
+
+def _floors_at_rest(parts: Sequence[_Part], floors: Array) -> Array:
+    """(rows,) least error of measured passive torques [N m or N]."""
+    still = [one for one in parts if one.rest]
+    if not still:
+        return np.full(len(floors), REST_FLOOR)
+    counts = np.maximum(np.sum([one.known.sum(axis=0) for one in still], axis=0), 1)
+    squares = np.sum([np.sum(one.torques**2, axis=0) for one in still], axis=0)
+    return np.maximum(np.minimum(REST_FLOOR, floors), REST_ERROR * np.sqrt(squares / counts))
+
+
+def _noise_at_rest(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
+    """Errors of measured passive torques, among them what is no muscle's: ligaments, capsules, the poses' errors."""
+    still = [one for one in parts if one.rest]
+    if not still:
+        return noise
+    counts = np.sum([one.known.sum(axis=0) for one in still], axis=0)
+    squares = np.sum([_torque_errors(one, covariance)[1] for one in still], axis=0)
+    rest = np.sqrt(squares / np.maximum(counts, 1))
+    return replace(noise, rest=np.where(counts > 0, np.maximum(rest, floors), floors))
 
 
 def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array) -> tuple[Array, Array]:
