@@ -384,7 +384,8 @@ def known_by_prior(estimates: Sequence[Estimate]) -> str:
         f"of {len(those)} {name.replace('_', ' ')}s they identify {those.count('yes')}, {those.count('partly')} partly"
         for name, those in levels.items()
     )
-    return f"the recordings say little or nothing of {share:.0f} % of the lengths, which are what was assumed before: {what}"
+    before = f"{share:.0f} % of the lengths, which are what was assumed before"
+    return f"the recordings say little or nothing of {before}: {what}"
 
 
 def _notes(
