@@ -248,7 +248,7 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
 
 
 def resting_torques(model: Model, motion: Motion) -> Array:
-    """(poses, coordinates) torques of resting muscles in equilibrium, NaN where one has none [N m or N]."""
+    """(poses, coordinates) torques of resting muscles in equilibrium and of joints, NaN where one has none [N m or N]."""
     moved = muscle_kinematics(model, motion)
     rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
     forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
@@ -258,6 +258,7 @@ def resting_torques(model: Model, motion: Motion) -> Array:
         found = fibers_of(model, m, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
         forces[:, m] = found.tendon_force
         whole &= known
-    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces)
+    tree = compile_tree(model)
+    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
     torques[~whole] = np.nan
     return torques
