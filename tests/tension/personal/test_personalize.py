@@ -163,7 +163,9 @@ def test_passive_torques_of_one_joint_at_a_time_are_enough(arm26, someone):
     together = replace(passive, torques=Series(passive.motion.time, names, both))
     options = PersonalizeOptions(hold_out=False)
     one, two = personalize(arm26, [together], options), personalize(arm26, halves, options)
-    np.testing.assert_allclose(one.fitted.p, two.fitted.p, atol=0.02)
+    # Errors of neighbouring poses are looked for recording by recording, so that weights differ a little.
+    spread = np.sqrt(np.diag(one.fitted.covariance))
+    assert np.all(np.abs(one.fitted.p - two.fitted.p) < 0.3 * spread)
     fitted = [est for est in one.estimates if est.parameter == SLACK and est.identifiable != "no"]
     assert fitted
     for est in fitted:
