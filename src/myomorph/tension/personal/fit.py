@@ -43,6 +43,8 @@ SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 ACTIVE_SETS = 16
 """Newton steps for the activations that stand at 0 or 1."""
+MORE = 1e-3
+"""Of activation, for the slopes of what an activation gives."""
 MOST_ERROR = 0.5
 """Of the root mean square of a torque: more of it is not taken for an error."""
 
@@ -118,7 +120,7 @@ def fit(
             part.linearize(p, noise)
             weight = shrink * part.weight
             normal += weight * part.jacobian.T @ part.jacobian
-            right += weight * part.jacobian.T @ part.misfit
+            right += weight * (part.jacobian.T @ part.misfit - part.widening)
         rows, misfit = _outside(prior, shapes, windows, p)
         normal += rows.T @ rows
         right += rows.T @ misfit
@@ -234,6 +236,8 @@ class _Part:
         self.covariance = S
         white = _times(self.whiten, self.error)
         jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
+        more = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations + MORE, w.step)
+        self.widening = self._widening(at, Followed(*(self._of(one) for one in more)), sizes.fiber, sizes.strain, p)
         self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes, self.misfit = jacobian, white.ravel()
         self.white = white
@@ -264,6 +268,32 @@ class _Part:
                 fixed = np.where(before == fixed, fixed, 0).astype(np.int8)
         self.gain = np.linalg.solve(S, spread)  # S^-1 G var(a)
         return S
+
+    def _widening(self, at: Followed, more: Followed, fiber: Array, strain: Array, p: Array) -> Array:
+        """(parameters,) slopes of half the logarithm of det S.
+
+        Activations that follow the torque make its slopes in the parameters follow its errors: without this term, whatever
+        widens S would seem the more probable.
+        """
+        prior = self.prior
+        by_fiber, by_point, by_force, by_strain, _ = prior.parts
+        # tr(S^-1 G var(a) dG^T): a muscle's column depends on its own parameters alone.
+        share = np.sum(self.gain * self.arms, axis=1)
+        of_fiber, of_slack, of_strain = (
+            np.sum(share * (after - before), axis=0) / MORE
+            for before, after in (
+                (at.by_fiber, more.by_fiber),
+                (at.by_slack, more.by_slack),
+                (at.by_strain, more.by_strain),
+            )
+        )
+        found = np.zeros(len(p))
+        found[by_fiber] = (of_fiber - of_slack * (prior.point + p[by_point])) * fiber
+        found[by_point] = -of_slack * fiber
+        of_force = np.sum(share * at.by_activation, axis=0)
+        for part, values in ((by_force, of_force), (by_strain, of_strain * strain)):
+            found[part] = np.bincount(prior.group, values, minlength=len(prior.groups))
+        return found
 
     def _jacobian(self, at: Followed, fiber: Array, strain: Array, p: Array, expected: Array) -> Array:
         """(frames, rows, parameters) slopes of the torque."""
