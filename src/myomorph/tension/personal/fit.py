@@ -35,6 +35,8 @@ UNKNOWN = 0.2
 """Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
 EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
+LEAST_OWN = 0.5
+"""Share of the variance of EMG over time that is activation's at least."""
 REST = 0.003
 """Standard deviation of an activation at rest."""
 REST_ERROR, REST_FLOOR = 0.05, 0.5
@@ -221,11 +223,8 @@ class _Part:
         sizes = prior.sizes(p)
         followed = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations, w.step)
         at = Followed(*(self._of(one) for one in followed))
-        gains = prior.gains_of(p)
-        told = self._of(self.told)
-        expected = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
-        now = self._of(self.activations)
-        variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * expected) ** 2), UNKNOWN**2)
+        gains, told, now = prior.gains_of(p), self._of(self.told), self._of(self.activations)
+        expected, variance = self._known_activations(gains, noise, told)
         if self.rest:
             variance = np.full_like(variance, REST**2)
         self.plain = self.torques - _times(self.arms, at.force)
@@ -241,6 +240,21 @@ class _Part:
         self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes, self.misfit = jacobian, white.ravel()
         self.white = white
+
+    def _known_activations(self, gains: Array, noise: Noise, told: np.ndarray) -> tuple[Array, Array]:
+        """Mean and variance of activations (frames, muscles) before the torques are looked at.
+
+        EMG has errors, so that its peaks are higher and its lows lower than those of activations: what is expected lies
+        towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
+        """
+        scaled = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
+        variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * scaled) ** 2), UNKNOWN**2)
+        counts = np.maximum(told.sum(axis=0), 1)
+        mean = scaled.sum(axis=0) / counts
+        between = np.sum(np.where(told, (scaled - mean) ** 2, 0.0), axis=0) / counts
+        own = np.maximum(between - np.sum(np.where(told, variance, 0.0), axis=0) / counts, LEAST_OWN * between)
+        share = np.where(told, own / np.maximum(own + variance, 1e-12), 1.0)
+        return np.where(told, mean + share * (scaled - mean), 0.0), share * variance
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
