@@ -39,7 +39,7 @@ LEAST_OWN = 0.5
 """Share of the variance of EMG over time that is activation's at least."""
 REST = 0.003
 """Standard deviation of an activation at rest."""
-REST_ERROR, REST_FLOOR = 0.05, 0.5
+REST_ERROR, REST_FLOOR = 0.01, 0.1
 """Least standard deviation of a measured passive torque: a share of its root mean square, and in N m or N."""
 SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""

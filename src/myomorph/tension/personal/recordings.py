@@ -25,6 +25,8 @@ WINDOW, LEAD = 1.2, 0.15
 """Fibers are followed in windows so long [s]; of each the first part only lets them find their lengths."""
 FEWEST = 6
 """Frames of a recording."""
+LEAST_ERROR, LEAST_SHARE = 0.1, 0.01
+"""Least errors of torques: a share of the reserves' strength, and of the torques' root mean square."""
 LEAST_ARM = 1e-3
 """Coordinates about which no muscle has a moment arm of this share of the longest say nothing of muscles."""
 
@@ -193,10 +195,10 @@ def _gap(own: Array, time: Array) -> Array:
 
 
 def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
-    """(rows,) least error of the torques: 1 N m on a body of human size, and 3 % of what is carried [N m or N]."""
+    """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is carried [N m or N]."""
     size = {one.coordinate: one.optimal_force for one in default_reserves(model) if hasattr(one, "coordinate")}
     least = np.array([size.get(name, 1.0) for name in names])
     every = np.concatenate([one.torques[one.counted] for one in windows])
     counts = np.maximum(np.isfinite(every).sum(axis=0), 1)
     carried = np.sqrt(np.nansum(every**2, axis=0) / counts)
-    return np.maximum(least, 0.03 * carried)
+    return np.maximum(LEAST_ERROR * least, LEAST_SHARE * carried)
