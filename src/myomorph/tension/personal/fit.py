@@ -23,13 +23,13 @@ from myomorph.tension.personal.prior import OUTSIDE, PHYSIOLOGICAL, Prior
 from myomorph.tension.personal.recordings import Windows
 
 STEPS = 30
-TRUSTING = 8
-"""First steps, in which errors are what was assumed of them."""
+TRUSTING = (4, 16)
+"""First steps, in which errors are what was assumed of them: at least and, while steps are still long, at most."""
 SHORTEST_ERROR, LONGEST_ERROR = 20, 50
 """Frames over which errors are taken to be alike at least, the length of a burst of EMG, and at most."""
-SETTLED = 0.02
+SETTLED = 0.05
 """Steps end where no parameter moves by more of its standard deviation."""
-LONGEST = 0.1
+LONGEST = 0.25
 """Step of a parameter."""
 UNKNOWN = 0.2
 """Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
@@ -45,6 +45,10 @@ SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 ACTIVE_SETS = 16
 """Newton steps for the activations that stand at 0 or 1."""
+FIRST_ERRORS = 5.0
+"""Of the least errors of torques: with which the fit begins, so that it does not run after each of them at first."""
+HASTE, MOST_CHANGE = 2.0, 1.6
+"""Power of the steps by which errors change, and the largest factor of a step."""
 MORE = 1e-3
 """Of activation, for the slopes of what an activation gives."""
 MOST_ERROR = 0.5
@@ -113,9 +117,10 @@ def fit(
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     parts = [_Part(prior, shapes, one) for one in windows]
     floors_at_rest = _floors_at_rest(parts, floors)
-    p, noise = np.zeros(len(prior.deviation)), Noise(floors, floors_at_rest)
+    p, noise = np.zeros(len(prior.deviation)), Noise(FIRST_ERRORS * floors, FIRST_ERRORS * floors_at_rest)
     covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
-    moved, done, shrink = np.inf, 0, 1.0
+    moved, done, shrink, trusting = np.inf, 0, 1.0, True
+    damping, settled, before = 1.0, 0, np.zeros(len(p))
     for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
@@ -129,15 +134,19 @@ def fit(
         covariance = np.zeros_like(normal)
         covariance[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
         step = covariance @ right
-        step *= min(1.0, LONGEST / max(np.abs(step).max(initial=0.0), 1e-12))
+        longest = float(np.abs(step).max(initial=0.0))
+        # Activations that reach a bound and leave it in turns make steps go back and forth.
+        damping = 0.5 * damping if step @ before < 0.0 else min(1.5 * damping, 1.0)
+        step *= min(damping, LONGEST / max(longest, 1e-12))
         new = prior.kept(p + step)
-        step, p = new - p, new
+        step, before, p = new - p, step, new
         for part in parts:
             part.settle(step)
         # Before the parameters have found their places, misfits are theirs and not errors of the recordings.
-        if done > TRUSTING:
-            noise = _noise(parts, noise, floors, covariance)
-            noise = _noise_at_rest(parts, noise, floors_at_rest, covariance)
+        trusting = trusting and (done < TRUSTING[0] or (longest > LONGEST and done < TRUSTING[1]))
+        if not trusting:
+            better = _noise_at_rest(parts, _noise(parts, noise, floors, covariance), floors_at_rest, covariance)
+            noise = _hastened(noise, better, floors, floors_at_rest)
             for part in parts:
                 part.weigh()
             shrink = _left_to_errors(parts, float(np.sum(free) - np.trace(covariance @ prior.precision)))
@@ -145,7 +154,8 @@ def fit(
         moved = float((np.abs(step) / spread)[free].max(initial=0.0))
         if advance is not None:
             advance(1)
-        if moved < SETTLED and done > TRUSTING + 4:
+        settled = 0 if trusting or moved >= SETTLED * damping else settled + 1
+        if settled == 3:
             break
     told = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
     return Fitted(p, covariance, noise, *told, done, moved)
@@ -389,6 +399,18 @@ def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Arra
     torque = np.sqrt(np.clip(squares / frames, floors**2, most))
     told = float(np.clip(apart / known, *SCALES)) if known else 1.0
     return replace(noise, torque=torque, told=told)
+
+
+def _hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> Noise:
+    """A longer step of expectation and maximization, whose own steps are short where much of a misfit is errors'.
+
+    Upwards it is a short one: a misfit that the parameters have yet to follow is no error.
+    """
+    torque, rest, told = (
+        one * np.clip((other / one) ** HASTE, 1.0 / MOST_CHANGE, MOST_CHANGE)
+        for one, other in ((old.torque, new.torque), (old.rest, new.rest), (old.told, new.told))
+    )
+    return Noise(np.maximum(torque, floors), np.maximum(rest, floors_at_rest), float(np.clip(told, *SCALES)))
 
 
 def _torque_errors(part: _Part, covariance: Array) -> tuple[Array, Array]:
