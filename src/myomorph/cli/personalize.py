@@ -39,14 +39,11 @@ def personalize_command(
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
-    passive_motion: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Coordinates of poses in which passive torques were measured.", consume_multiple=True),
-    ] = (),
-    passive_torques: Annotated[
+    passive: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="What has to hold the joints in them (.sto): minus the measured passive torques of the muscles.",
+            help="Measured passive torques (.sto): a pose a row by its coordinates, and COORDINATE_moment that resting "
+            "muscles apply about them, blank where not measured.",
             consume_multiple=True,
         ),
     ] = (),
@@ -63,9 +60,7 @@ def personalize_command(
 
     use_threads(threads)
     check_out_model(out, read=(model, generic))
-    files = personalizing.PersonalFiles(
-        model, motion, loads, torques, emg, emg_side, passive_motion, passive_torques, generic, time
-    )
+    files = personalizing.PersonalFiles(model, motion, loads, torques, emg, emg_side, passive, generic, time)
     scaled = open_model(model)
     found = personalizing.personalize_files(files, settings_dict(options), scaled)
     lost = personalizing.write_personalized(found, out)
