@@ -288,7 +288,8 @@ def read_loads(
         with about(path):
             wrenches = read_external_loads(path, poses=PosesBy(model, motion))
     elif ending == ".toml":
-        from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
+        from myomorph.contact.feet_on_steps import stairs_wrenches
+        from myomorph.study.trial.contact_file import read_stairs
 
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     else:

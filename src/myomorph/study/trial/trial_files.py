@@ -35,8 +35,8 @@ from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
+    from myomorph.contact.plan import ContactPlan
     from myomorph.io.osim.setup_parts import IkTasks
-    from myomorph.study.trial.contact_file import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -300,7 +300,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.study.trial.stairs_file import recording_of
+        from myomorph.study.trial.contact_file import recording_of
 
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":

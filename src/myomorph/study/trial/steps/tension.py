@@ -25,7 +25,6 @@ from myomorph.store.joint_contact_store import get_joint_contacts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, TensionTables
-from myomorph.study.trial.contact_step import ContactSetting, Measurements, all_loads, during, set_contacts
 from myomorph.study.trial.contact_warnings import (
     contact_warnings,
     get_infeasible_contacts,
@@ -44,6 +43,7 @@ from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
+from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, during, set_contacts
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.passive_share import LARGE, passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
