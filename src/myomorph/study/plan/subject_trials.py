@@ -213,15 +213,6 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
             problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
     # Torques that are given hold what the forces do, so none are looked for beside the recording.
     loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
-    if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
-        if trial.loads is None:
-            notes.found.pop()
-            notes.remarks.append(
-                f"{whole.subject}/{loads.name} is not used: it does not say which bodies its forces act on"
-            )
-            loads = None
-        else:
-            problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
     if loads is not None:
         notes.notices += old_names(loads)
     check_time(trial.time, f"{where}: time", problems)
