@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
+from myomorph.contact.force_checks import checked_forces
 from myomorph.io.force_columns import table_wrenches
 from myomorph.io.formats import trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
@@ -19,6 +21,9 @@ from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
+
+Checks: TypeAlias = Literal["mend", "report", "none"]
+"""What is done about forces that do not fit the motion."""
 
 NOBODY = ("", "-", "none")
 """What stands for a plate on which nobody steps."""
@@ -48,6 +53,7 @@ def read_loads(
     bodies: Mapping[str, str] | None = None,
     trial: Path | None = None,
     plates: Sequence[str] = (),
+    checks: Checks = "mend",
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
 
@@ -64,6 +70,7 @@ def read_loads(
     bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
+    checks : "mend" what is wrong and safe to mend, with a note of each; "report" only; or "none"
 
     Returns
     -------
@@ -82,12 +89,51 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates)
+    with about(path):
+        return on_feet(wrenches, model, motion, checks)
+
+
+def on_feet(wrenches: Wrenches, model: Model, motion: Motion, checks: Checks = "mend") -> Wrenches:
+    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only.
+
+    Parameters
+    ----------
+    checks : "mend" what is safe to mend, "report" only, or "none"
+
+    Raises
+    ------
+    BadData
+        where a body is not known and the model has no foot
+    """
+    findings: tuple[Finding, ...] = ()
+    if checks != "none":
+        found = checked_forces(wrenches, model, motion, checks == "mend")
+        wrenches, findings = found.wrenches, found.findings
+    if not all(wrenches.bodies):
+        wrenches = nearest_feet(wrenches, model, motion)
+    texts = tuple(one.text for one in findings)
+    notes = (*texts, *(text for text in wrenches.notes if text not in texts))
+    return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
+
+
+def raw_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+) -> Wrenches:
+    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
+
+    Parameters and errors as in `read_loads`.
+    """
     ending = Path(path).suffix.lower()
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
             wrenches = force_table(path, bodies)
-            wrenches = wrenches if bodies else nearest_feet(wrenches, model, motion)
     elif ending == ".xml":
         # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
@@ -100,7 +146,7 @@ def read_loads(
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:
         with about(path):
-            wrenches = recording_wrenches(upright(read_recording(path), model), model, motion, plates)
+            wrenches = plate_wrenches(upright(read_recording(path), model), plates)
     else:
         raise BadFile(
             path,
@@ -109,7 +155,7 @@ def read_loads(
             "force-measuring stairs",
         )
     for body in wrenches.bodies:
-        if body not in model.body_names and body != "ground":
+        if body and body not in model.body_names and body != "ground":
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
     return wrenches
 
@@ -135,7 +181,9 @@ def force_table(path: str | Path, bodies: Mapping[str, str] | None = None) -> Wr
     return table_wrenches(read_sto(path), bodies)
 
 
-def recording_wrenches(trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = ()) -> Wrenches:
+def recording_wrenches(
+    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), checks: Checks = "mend"
+) -> Wrenches:
     """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest.
 
     Raises
@@ -143,12 +191,17 @@ def recording_wrenches(trial: Trial, model: Model, motion: Motion, plates: Seque
     BadData
         where there is no plate, more bodies than plates, or no foot to be found
     """
+    return on_feet(plate_wrenches(trial, plates), model, motion, checks)
+
+
+def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
+    """Forces of a recording's plates on the bodies that are named, "" where none is."""
     if not trial.plates:
         why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
         raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
     if plates:
         return recorded_wrenches(trial, ["" if one.strip().lower() in NOBODY else one.strip() for one in plates])
-    return nearest_feet(recorded_wrenches(trial), model, motion)
+    return recorded_wrenches(trial)
 
 
 def upright(trial: Trial, model: Model) -> Trial:

@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
@@ -77,7 +78,12 @@ def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
     """The forces that act on a body, with a note on those that never act."""
     kept = [k for k, body in enumerate(wrenches.bodies) if body]
     idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
-    notes = (*wrenches.notes, *warnings, *((f"nobody steps on {idle} during the motion: left out",) if idle else ()))
+    findings = wrenches.findings
+    if idle:
+        text = f"nobody steps on {idle} during the motion: left out"
+        findings = (*findings, Finding("idle plate", idle, text, mended=True))
+        warnings = (*warnings, text)
+    notes = (*wrenches.notes, *warnings)
     chosen = {name: getattr(wrenches, name)[:, kept] for name in ("forces", "points", "torques")}
     names, bodies = (tuple(one[k] for k in kept) for one in (wrenches.names, wrenches.bodies))
-    return replace(wrenches, names=names, bodies=bodies, notes=notes, **chosen)
+    return replace(wrenches, names=names, bodies=bodies, notes=notes, findings=findings, **chosen)
