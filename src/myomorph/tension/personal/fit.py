@@ -296,8 +296,8 @@ class _Part:
     def _widening(self, at: Followed, more: Followed, fiber: Array, strain: Array, p: Array) -> Array:
         """(parameters,) slopes of half the logarithm of det S.
 
-        Activations that follow the torque make its slopes in the parameters follow its errors: without this term, whatever
-        widens S would seem the more probable.
+        Activations that follow the torque make its slopes in the parameters follow its errors: without this term,
+        whatever widens S would seem the more probable.
         """
         prior = self.prior
         by_fiber, by_point, by_force, by_strain, _ = prior.parts
