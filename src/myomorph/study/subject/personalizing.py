@@ -25,6 +25,7 @@ from myomorph.store.settings import Differentiation, Side, plain_settings, with_
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.external_forces import NEAREST, NamedBodies
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_motion_trial
@@ -57,6 +58,7 @@ class PersonalFiles:
     passive_torques: tuple[Path, ...] = ()
     generic: Path | None = None
     time: tuple[float, float] | None = None
+    named: NamedBodies = NEAREST
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -117,6 +119,8 @@ def personalize_files(
             model=files.model,
             motion=motion,
             loads=files.loads[k] if files.loads else None,
+            bodies=files.named.bodies,
+            plates=files.named.plates,
             emg=files.emg[k] if files.emg else None,
             emg_side=files.emg_side,
             time=files.time,

@@ -27,7 +27,7 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.plate_wrenches import assigned_wrenches, recorded_wrenches
+from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
@@ -55,10 +55,10 @@ class TrialFiles:
     ----------
     markers : TRC or C3D file
     motion : table of coordinates, where inverse kinematics is not asked for
-    loads : external loads file, or a table of forces with `bodies`
+    loads : external loads file, a table of forces, or a recording with force plates
     torques : table of generalized forces, in the place of loads and inverse dynamics
-    bodies : prefix of the columns of each force in a table, and the body it acts on
-    plates : bodies that stand on the plates of a C3D file, in the plates' order
+    bodies : prefix of the columns of each force in a table, and the body it acts on; the nearest foot by default
+    plates : bodies that stand on the plates of a recording, in their order, "" for none; the nearest foot by default
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
@@ -135,12 +135,13 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     assumed: tuple[str, ...] = ()
     if files.torques is not None:
         pass  # Whatever acts from outside is in the torques.
-    elif files.loads is None and files.plates:
-        wrenches = recorded_wrenches(recording, files.plates)
-        trial = replace(trial, loads=lambda motion: wrenches)
-    elif files.loads is None and recording.plates and feet_of(model):
-        assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=partial(assigned_wrenches, recording, model))
+    elif files.loads is None and (files.plates or (recording.plates and feet_of(model))):
+        assumed = (
+            ()
+            if files.plates
+            else ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        )
+        trial = replace(trial, loads=partial(recording_wrenches, recording, model, plates=files.plates))
     notes = TrialNotes(_real(files, trial), assumed)
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
@@ -148,6 +149,8 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
+    if files.loads is None and (files.plates or files.bodies):
+        raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
     recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
@@ -266,7 +269,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ),
         loads=None
         if files.loads is None
-        else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
+        else partial(read_loads, files.loads, model, bodies=files.bodies, trial=files.markers, plates=files.plates),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
