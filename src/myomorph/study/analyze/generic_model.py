@@ -1,4 +1,4 @@
-"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed on its bones by landmark."""
+"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed by landmark."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ def in_opensim_form(model: Model) -> Model:
     """The model with paths that wrap as OpenSim's do.
 
     A tendon of MuJoCo goes around a surface on the side of a site. OpenSim's surfaces have a constrained half instead:
-    each becomes one whose x axis points to the site, and whose positive half counts, once for every site that it is used
-    with.
+    each becomes one whose x axis points to the site, and whose positive half counts, once for every site that it is
+    used with.
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
@@ -48,6 +49,7 @@ def read_loads(
     bodies: Mapping[str, str] | None = None,
     trial: Path | None = None,
     plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
 
@@ -64,6 +66,7 @@ def read_loads(
     bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
+    laboratory : how the axes that the forces are along stand to the model's
 
     Returns
     -------
@@ -86,21 +89,22 @@ def read_loads(
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
-            wrenches = force_table(path, bodies)
+            wrenches = laboratory.wrenches(force_table(path, bodies))
             wrenches = wrenches if bodies else nearest_feet(wrenches, model, motion)
     elif ending == ".xml":
         # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
 
         with about(path):
-            wrenches = read_external_loads(path, poses=PosesBy(model, motion))
+            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
     elif ending == ".toml":
         from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
 
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:
         with about(path):
-            wrenches = recording_wrenches(upright(read_recording(path), model), model, motion, plates)
+            recording = laboratory.trial(read_recording(path))
+            wrenches = recording_wrenches(upright(recording, model), model, motion, plates)
     else:
         raise BadFile(
             path,
