@@ -18,6 +18,8 @@ COMMON = "common"
 """The name of the set of names in use in many laboratories, which belongs to no protocol."""
 MIN_COUNT = 6
 """So many labels of a recording must be a protocol's for the recording to follow it."""
+MIN_SHARE = 0.3
+"""And so large a share of the protocol's landmarks must be there: some names are in every laboratory's use."""
 Kind = Literal["bony", "skin", "center"]
 _TABLES: Mapping[str, Kind] = {"landmarks": "bony", "skin": "skin", "centers": "center"}
 _PREFIX = re.compile(r"^[^:]*:")
@@ -134,7 +136,7 @@ def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> P
         known = {site for site in map(one.site, labels) if site is not None}
         count = sum(one.site(name) is not None for name in labels)
         score = (count, len(known) / max(1, len(set(one.labels.values()))))
-        if score > best_score:
+        if score > best_score and score[1] >= MIN_SHARE:
             best, best_score = one, score
     return best
 
