@@ -17,6 +17,7 @@ from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, 
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
 from myomorph.study.trial.contact_file import AUTO, old_names
+from myomorph.study.trial.laboratory import Laboratory
 from myomorph.study.trial.trial_files import TrialFiles
 
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
@@ -128,7 +129,16 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
     return SubjectFiles(
-        one.name, source, table.mass, files["static"], shape, trials, bones, model_of=table.model_of or ""
+        one.name,
+        source,
+        table.mass,
+        files["static"],
+        shape,
+        trials,
+        bones,
+        model_of=table.model_of or "",
+        labels=FrozenMap(dict(table.labels)),
+        static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
     )
 
 
@@ -185,6 +195,8 @@ def subject_trials(
         mass=table.mass,
         time=table.time,
         labels=FrozenMap(dict(table.labels)),
+        laboratory=Laboratory(table.up, table.turn),
+        assumed=tuple(table.assumed),
     )
     check_time(table.time, f"{where}: time", problems)
     for trial, markers in _recordings(table, folder, where, problems):
@@ -247,6 +259,11 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
         phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
         condition=trial.condition,
+        laboratory=Laboratory(
+            whole.laboratory.up if trial.up is None else trial.up,
+            whole.laboratory.turn if trial.turn is None else trial.turn,
+        ),
+        assumed=(*whole.assumed, *trial.assumed),
     )
 
 
