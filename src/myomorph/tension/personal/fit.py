@@ -25,8 +25,8 @@ from myomorph.tension.personal.recordings import Windows
 STEPS = 30
 TRUSTING = (4, 16)
 """First steps, in which errors are what was assumed of them: at least and, while steps are still long, at most."""
-SHORTEST_ERROR, LONGEST_ERROR = 20, 50
-"""Frames over which errors are taken to be alike at least, the length of a burst of EMG, and at most."""
+SHORTEST_ERROR, LONGEST_ERROR = 10, 50
+"""Frames over which errors are taken to be alike at least and at most."""
 SETTLED = 0.05
 """Steps end where no parameter moves by more of its standard deviation."""
 LONGEST = 0.25
@@ -351,7 +351,6 @@ class _Part:
             if rho < 0.05:
                 break
             length += 2.0 * rho
-        # What the parameters follow of slow errors is missing from the misfit, so that it looks quicker than they are.
         # Poses held still may be in any order.
         self.weight = 0.5 * (self.weight + 1.0 / max(length, 1.0 if self.rest else SHORTEST_ERROR))
 
@@ -371,9 +370,13 @@ class _Part:
 
 
 def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
-    """Share of the independent misfits that the parameters do not follow: so much less is known than it looks."""
+    """Share of the independent misfits that the parameters do not follow, twice: so much less is known than it looks.
+
+    Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over a
+    shorter time than errors are.
+    """
     seen = sum(part.weight * part.known.sum() for part in parts)
-    return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.25, 1.0))
+    return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.5, 1.0)) ** 2
 
 
 def _noise(parts: Sequence[_Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
