@@ -245,3 +245,20 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
         values[:, j] = 0.5 * (high + low) + a * np.sin(w * time + p)
         speeds[:, j] = a * w * np.cos(w * time + p)
     return Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
+
+
+def resting_torques(model: Model, motion: Motion) -> Array:
+    """(poses, coordinates) torques of resting muscles in equilibrium and of joints [N m or N]; NaN for none."""
+    moved = muscle_kinematics(model, motion)
+    rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
+    forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
+    for m in range(len(model.muscles)):
+        state = equilibrium(model, m, moved.lengths[:, m], zero, rest)
+        known = np.isfinite(state)
+        found = fibers_of(model, m, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
+        forces[:, m] = found.tendon_force
+        whole &= known
+    tree = compile_tree(model)
+    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
+    torques[~whole] = np.nan
+    return torques

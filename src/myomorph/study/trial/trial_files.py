@@ -27,7 +27,8 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.plate_wrenches import assigned_wrenches, recorded_wrenches
+from myomorph.study.trial.external_forces import read_loads, recording_wrenches
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
@@ -55,10 +56,10 @@ class TrialFiles:
     ----------
     markers : TRC or C3D file
     motion : table of coordinates, where inverse kinematics is not asked for
-    loads : external loads file, or a table of forces with `bodies`
+    loads : external loads file, a table of forces, or a recording with force plates
     torques : table of generalized forces, in the place of loads and inverse dynamics
-    bodies : prefix of the columns of each force in a table, and the body it acts on
-    plates : bodies that stand on the plates of a C3D file, in the plates' order
+    bodies : prefix of the columns of each force in a table, and the body it acts on; the nearest foot by default
+    plates : bodies that stand on the plates of a recording, in their order, "" for none; the nearest foot by default
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
@@ -70,6 +71,8 @@ class TrialFiles:
     time : start and end [s]
     labels : what the model calls markers that the recording calls otherwise
     condition : that it was recorded in, as the study file names it
+    laboratory : how its axes stand to the model's
+    assumed : what was assumed of the recording, sentences for the first lines of the report
     """
 
     model: Path
@@ -95,6 +98,8 @@ class TrialFiles:
     time: tuple[float, float] | None = None
     labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     condition: str = ""
+    laboratory: Laboratory = AS_RECORDED
+    assumed: tuple[str, ...] = ()
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
@@ -118,7 +123,8 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     for name in files.labels.values():
         if name not in known:
             raise UnknownName("marker", name, known, "labels: the model")
-    recording = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(files.markers), files.labels))
+    recorded = files.laboratory.trial(inputs.read_recording(files.markers))
+    recording = inputs.fitted_to(model, inputs.with_labels(recorded, files.labels))
     assert recording.markers is not None
     trial = replace(
         trial,
@@ -135,19 +141,22 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     assumed: tuple[str, ...] = ()
     if files.torques is not None:
         pass  # Whatever acts from outside is in the torques.
-    elif files.loads is None and files.plates:
-        wrenches = recorded_wrenches(recording, files.plates)
-        trial = replace(trial, loads=lambda motion: wrenches)
-    elif files.loads is None and recording.plates and feet_of(model):
-        assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=partial(assigned_wrenches, recording, model))
-    notes = TrialNotes(_real(files, trial), assumed)
+    elif files.loads is None and (files.plates or (recording.plates and feet_of(model))):
+        assumed = (
+            ()
+            if files.plates
+            else ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        )
+        trial = replace(trial, loads=partial(recording_wrenches, recording, model, plates=files.plates))
+    notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
 def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
+    if files.loads is None and (files.plates or files.bodies):
+        raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
     model = inputs.open_model(files.model)
     trial = _common(files, settings, model)
     recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
@@ -157,7 +166,9 @@ def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInput
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
-    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial))), Poses(recorded)
+    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial), files.assumed)), Poses(
+        recorded
+    )
 
 
 def _old_names(files: TrialFiles) -> tuple[str, ...]:
@@ -253,6 +264,8 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         envelope = options[EnvelopeOptions]
         found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_mvc, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    if files.laboratory:
+        sources.append(value_source("laboratory", "axes of the laboratory", files.laboratory))
     if files.labels:
         sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
     if files.emg_muscles or files.emg_side:
@@ -266,7 +279,15 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ),
         loads=None
         if files.loads is None
-        else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
+        else partial(
+            read_loads,
+            files.loads,
+            model,
+            bodies=files.bodies,
+            trial=files.markers,
+            plates=files.plates,
+            laboratory=files.laboratory,
+        ),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
