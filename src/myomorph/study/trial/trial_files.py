@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
@@ -113,8 +113,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         return trial
     known = [marker.name for marker in model.markers]
     for name in files.labels.values():
-        if name not in known:
-            raise UnknownName("marker", name, known, "labels: the model")
+        check_name("marker", name, known, "labels: the model")
     recorded = files.laboratory.trial(inputs.read_recording(files.markers))
     recording = inputs.fitted_to(model, inputs.with_labels(recorded, files.labels))
     assert recording.markers is not None
