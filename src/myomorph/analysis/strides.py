@@ -156,29 +156,14 @@ def find_strides(
     [1.0, 1.0, 1.0, 1.0, 1.0]
     """
     options = options or StrideOptions()
-    if not limbs:
-        raise BadData("no limb is named: strides need at least one")
-    if points.values.ndim != 3:
-        raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
     if wrenches is not None and not (weight is not None and weight > 0.0):
         raise BadData("plates tell contact by the share of body weight on them: the weight is missing")
-    trunk = _mean(points, body)
-    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
-        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    trunk = _trunk(points, limbs, body)
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     notes: list[str] = []
     up = np.asarray(up, dtype=np.float64)
     along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes)
-    tracks: dict[str, FootTrack] = {}
-    for limb in limbs:
-        lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
-        track = foot_track(points.time, feet[limb.name], lifting, trunk, along, options)
-        if track is None:
-            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
-            continue
-        if wrenches is not None and weight is not None:
-            track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
-        tracks[limb.name] = track
+    tracks = _tracks(points, limbs, feet, trunk, along, up, wrenches, weight or 0.0, options, notes)
     ground = -abs(ground_speed) if ground_speed is not None else 0.0
     if ground_speed is None and not travels:
         ground = ground_speed_of(points.time, tracks, trunk, along, options)
@@ -205,6 +190,44 @@ def find_strides(
         ground,
         tuple(notes),
     )
+
+
+def _trunk(points: Series, limbs: Sequence[Limb], body: Sequence[str]) -> Array:
+    """(frames, 3) of the trunk; raises `BadData` where strides cannot be found from the points."""
+    if not limbs:
+        raise BadData("no limb is named: strides need at least one")
+    if points.values.ndim != 3:
+        raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
+    trunk = _mean(points, body)
+    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
+        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    return trunk
+
+
+def _tracks(
+    points: Series,
+    limbs: Sequence[Limb],
+    feet: Mapping[str, Array],
+    trunk: Array,
+    along: Array,
+    up: Array,
+    wrenches: Wrenches | None,
+    weight: float,
+    options: StrideOptions,
+    notes: list[str],
+) -> dict[str, FootTrack]:
+    """Strikes and lifts of every limb that goes forward and back; the others get a note."""
+    tracks: dict[str, FootTrack] = {}
+    for limb in limbs:
+        lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
+        track = foot_track(points.time, feet[limb.name], lifting, trunk, along, options)
+        if track is None:
+            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
+            continue
+        if wrenches is not None:
+            track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
+        tracks[limb.name] = track
+    return tracks
 
 
 def _mean(points: Series, names: Sequence[str]) -> Array:
