@@ -248,7 +248,7 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
 
 
 def resting_torques(model: Model, motion: Motion) -> Array:
-    """(poses, coordinates) torques of resting muscles in equilibrium and of joints, NaN where one has none [N m or N]."""
+    """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one has none."""
     moved = muscle_kinematics(model, motion)
     rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
     forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)

@@ -1,6 +1,6 @@
 """Muscles from recordings: torques that have to be borne, with activations known as well as EMG tells them.
 
-    tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = 0 + e_a where no EMG is),   p = prior + e_p
+    tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = l + e_a where no EMG is),   p = prior + e_p
 
 Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has the covariance
 S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known of activations says. Gauss-Newton
@@ -31,8 +31,9 @@ SETTLED = 0.05
 """Steps end where no parameter moves by more of its standard deviation."""
 LONGEST = 0.25
 """Step of a parameter."""
-UNKNOWN = 0.2
-"""Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
+LEVEL, UNKNOWN = 0.1, 0.15
+"""Of a muscle without EMG: mean activation expected, itself a parameter, and standard deviation over time; walking has
+root mean squares of 0.1 to 0.25."""
 EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
 LEAST_OWN = 0.5
@@ -214,7 +215,7 @@ class _Part:
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
         self.prior, self.shapes, self.windows = prior, shapes, windows
         self.told = np.isfinite(windows.emg)
-        self.envelope = np.where(self.told, windows.emg, 0.0)
+        self.envelope = np.where(self.told, windows.emg, LEVEL)
         self.activations = np.clip(np.where(self.told, windows.emg, 0.05), 0.0, 1.0)
         self.torques = windows.torques[windows.counted]
         # Torques that were not measured are left out: their rows have no muscles, no misfit and an error of 1.
@@ -257,14 +258,17 @@ class _Part:
         EMG has errors, so that its peaks are higher and its lows lower than those of activations: what is expected lies
         towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
         """
-        scaled = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
+        # Where EMG is missing for a while, its gain says nothing of the level.
+        factors = np.where(told | (self.prior.gain >= len(self.prior.gains)), gains, 1.0)
+        level = np.clip(factors * self._of(self.envelope), 0.0, 1.0)
+        scaled = np.where(told, level, 0.0)
         variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * scaled) ** 2), UNKNOWN**2)
         counts = np.maximum(told.sum(axis=0), 1)
         mean = scaled.sum(axis=0) / counts
         between = np.sum(np.where(told, (scaled - mean) ** 2, 0.0), axis=0) / counts
         own = np.maximum(between - np.sum(np.where(told, variance, 0.0), axis=0) / counts, LEAST_OWN * between)
         share = np.where(told, own / np.maximum(own + variance, 1e-12), 1.0)
-        return np.where(told, mean + share * (scaled - mean), 0.0), share * variance
+        return np.where(told, mean + share * (scaled - mean), level), share * variance
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
@@ -296,8 +300,8 @@ class _Part:
     def _widening(self, at: Followed, more: Followed, fiber: Array, strain: Array, p: Array) -> Array:
         """(parameters,) slopes of half the logarithm of det S.
 
-        Activations that follow the torque make its slopes in the parameters follow its errors: without this term, whatever
-        widens S would seem the more probable.
+        Activations that follow the torque make its slopes in the parameters follow its errors: without this term,
+        whatever widens S would seem the more probable.
         """
         prior = self.prior
         by_fiber, by_point, by_force, by_strain, _ = prior.parts
@@ -329,11 +333,12 @@ class _Part:
         jacobian[..., by_fiber] = self.arms * of_fiber[:, None]
         jacobian[..., by_point] = -self.arms * (at.by_slack * fiber)[:, None]
         of_force, of_strain = self.arms * at.force[:, None], self.arms * (at.by_strain * strain)[:, None]
-        of_gain = self.columns * expected[:, None]
+        follows = self._of(self.told) | (prior.gain >= len(prior.gains))
+        of_gain = self.columns * np.where(follows, expected, 0.0)[:, None]
         for part, values, index, count in (
             (by_force, of_force, prior.group, len(prior.groups)),
             (by_strain, of_strain, prior.group, len(prior.groups)),
-            (by_gain, of_gain, prior.gain, len(prior.gains)),
+            (by_gain, of_gain, prior.gain, len(prior.gains) + prior.levels),
         ):
             members = index[:, None] == np.arange(count)
             jacobian[..., part] = values @ members.astype(np.float64)
@@ -372,8 +377,8 @@ class _Part:
 def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
     """Share of the independent misfits that the parameters do not follow, twice: so much less is known than it looks.
 
-    Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over a
-    shorter time than errors are.
+    Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over
+    a shorter time than errors are.
     """
     seen = sum(part.weight * part.known.sum() for part in parts)
     return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.5, 1.0)) ** 2
