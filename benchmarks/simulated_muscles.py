@@ -217,7 +217,7 @@ def recorded(
         forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
     else:
         forces = integrated_forces(person, motion, activations)
-    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces)
+    torques = muscle_torques(model, moved.moment_arms, forces)
     tree = compile_tree(model)
     torques = torques + joint_forces(tree, *rates_of(tree, motion))
     size = np.sqrt(np.mean(torques**2, axis=0))
@@ -247,6 +247,16 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
     return Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
 
 
+def muscle_torques(model: Model, arms: Array, forces: Array) -> Array:
+    """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow others [N m or N].
+
+    Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes through its patella.
+    """
+    torques = np.einsum("fmc,fm->fc", arms, forces)
+    torques[:, [model.coordinate_names.index(name) for name in model.dependent_coordinates]] = 0.0
+    return torques
+
+
 def resting_torques(model: Model, motion: Motion) -> Array:
     """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one has none."""
     moved = muscle_kinematics(model, motion)
@@ -259,6 +269,6 @@ def resting_torques(model: Model, motion: Motion) -> Array:
         forces[:, m] = found.tendon_force
         whole &= known
     tree = compile_tree(model)
-    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
+    torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
     torques[~whole] = np.nan
     return torques

@@ -29,8 +29,8 @@ SHORTEST_ERROR, LONGEST_ERROR = 10, 50
 """Frames over which errors are taken to be alike at least and at most."""
 SETTLED = 0.05
 """Steps end where no parameter moves by more of its standard deviation."""
-LONGEST = 0.25
-"""Step of a parameter."""
+LONGEST = 1.0
+"""Step of a parameter, in standard deviations before the recordings."""
 LEVEL, UNKNOWN = 0.1, 0.15
 """Of a muscle without EMG: mean activation expected, itself a parameter, and standard deviation over time; walking has
 root mean squares of 0.1 to 0.25."""
@@ -48,8 +48,8 @@ ACTIVE_SETS = 16
 """Newton steps for the activations that stand at 0 or 1."""
 FIRST_ERRORS = 5.0
 """Of the least errors of torques: with which the fit begins, so that it does not run after each of them at first."""
-HASTE, MOST_CHANGE = 2.0, 1.6
-"""Power of the steps by which errors change, and the largest factor of a step."""
+HASTE, CHANGES = 2.0, (0.6, 1.25)
+"""Power of the steps by which errors change, and the least and largest factor of a step."""
 MORE = 1e-3
 """Of activation, for the slopes of what an activation gives."""
 MOST_ERROR = 0.5
@@ -135,7 +135,7 @@ def fit(
         covariance = np.zeros_like(normal)
         covariance[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
         step = covariance @ right
-        longest = float(np.abs(step).max(initial=0.0))
+        longest = float((np.abs(step) / np.maximum(prior.deviation, 1e-12))[free].max(initial=0.0))
         # Activations that reach a bound and leave it in turns make steps go back and forth.
         damping = 0.5 * damping if step @ before < 0.0 else min(1.5 * damping, 1.0)
         step *= min(damping, LONGEST / max(longest, 1e-12))
@@ -415,7 +415,7 @@ def _hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> N
     Upwards it is a short one: a misfit that the parameters have yet to follow is no error.
     """
     torque, rest, told = (
-        one * np.clip((other / one) ** HASTE, 1.0 / MOST_CHANGE, MOST_CHANGE)
+        one * np.clip((other / one) ** HASTE, *CHANGES)
         for one, other in ((old.torque, new.torque), (old.rest, new.rest), (old.told, new.told))
     )
     return Noise(np.maximum(torque, floors), np.maximum(rest, floors_at_rest), float(np.clip(told, *SCALES)))
