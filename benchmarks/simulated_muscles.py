@@ -30,6 +30,9 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.personal.personalize import PersonalTrial
 from myomorph.tension.terms.emg import EmgTarget
 
+REACH = 0.15
+"""Normalized fiber length by which a person's muscle may pass the range of the generic one."""
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -78,12 +81,15 @@ def person(model: Model, motions: Sequence[Motion], spread: Spread, rng: np.rand
         mean, low, high = (float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max()))
         base, side = split_side(muscle.name)
         alike = spread.sides if side else 0.0
+        # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths stretch too far
+        # would be drawn until it is that of nobody.
+        ends = min(0.4, (low - 1.02 * ls) / lo - REACH), max(1.55, (high - ls) / lo + REACH)
         for k in range(200):
             draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
             new = lo * np.exp(spread.fiber * draw[0])
             point = (mean - ls) / lo + spread.point * draw[1]
             slack = mean - point * new
-            if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.55:
+            if slack > 0.3 * ls and ends[0] < (low - 1.02 * slack) / new and (high - slack) / new < ends[1]:
                 break
         else:
             new, slack = lo, ls
