@@ -17,10 +17,11 @@ from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.trial.external_forces import on_feet, raw_loads
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.trial.inputs import open_model, read_motion, read_recording
 
 Row = dict[str, object]
 
@@ -119,6 +120,37 @@ CLEAN = (
         "knee-implant-walk/walk3_ik.mot",
         "knee-implant-walk/walk3_grf.mot",
     ),
+    Walk(
+        "gait10dof18musc walk",
+        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
+        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
+        "opensim-gait-subject01/ref_id/subject01_walk1_grf.mot",
+    ),
+    Walk(
+        "CEINMS walk (generic model)",
+        "ceinms-emg-walk/model/gait2392.osim",
+        "ceinms-emg-walk/walk36/ik.sto",
+        "ceinms-emg-walk/walk36/XLD.mot",
+        (10.0, 20.0),
+    ),
+    Walk(
+        "Hamner run, 2 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run200/markers.trc",
+        "hamner-run-subject04/run200/grf.mot",
+    ),
+    Walk(
+        "Hamner run, 5 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run500/markers.trc",
+        "hamner-run-subject04/run500/grf.mot",
+    ),
+    Walk(
+        "Lenhart walk",
+        "lenhart-knee-contact-walk/lenhart2015.osim",
+        "lenhart-knee-contact-walk/reference_comak/overground_17_ik.mot",
+        "lenhart-knee-contact-walk/motion/overground_17_grf.mot",
+    ),
 )
 
 
@@ -126,7 +158,12 @@ CLEAN = (
 def recorded(folder: Path, walk: Walk) -> Recorded:
     """Inputs of a recording, forces on the feet that carry them."""
     model = open_model(folder / walk.model)
-    motion = read_motion(folder / walk.motion, model)
+    if walk.motion.endswith(".trc"):
+        markers = read_recording(folder / walk.motion).markers
+        assert markers is not None
+        motion = inverse_kinematics(model, markers).motion
+    else:
+        motion = read_motion(folder / walk.motion, model)
     wrenches = raw_loads(folder / walk.loads, model, motion)
     if walk.time is not None:
         motion = cut(motion, *walk.time)
