@@ -19,8 +19,11 @@ CUTOFF = 6.0
 MASS = 0.07
 """Part by which plates and model may differ in weight."""
 
-MEASURED = 0.25
-"""Share of frames in which the plates carry all, from which the center of mass is believed about the clock."""
+SHARP_MASS, SHARP_FEET = 0.7, 0.4
+"""Part of the disagreement at no lag that may be left at the lag found: of the center of mass, and of standing feet."""
+
+STEPS = 4
+"""Steps from which standing feet alone are believed about the clock."""
 
 SPREAD = 0.35
 """How far that part may differ from frame to frame, where all of the weight is measured."""
@@ -233,29 +236,25 @@ def _belt(inspection: Inspection, velocities: Array) -> Array:
 def check_clock(inspection: Inspection) -> None:
     """Plates that are late or early: by the feet that glide under load, and by what the center of mass needs."""
     lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
-    gliding = _gliding(inspection, lags)
-    if gliding is None:
-        return
-    by_feet, sharp_feet = _least(lags, gliding)
-    found = balance(inspection)
-    by_mass, sharp_mass = np.nan, 1.0
+    found, lag, how = balance(inspection), 0.0, ""
     if found is not None:
-        measured, needed = found
-        up, weight = inspection.feet.up, inspection.feet.model.weight
-        if np.mean(np.abs((measured - needed) @ up) < 0.25 * weight) > MEASURED:
-            by_mass, sharp_mass = _least(lags, _unbalanced(inspection, measured, needed, lags))
-    both = np.isfinite(by_mass)
-    lag = 0.5 * (by_feet + by_mass) if both else by_feet
-    agree = abs(by_feet - by_mass) < 0.025 and sharp_feet < 0.85 and sharp_mass < 0.9 if both else sharp_feet < 0.3
-    same_way = both and min(by_feet * np.sign(lag), by_mass * np.sign(lag)) > 0.6 * CLOCK
-    if not agree or abs(lag) < (CLOCK if same_way else 1.5 * CLOCK) or (both and not same_way):
+        by_mass, left = _least(lags, _unbalanced(inspection, *found, lags))
+        if left < SHARP_MASS and abs(by_mass) > CLOCK:
+            lag, how = by_mass, "by the acceleration of the center of mass"
+    if not how:
+        gliding = _gliding(inspection, lags)
+        if gliding is None:
+            return
+        by_feet, left = _least(lags, gliding)
+        if left < SHARP_FEET and abs(by_feet) > 1.5 * CLOCK:
+            lag, how = by_feet, "by the feet that stand"
+    if not how:
         return
     word = "late" if lag > 0 else "early"
-    how = "by standing feet and by the center of mass" if both else "by standing feet"
     inspection.found(
         "clock",
         ", ".join(inspection.name(int(k)) for k in inspection.numbers),
-        f"the forces seem {1000.0 * abs(lag):.0f} ms {word} against the motion ({how})",
+        f"the forces seem {1000.0 * abs(lag):.0f} ms {word} against the motion, {how}",
         advice=f"shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings",
     )
 
@@ -293,7 +292,8 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     time = feet.time
     centers = samples.centers(feet.up)
     used = [int(k) for k in inspection.numbers if len(inspection.episodes(int(k)))]
-    if not used or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
+    steps = sum(len(inspection.episodes(k)) for k in used)
+    if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
         return None
     nearest = np.argmin(np.nan_to_num(feet.distances(centers), nan=9.0), axis=2)
     fields = [[_field(feet, body) for body in dict.fromkeys((foot.heel, foot.toes))] for foot in feet.feet]

@@ -21,6 +21,9 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 
+LONGEST = 0.1
+"""Longest step between frames that are not taken for a gap [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class CheckedForces:
@@ -85,14 +88,17 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
 
 
 def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
-    """The frames of a motion that are looked at, low-pass filtered where it has no gaps."""
+    """The frames of a motion that are looked at, evenly spaced and low-pass filtered where it has no gaps."""
     time, values = motion.time[inside], motion.values[inside]
     steps = np.diff(time)
-    if len(time) > 20 and steps.max() < 1.5 * steps.min() and np.isfinite(values).all():
-        rate = 1.0 / float(np.mean(steps))
-        if rate > 2.5 * CUTOFF:
-            values = lowpass(values, rate, CUTOFF)
-    return Motion(time, motion.names, values)
+    if len(time) <= 20 or steps.max() > LONGEST or not np.isfinite(values).all():
+        return Motion(time, motion.names, values)
+    if steps.max() > 1.2 * steps.min():
+        even = np.linspace(time[0], time[-1], len(time))
+        values = np.column_stack([np.interp(even, time, column) for column in values.T])
+        time = even
+    rate = 1.0 / float(np.mean(np.diff(time)))
+    return Motion(time, motion.names, lowpass(values, rate, CUTOFF) if rate > 2.5 * CUTOFF else values)
 
 
 def check_units(inspection: Inspection) -> None:

@@ -24,7 +24,7 @@ from myomorph.store import stored as store
 from myomorph.store.joint_contact_store import get_joint_contacts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, EmgUse, TensionTables
+from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.study.trial.contact_step import ContactSetting, Measurements, all_loads, during, set_contacts
 from myomorph.study.trial.contact_warnings import (
     contact_warnings,
@@ -352,7 +352,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, TensionOptions, ContactOptions, EmgOptions),
+        *(Differentiation, ForceOptions, TensionOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
     grows_with="muscles",
