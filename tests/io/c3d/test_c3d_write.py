@@ -59,7 +59,7 @@ def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_p
     trial = read_c3d(data(name))
     write_trial(tmp_path / "again.c3d", trial)
     again = read_c3d(tmp_path / "again.c3d")
-    assert again.warnings == ()
+    assert not [text for text in again.warnings if "not finite" not in text]
     assert again.markers.names == trial.markers.names
     assert again.events == trial.events
     np.testing.assert_allclose(again.markers.time, trial.markers.time, atol=1e-9)

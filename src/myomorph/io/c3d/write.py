@@ -49,8 +49,8 @@ def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecord
     every = len(plate.channels) // len(markers)
     if every < 1:
         raise BadData(
-            f"plate '{plate.name}' has {len(plate.channels)} samples for {len(markers)} frames: a sample a frame or more "
-            "can be written"
+            f"plate '{plate.name}' has {len(plate.channels)} samples for {len(markers)} frames: a sample a frame or "
+            "more can be written"
         )
     step = 1.0 / (markers.rate * every)
     time = markers.time[0] + step * np.arange(len(plate.channels))
@@ -145,8 +145,8 @@ def _samples_a_frame(frames: int, lengths: Sequence[int]) -> int:
     every = min(lengths) // frames
     if every < 1 or max(lengths) >= frames * (every + 1):
         raise BadData(
-            f"analog channels have {min(lengths)} to {max(lengths)} samples for {frames} frames: a C3D file holds a whole "
-            "number of samples a frame, equal for all"
+            f"analog channels have {min(lengths)} to {max(lengths)} samples for {frames} frames: a C3D file holds a "
+            "whole number of samples a frame, equal for all"
         )
     return every
 
@@ -280,4 +280,4 @@ def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:
     if not channels:
         return points.tobytes()
     samples = np.stack([one.values[: frames * every] for one in channels], axis=1).reshape(frames, -1)
-    return np.hstack([points.reshape(frames, -1), np.nan_to_num(samples).astype("<f4")]).tobytes()
+    return np.hstack([points.reshape(frames, -1), samples.astype("<f4")]).tobytes()
