@@ -19,10 +19,10 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, warn
-from myomorph.store.settings import Differentiation, Side
+from myomorph.store.settings import Differentiation, ForceOptions, Side
 from myomorph.study.subject import personalizing
 
-PersonalSettings = options_class(Differentiation, *personalizing.STEP.options)
+PersonalSettings = options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
 
 
 def personalize_command(

@@ -1,7 +1,7 @@
 """Faults of labels that show in time alone: a marker that jumps and returns, and two that exchange their labels.
 
-A marker moves from frame to frame about as it does in the frames around. The step that does not is an edge: its excess is
-the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when it
+A marker moves from frame to frame about as it does in the frames around. The step that does not is an edge: its excess
+is the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when it
 returns; two markers that exchange their labels have edges in the same frame that lead to each other's path.
 """
 
@@ -132,7 +132,7 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
-    """Pairs of markers whose paths go on in each other from some frame on; the last of an odd number of times to the end.
+    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end.
 
     Parameters
     ----------

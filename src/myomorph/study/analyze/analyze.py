@@ -213,8 +213,8 @@ def _height(one: Recording, height: float | None) -> list[str]:
     if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
         return []
     return [
-        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m (--height): "
-        "is the unit right, and are they of this person?"
+        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
+        "(--height): is the unit right, and are they of this person?"
     ]
 
 

@@ -21,7 +21,7 @@ from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import Differentiation, Side, plain_settings, with_settings
+from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
@@ -104,7 +104,7 @@ def personalize_files(
     """
     files.check()
     model = inputs.open_model(files.model) if model is None else model
-    own = {one.name for one in fields(Differentiation)}
+    own = {one.name for kind in (Differentiation, ForceOptions) for one in fields(kind)}
     options = with_settings(PersonalizeOptions(), {k: v for k, v in settings.items() if k not in own})
     cutoff = {k: v for k, v in settings.items() if k in own and v is not None}
     warnings = list(model.warnings)

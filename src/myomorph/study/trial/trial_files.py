@@ -20,7 +20,15 @@ from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
+from myomorph.store.settings import (
+    ForceOptions,
+    Measured,
+    ReportOptions,
+    Side,
+    TensionTables,
+    plain_settings,
+    with_settings,
+)
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
@@ -136,7 +144,16 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     if recorded_loads and (files.plates or (recording.plates and feet_of(model))):
         if not files.plates:
             assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=partial(recording_wrenches, recording, model, plates=files.plates))
+        trial = replace(
+            trial,
+            loads=partial(
+                recording_wrenches,
+                recording,
+                model,
+                plates=files.plates,
+                options=_force_options(trial.options, trial.contacts),
+            ),
+        )
     notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
@@ -210,7 +227,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     options = options_of(settings)
     reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
     torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
-    points = _contact_points(files, model)
+    points, plan = _contact_points(files, model), contact_plan(files, model)
     if points is not None:
         sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
@@ -241,13 +258,14 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             trial=files.markers,
             plates=files.plates,
             laboratory=files.laboratory,
+            options=_force_options(options, plan),
         ),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
-        contacts=contact_plan(files, model),
+        contacts=plan,
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
@@ -258,6 +276,12 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             *unused,
         ),
     )
+
+
+def _force_options(options: OptionSet, plan: ContactPlan | None) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and stay as they are."""
+    given = options[ForceOptions]
+    return replace(given, force_checks="none") if plan is not None and plan.measured == "shared" else given
 
 
 def contact_sources(files: TrialFiles) -> list[Source]:
