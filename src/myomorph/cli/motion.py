@@ -8,10 +8,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    ForceBodies,
     LoadsFile,
     ModelFile,
     MotionFile,
     OutFile,
+    PlateBodies,
     Threads,
     Time,
     options_class,
@@ -19,6 +21,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
+from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
@@ -56,13 +59,16 @@ def id_command(
     motion: MotionFile,
     out: OutFile,
     loads: LoadsFile = None,
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     time: Time = None,
     options: IdOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
     use_threads(threads)
-    files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
+    named = bodies_of(bodies, plates)
+    files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
     trial, poses = open_motion_trial(files, {"id": settings_dict(options)})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))

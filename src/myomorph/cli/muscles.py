@@ -9,10 +9,12 @@ import numpy as np
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    ForceBodies,
     LoadsFile,
     ModelFile,
     MotionFile,
     OutFolder,
+    PlateBodies,
     Threads,
     Time,
     options_class,
@@ -22,6 +24,7 @@ from myomorph.cli.options import (
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
 from myomorph.store.settings import Measured, Side
+from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
@@ -59,6 +62,8 @@ def tension_command(
     motion: MotionFile,
     out: OutFolder,
     loads: LoadsFile = None,
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     torques: Annotated[
         Path | None,
         Parameter(
@@ -115,10 +120,13 @@ def tension_command(
     if emg_mvc and emg is None:
         raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
     use_threads(threads)
+    named = bodies_of(bodies, plates)
     files = TrialFiles(
         model=model,
         motion=motion,
         loads=loads,
+        bodies=named.bodies,
+        plates=named.plates,
         torques=torques,
         emg=emg,
         emg_side=emg_side,

@@ -12,8 +12,27 @@ from myomorph.store.settings import settings_of
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
-LoadsFile = Annotated[
-    Path | None, Parameter(name="--loads", help="External forces: an OpenSim external loads file (.xml).")
+LOADS_HELP = (
+    "an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording with force plates "
+    "(.c3d)"
+)
+LoadsFile = Annotated[Path | None, Parameter(name="--loads", help=f"External forces: {LOADS_HELP}.")]
+ForceBodies = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--bodies",
+        help="PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it acts on; the foot "
+        "that is nearest to its center of pressure by default.",
+        consume_multiple=True,
+    ),
+]
+PlateBodies = Annotated[
+    str,
+    Parameter(
+        name="--plates",
+        help="BODY,BODY,...: bodies on a recording's force plates in their order, none for one that is left out; the "
+        "foot that is nearest to the center of pressure, step by step, by default.",
+    ),
 ]
 OutFile = Annotated[Path, Parameter(name="--out", help="File to write; the same values go into a .nc file beside it.")]
 OutFolder = Annotated[Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")]

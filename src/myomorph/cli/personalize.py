@@ -7,7 +7,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import (
+    LOADS_HELP,
+    ForceBodies,
+    ModelFile,
+    PlateBodies,
+    Threads,
+    Time,
+    options_class,
+    settings_dict,
+    use_threads,
+)
 from myomorph.cli.output import said, warn
 from myomorph.store.settings import Differentiation, Side
 from myomorph.study.subject import personalizing
@@ -25,8 +35,12 @@ def personalize_command(
     ] = (),
     loads: Annotated[
         tuple[Path, ...],
-        Parameter(help="External loads files, one a recording, in the same order.", consume_multiple=True),
+        Parameter(
+            help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.", consume_multiple=True
+        ),
     ] = (),
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     torques: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -39,14 +53,11 @@ def personalize_command(
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
-    passive_motion: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Coordinates of poses in which passive torques were measured.", consume_multiple=True),
-    ] = (),
-    passive_torques: Annotated[
+    passive: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="What has to hold the joints in them (.sto): minus the measured passive torques of the muscles.",
+            help="Measured passive torques (.sto): a pose a row by its coordinates, and COORDINATE_moment that resting "
+            "muscles apply about them, blank where not measured.",
             consume_multiple=True,
         ),
     ] = (),
@@ -59,12 +70,13 @@ def personalize_command(
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
     from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.trial.external_forces import bodies_of
     from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model, generic))
     files = personalizing.PersonalFiles(
-        model, motion, loads, torques, emg, emg_side, passive_motion, passive_torques, generic, time
+        model, motion, loads, torques, emg, emg_side, passive, generic, time, bodies_of(bodies, plates)
     )
     scaled = open_model(model)
     found = personalizing.personalize_files(files, settings_dict(options), scaled)

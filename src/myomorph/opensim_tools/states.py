@@ -27,6 +27,7 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.study.trial import inputs
+from myomorph.study.trial.external_forces import read_loads
 from myomorph.tension.reaction import caused_motion
 
 TWIN = 1e-6
@@ -299,4 +300,4 @@ def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, 
 
 def loads_at(path: Path | None, model: Model, recorded: Motion, motion: Motion) -> Wrenches | None:
     """External forces at the motion's times, not filtered."""
-    return None if path is None else resample_wrenches(inputs.read_loads(path, model, recorded), motion.time)
+    return None if path is None else resample_wrenches(read_loads(path, model, recorded), motion.time)

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from myomorph.model.errors import listing
+from myomorph.io.force_columns import force_columns
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, is_folder, matching
 from myomorph.study.plan.measures import Measures
@@ -15,6 +17,7 @@ from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, 
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
 from myomorph.study.trial.contact_file import AUTO, old_names
+from myomorph.study.trial.laboratory import Laboratory
 from myomorph.study.trial.trial_files import TrialFiles
 
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
@@ -126,7 +129,16 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
     return SubjectFiles(
-        one.name, source, table.mass, files["static"], shape, trials, bones, model_of=table.model_of or ""
+        one.name,
+        source,
+        table.mass,
+        files["static"],
+        shape,
+        trials,
+        bones,
+        model_of=table.model_of or "",
+        labels=FrozenMap(dict(table.labels)),
+        static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
     )
 
 
@@ -183,6 +195,8 @@ def subject_trials(
         mass=table.mass,
         time=table.time,
         labels=FrozenMap(dict(table.labels)),
+        laboratory=Laboratory(table.up, table.turn),
+        assumed=tuple(table.assumed),
     )
     check_time(table.time, f"{where}: time", problems)
     for trial, markers in _recordings(table, folder, where, problems):
@@ -202,6 +216,16 @@ def _recordings(
             yield trial, markers
 
 
+def _holds_forces(loads: Path) -> bool:
+    """Whether a file that was found beside a recording names its forces, or is a table with columns of forces."""
+    if loads.suffix.lower() not in (".mot", ".sto"):
+        return True
+    try:
+        return bool(force_columns(read_sto(loads).names))
+    except BadFile:
+        return False
+
+
 def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
@@ -213,15 +237,10 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
             problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
     # Torques that are given hold what the forces do, so none are looked for beside the recording.
     loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
-    if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
-        if trial.loads is None:
-            notes.found.pop()
-            notes.remarks.append(
-                f"{whole.subject}/{loads.name} is not used: it does not say which bodies its forces act on"
-            )
-            loads = None
-        else:
-            problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
+    if loads is not None and trial.loads is None and not trial.bodies and not _holds_forces(loads):
+        notes.found.pop()
+        notes.remarks.append(f"{whole.subject}/{loads.name} is not used: no columns of forces are found in it")
+        loads = None
     if loads is not None:
         notes.notices += old_names(loads)
     check_time(trial.time, f"{where}: time", problems)
@@ -240,6 +259,11 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
         phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
         condition=trial.condition,
+        laboratory=Laboratory(
+            whole.laboratory.up if trial.up is None else trial.up,
+            whole.laboratory.turn if trial.turn is None else trial.turn,
+        ),
+        assumed=(*whole.assumed, *trial.assumed),
     )
 
 

@@ -38,6 +38,7 @@ from myomorph.study.subject.subject_files import (
 )
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.external_forces import NEAREST, NamedBodies, read_loads
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, load_tables
 
@@ -88,8 +89,13 @@ def open_motions(
     loads: Sequence[Path],
     time: tuple[float, float] | None = None,
     held_out: bool = False,
+    named: NamedBodies = NEAREST,
 ) -> list[SubjectMotion]:
     """Motions and their forces, in pairs in the order given.
+
+    Parameters
+    ----------
+    named : bodies that forces act on, where they are not the nearest feet
 
     Raises
     ------
@@ -105,7 +111,7 @@ def open_motions(
     for motion_path, loads_path in zip(motions, loads, strict=True):
         motion = inputs.read_motion(motion_path, model)
         cut_to = inputs.cut_to(time, motion, motion_path)
-        wrenches = inputs.read_loads(loads_path, model, motion)
+        wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates)
         found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return found
 

@@ -10,43 +10,57 @@ import numpy as np
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy
 
 
-def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
+def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
     """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
+
+    Without bodies all plates, whose bodies are not known.
 
     Raises
     ------
     BadData
-        where there are fewer plates than bodies
+        where there are fewer plates than bodies, or no plate has a body
     """
+    if bodies is None:
+        return wrenches_from_plates(trial.plates, trial.plate_time)
+    names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
     if len(bodies) > len(trial.plates):
-        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
         raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
     used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
+    if not used:
+        raise BadData(f"{trial.source}: no body is given for any of its plates ({names})")
     wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
     return replace(wrenches, bodies=tuple(body for _, body in used))
 
 
-def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
-    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
+def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
+    """Forces, each given to the foot that is nearest to its center of pressure, step by step.
+
+    A force that is nobody's, as that of a plate that nobody steps on, is left out; a note says so.
 
     Raises
     ------
     BadData
-        where the model has no foot
+        where the model has no foot, or forces and motion have no time in common
     """
     feet = feet_of(model)
     if not feet:
         raise BadData(
-            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
+            f"no body of model '{model.name}' is called a foot: name the bodies that forces act on: those of a table "
+            "as prefix=body (--bodies), those of plates in order (--plates)"
         )
-    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    if not inside.any():
+        raise BadData(
+            f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {motion.time[0]:g} "
+            f"to {motion.time[-1]:g} s: they have no time in common; are they of one recording, on one clock?"
+        )
     parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
     wrenches = replace(wrenches, **parts)
     poses = PosesBy(model, motion)
@@ -56,4 +70,20 @@ def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    return assign_bodies(wrenches, places).wrenches
+    found = assign_bodies(wrenches, places)
+    return _carried(found.wrenches, found.warnings)
+
+
+def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
+    """The forces that act on a body, with a note on those that never act."""
+    kept = [k for k, body in enumerate(wrenches.bodies) if body]
+    idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
+    findings = wrenches.findings
+    if idle:
+        text = f"nobody steps on {idle} during the motion: left out"
+        findings = (*findings, Finding("idle plate", idle, text, mended=True))
+        warnings = (*warnings, text)
+    notes = (*wrenches.notes, *warnings)
+    chosen = {name: getattr(wrenches, name)[:, kept] for name in ("forces", "points", "torques")}
+    names, bodies = (tuple(one[k] for k in kept) for one in (wrenches.names, wrenches.bodies))
+    return replace(wrenches, names=names, bodies=bodies, notes=notes, findings=findings, **chosen)
