@@ -10,7 +10,8 @@ import numpy as np
 from myomorph.analysis.phases import contacts
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.series import Wrenches
+from myomorph.model.series import Event, Wrenches
+from myomorph.model.sides import split_side
 
 FEWEST = 8
 """Frames in which trunk and foot must be seen."""
@@ -66,7 +67,7 @@ class FootTrack:
     place : (frames, 3) of what tells strikes [m], NaN where unseen
     strikes, lifts : (events,) [s]
     seen : (frames,)
-    source : "markers" or "plates"
+    source : "markers", "soles", "events" or "plates"
     """
 
     place: Array
@@ -184,9 +185,42 @@ def on_plates(
     )
 
 
+STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact"), ("foot off", "toe off", "foot lift")
+"""What laboratories call the two events."""
+
+
+def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events") -> FootTrack:
+    """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
+    side = split_side(limb.name)[1]
+    own = [one for one in events if side and one.side.lower() == side]
+    strikes, lifts = (
+        [one.time for one in own if one.label.lower().replace("_", " ").strip() in names] for names in (STRIKES, LIFTS)
+    )
+    if not strikes and not lifts:
+        return track
+    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
+    if not np.isfinite(usual):
+        usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
+    near = 0.25 * usual
+    return FootTrack(
+        track.place,
+        _replaced(track.strikes, strikes, near),
+        _replaced(track.lifts, lifts, near),
+        track.seen,
+        source if strikes else track.source,
+    )
+
+
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
+    """Better events in place of the nearest ones; the others are shifted by as much as those were off in the middle.
+
+    A stride from an event of one kind to one of the other would be too long or too short by that.
+    """
     kept = [one for one in events if all(abs(one - other) > near for other in better)]
-    return np.array(sorted([*kept, *better]))
+    off = [other - events[int(np.argmin(np.abs(events - other)))] for other in better] if len(events) else []
+    off = [one for one in off if abs(one) <= near]
+    shift = float(np.median(off)) if off else 0.0
+    return np.array(sorted([*(one + shift for one in kept), *better]))
 
 
 def ground_speed_of(
