@@ -13,6 +13,11 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Wrenches
 from myomorph.model.sides import split_side
 
+NEAREST = 0.4
+"""An event that is known better replaces the nearest one within this share of a stride; a runner's foot is farthest
+ahead a quarter of a stride before it strikes."""
+CLEAR = 0.4
+"""Skewness of the speeds of feet from which on their swing tells the direction."""
 FEWEST = 8
 """Frames in which trunk and foot must be seen."""
 
@@ -67,7 +72,7 @@ class FootTrack:
     place : (frames, 3) of what tells strikes [m], NaN where unseen
     strikes, lifts : (events,) [s]
     seen : (frames,)
-    source : "markers", "soles", "events" or "plates"
+    source : "markers", "running", "events" or "plates"
     """
 
     place: Array
@@ -78,9 +83,20 @@ class FootTrack:
 
 
 def direction_of(
-    time: Array, trunk: Array, feet: Sequence[Array], up: Array, given: Array | None, notes: list[str]
+    time: Array,
+    trunk: Array,
+    feet: Sequence[Array],
+    up: Array,
+    given: Array | None,
+    notes: list[str],
+    facing: Array | None = None,
 ) -> tuple[Array, bool]:
-    """Direction of travel, and whether the body goes over the ground rather than in place on a belt."""
+    """Direction of travel, and whether the body goes over the ground rather than in place on a belt.
+
+    Parameters
+    ----------
+    facing : (3,) where the feet point, for a body in place whose feet are as fast backward as forward, as a sprinter's
+    """
     flat = np.eye(3) - np.outer(up, up)
     seen = np.isfinite(trunk[:, 0])
     span = time[seen] - time[seen].mean()
@@ -105,8 +121,13 @@ def direction_of(
     axis = np.linalg.svd(swept, full_matrices=False)[2][0]
     # In place: swing is faster than stance.
     forward = speeds @ axis
-    axis = axis if float(np.mean((forward - forward.mean()) ** 3)) > 0.0 else -axis
-    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where feet swing fastest; give it if it is not")
+    away = forward - forward.mean()
+    skew = float(np.mean(away**3)) / max(float(np.mean(away**2)) ** 1.5, 1e-12)
+    told = "feet swing fastest"
+    if facing is not None and abs(skew) < CLEAR:
+        skew, told = float(facing @ axis), "feet point"
+    axis = axis if skew > 0.0 else -axis
+    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where {told}; give it if it is not")
     return axis, False
 
 
@@ -175,7 +196,7 @@ def on_plates(
     inner = len(wrenches) - 1
     strikes = [wrenches.time[start] for start, _ in touches if start > 0]
     lifts = [wrenches.time[stop] for _, stop in touches if stop < inner]
-    near = 0.25 * usual
+    near = NEAREST * usual
     return FootTrack(
         track.place,
         _replaced(track.strikes, strikes, near),
@@ -201,7 +222,7 @@ def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
     if not np.isfinite(usual):
         usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
-    near = 0.25 * usual
+    near = NEAREST * usual
     return FootTrack(
         track.place,
         _replaced(track.strikes, strikes, near),

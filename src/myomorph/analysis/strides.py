@@ -24,7 +24,7 @@ from myomorph.analysis.foot_events import (
     on_events,
     on_plates,
 )
-from myomorph.analysis.sole_events import running_contacts
+from myomorph.analysis.running_events import running_contacts
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -49,7 +49,7 @@ class Stride:
     length : way of the foot over the ground along the direction of travel [m]
     width : step width: distance to the other side's track, across the direction of travel [m]; nan without another side
     seen : share of the stride in which the foot was seen
-    source : "markers", "soles", "events" or "plates", what showed the strikes
+    source : "markers", "running", "events" or "plates", what showed the strikes
     """
 
     limb: str
@@ -118,7 +118,8 @@ def find_strides(
     wrenches: Wrenches | None = None,
     weight: float | None = None,
     events: Sequence[Event] = (),
-    soles: Sequence[Event] = (),
+    running: Sequence[Event] = (),
+    facing: Array | None = None,
     options: StrideOptions | None = None,
 ) -> Strides:
     """Strides of each limb: from plates where they tell, else from a recording's events, else from points on the feet.
@@ -137,7 +138,8 @@ def find_strides(
     wrenches : on the limbs' bodies; strikes and lifts that they show replace those of the points
     weight : of the body [N], needed with wrenches
     events : foot strikes and foot offs that the recording names ("Foot Strike", "Foot Off", with a side)
-    soles : the same as the soles' heights tell; they replace those of the points, and events replace them
+    running : the same of a run, from its flights; they replace those of the points, and events replace them
+    facing : (3,) where the feet point on the whole; it decides where feet in place swing forward as fast as backward
     options : how strikes are told; see `StrideOptions`
 
     Returns
@@ -174,7 +176,7 @@ def find_strides(
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     notes: list[str] = []
     up = np.asarray(up, dtype=np.float64)
-    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes)
+    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
     tracks: dict[str, FootTrack] = {}
     for limb in limbs:
         lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
@@ -182,7 +184,7 @@ def find_strides(
         if track is None:
             notes.append(f"{limb.name}: the foot is not seen to go forward and back")
             continue
-        track = on_events(track, limb, soles, "soles")
+        track = on_events(track, limb, running, "running")
         track = on_events(track, limb, events)
         if wrenches is not None and weight is not None:
             track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
@@ -370,7 +372,7 @@ def walking_strides(
     ground, root = 0.0 if travels else None, model.body_names[:1]
     feet = {body for limb in limbs for body in limb.bodies}
     told = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
-    soles = [
+    running = [
         Event(time, label, split_side(foot)[1].capitalize())
         for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
         for interval in intervals
@@ -386,7 +388,8 @@ def walking_strides(
             wrenches=told,
             weight=None if told is None else model.weight,
             events=events,
-            soles=soles,
+            running=running,
+            facing=_facing(model, motion, limbs),
             options=options,
         )
     except BadData:
@@ -400,6 +403,18 @@ def walking_strides(
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
     return found if unlike < STEADY else None
+
+
+def _facing(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
+    """(3,) mean direction from the feet's joints to their centers of mass; None where they have none."""
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    if not known.any():
+        return None
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    ways = [poses.rotations[:, tree.body_index[limb.name]] @ model.body(limb.name).mass_center for limb in limbs]
+    mean: Array = np.mean(ways, axis=(0, 1))
+    return mean if np.linalg.norm(mean) > 0.0 else None
 
 
 def feet_move(points: Series) -> bool:

@@ -213,8 +213,8 @@ def _height(one: Recording, height: float | None) -> list[str]:
     if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
         return []
     return [
-        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m (--height): "
-        "is the unit right, and are they of this person?"
+        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
+        "(--height): is the unit right, and are they of this person?"
     ]
 
 
@@ -229,15 +229,17 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     emg, said = _emg(one, model, request)
     texts += said
     plates = one.trial.plates
-    contacts = ""
+    contacts, loads = "", one.loads
     if one.loads is not None:
         texts.append(f"External forces from {one.loads.name}.")
     elif plates and feet_of(model):
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
+        # Named, so that a file of forces beside the recording is not taken for them.
+        loads = one.path
     elif feet_of(model):
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    return TrialEntry(name, one.path, laboratory, one.loads, emg, contacts, None, tuple(texts))
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
 
 
 def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, list[str]]:
