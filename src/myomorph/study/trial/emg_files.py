@@ -105,7 +105,7 @@ def _left_out(path: str | Path, names: Sequence[str], told: Mapping[str, tuple[s
 def _channels(path: str | Path) -> Series:
     """All channels of a file."""
     ending = Path(path).suffix.lower()
-    if ending in TABLE_FILES:
+    if ending in (*TABLE_FILES, ".csv", ".txt"):
         # Most trials start without: loaded where a trial has such input.
         from myomorph.io.sto import read_sto
 
@@ -115,7 +115,7 @@ def _channels(path: str | Path) -> Series:
         if analog is None:
             raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
         return analog
-    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot or .c3d")
+    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv or .c3d")
 
 
 def _picked(series: Series, names: tuple[str, ...]) -> Series:
