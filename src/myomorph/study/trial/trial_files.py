@@ -115,6 +115,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     MyomorphError
         where a file cannot be read, or does not fit the model
     """
+    if files.markers is None and files.motion is not None:
+        trial, poses = open_motion_trial(files, settings, model)
+        return replace(trial, motion=poses.recorded)
     model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     if files.markers is None:
@@ -158,12 +161,12 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
+def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
     if files.loads is None and (files.plates or files.bodies):
         raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
-    model = inputs.open_model(files.model)
+    model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     recorded, lacking = inputs.whole_motion(inputs.read_motion(files.motion, model), model)
     recorded, apart = inputs.coupled_motion(recorded, model)
