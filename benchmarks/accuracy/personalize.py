@@ -180,10 +180,10 @@ def measure_map(folder: Path) -> Iterator[Row]:
 
 
 LEGS = {
-    "hip_flexion": (-0.3, 0.9),
+    "hip_flexion": (-0.2, 0.7),
     "hip_adduction": (-0.2, 0.2),
     "hip_rotation": (-0.25, 0.25),
-    "knee_angle": (0.05, 1.2),
+    "knee_angle": (0.05, 1.0),
     "ankle_angle": (-0.35, 0.3),
 }
 MEASURED = ("soleus", "gasmed", "gaslat", "tibant", "vaslat", "vasmed", "recfem", "bflh", "semiten", "glmax1", "glmed1")

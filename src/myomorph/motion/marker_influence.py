@@ -31,11 +31,13 @@ class MarkerFrames:
     errors : (frames, markers, 3) recorded less model [m] in ground, NaN where unseen
     slopes : (frames, markers, 3, variables) of model positions [m per unit of the variables]
     rotations : (frames, markers, 3, 3) of the markers' bodies in ground
+    held : (frames, variables) whether each lies at a bound, so that it has no slopes
     """
 
     errors: Array
     slopes: Array
     rotations: Array
+    held: Array
 
 
 def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Array) -> MarkerFrames:
@@ -59,7 +61,7 @@ def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Arr
     held = (here <= arrays.lower + 1e-9) | (here >= arrays.upper - 1e-9)
     slopes[held] = 0.0
     rotations = poses.rotations.reshape(frames, count + 1, -1, 3, 3)[:, 0, arrays.body]
-    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations)
+    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
 
 
 def left_out(one: MarkerFrames, weight: Array) -> Array:
@@ -91,15 +93,10 @@ def undetermined(one: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tupl
     """Coordinates that take part in a motion that no marker of any of the frames shows."""
     seen = np.isfinite(one.errors).all(axis=2) & (weight > 0.0)
     rows = one.slopes[seen].reshape(-1, len(arrays.free))
-    # A variable that was at its bound throughout has no slopes here: its bound tells it.
-    moved = np.abs(one.slopes).max(axis=(0, 1, 2), initial=0.0)
     sizes, directions = np.linalg.eigh(rows.T @ rows)
     usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
-    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and (moved[i] > 0.0 or _free_to_move(arrays, i))]
+    # A variable at its bound in all frames is told by the bound.
+    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not one.held[:, i].all()]
     return tuple(int(arrays.free[i]) for i in own if arrays.task_weight[arrays.free[i]] == 0.0)
-
-
-def _free_to_move(arrays: MarkerArrays, i: int) -> bool:
-    return bool(arrays.lower[i] < arrays.upper[i])

@@ -35,7 +35,7 @@ def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
             continue
         own = spelling(name)
         for other in difflib.get_close_matches(own, list(left), n=3, cutoff=NEAR):
-            # A letter that is another one may be the side, a digit the number in a cluster: letters may only be missing.
+            # Another letter may be the side, another digit the number in a cluster: letters may only be missing.
             if _only_adds(own, other) or _only_adds(other, own):
                 found[name] = left.pop(other)
                 break

@@ -1,7 +1,7 @@
 """Faults of labels that show in time alone: a marker that jumps and returns, and two that exchange their labels.
 
-A marker moves from frame to frame about as it does in the frames around. The step that does not is an edge: its excess is
-the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when it
+A marker moves from frame to frame about as it does in the frames around. The step that does not is an edge: its excess
+is the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when it
 returns; two markers that exchange their labels have edges in the same frame that lead to each other's path.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array
 
@@ -132,7 +132,7 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
-    """Pairs of markers whose paths go on in each other from some frame on; the last of an odd number of times to the end.
+    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end.
 
     Parameters
     ----------
@@ -145,13 +145,14 @@ def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
             at.setdefault(int(frame), []).append((marker, k))
     changes: dict[tuple[int, int], list[int]] = {}
     for frame, group in sorted(at.items()):
-        for (first, k), (second, n) in combinations(group, 2):
-            one, other = edges[first], edges[second]
-            apart = np.linalg.norm(one.excess[k]) + np.linalg.norm(other.excess[n])
-            crossed = np.linalg.norm(values[frame, first] - other.predicted[n])
-            crossed += np.linalg.norm(values[frame, second] - one.predicted[k])
-            if crossed < CLOSES * apart:
-                changes.setdefault((first, second), []).append(frame)
+        here = np.array([values[frame, marker] for marker, _ in group])
+        ahead = np.array([edges[marker].predicted[k] for marker, k in group])
+        apart = np.linalg.norm(here[:, None] - ahead, axis=2)
+        taken = linear_sum_assignment(apart)[1]
+        for i, j in enumerate(taken):
+            own = apart[i, i] + apart[j, j]
+            if i < j and taken[j] == i and apart[i, j] + apart[j, i] < CLOSES * own:
+                changes.setdefault((group[i][0], group[j][0]), []).append(frame)
     found = []
     for (first, second), frames in changes.items():
         ends = [*frames, len(values)] if len(frames) % 2 else frames

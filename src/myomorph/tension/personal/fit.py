@@ -1,6 +1,6 @@
 """Muscles from recordings: torques that have to be borne, with activations known as well as EMG tells them.
 
-    tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = 0 + e_a where no EMG is),   p = prior + e_p
+    tau = R^T F(p, a) + e_tau,   a = g e + e_a   (or a = l + e_a where no EMG is),   p = prior + e_p
 
 Of every frame the activations are marginalized to first order: with G = R^T dF/da the misfit r has the covariance
 S = var(e_tau) + G var(a) G^T, so that least effort weighs no more than what is known of activations says. Gauss-Newton
@@ -29,10 +29,11 @@ SHORTEST_ERROR, LONGEST_ERROR = 10, 50
 """Frames over which errors are taken to be alike at least and at most."""
 SETTLED = 0.05
 """Steps end where no parameter moves by more of its standard deviation."""
-LONGEST = 0.25
-"""Step of a parameter."""
-UNKNOWN = 0.2
-"""Standard deviation of an activation of which nothing is known; walking has root mean squares of 0.1 to 0.25."""
+LONGEST = 1.0
+"""Step of a parameter, in standard deviations before the recordings."""
+LEVEL, UNKNOWN = 0.1, 0.15
+"""Of a muscle without EMG: mean activation expected, itself a parameter, and standard deviation over time; walking has
+root mean squares of 0.1 to 0.25."""
 EMG_LEAST, EMG_SHARE = 0.03, 0.15
 """Standard deviation of an activation that EMG tells: this much, and a share of it."""
 LEAST_OWN = 0.5
@@ -47,8 +48,8 @@ ACTIVE_SETS = 16
 """Newton steps for the activations that stand at 0 or 1."""
 FIRST_ERRORS = 5.0
 """Of the least errors of torques: with which the fit begins, so that it does not run after each of them at first."""
-HASTE, MOST_CHANGE = 2.0, 1.6
-"""Power of the steps by which errors change, and the largest factor of a step."""
+HASTE, CHANGES = 2.0, (0.6, 1.25)
+"""Power of the steps by which errors change, and the least and largest factor of a step."""
 MORE = 1e-3
 """Of activation, for the slopes of what an activation gives."""
 MOST_ERROR = 0.5
@@ -134,7 +135,7 @@ def fit(
         covariance = np.zeros_like(normal)
         covariance[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
         step = covariance @ right
-        longest = float(np.abs(step).max(initial=0.0))
+        longest = float((np.abs(step) / np.maximum(prior.deviation, 1e-12))[free].max(initial=0.0))
         # Activations that reach a bound and leave it in turns make steps go back and forth.
         damping = 0.5 * damping if step @ before < 0.0 else min(1.5 * damping, 1.0)
         step *= min(damping, LONGEST / max(longest, 1e-12))
@@ -214,7 +215,7 @@ class _Part:
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
         self.prior, self.shapes, self.windows = prior, shapes, windows
         self.told = np.isfinite(windows.emg)
-        self.envelope = np.where(self.told, windows.emg, 0.0)
+        self.envelope = np.where(self.told, windows.emg, LEVEL)
         self.activations = np.clip(np.where(self.told, windows.emg, 0.05), 0.0, 1.0)
         self.torques = windows.torques[windows.counted]
         # Torques that were not measured are left out: their rows have no muscles, no misfit and an error of 1.
@@ -257,14 +258,17 @@ class _Part:
         EMG has errors, so that its peaks are higher and its lows lower than those of activations: what is expected lies
         towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
         """
-        scaled = np.where(told, np.clip(gains * self._of(self.envelope), 0.0, 1.0), 0.0)
+        # Where EMG is missing for a while, its gain says nothing of the level.
+        factors = np.where(told | (self.prior.gain >= len(self.prior.gains)), gains, 1.0)
+        level = np.clip(factors * self._of(self.envelope), 0.0, 1.0)
+        scaled = np.where(told, level, 0.0)
         variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * scaled) ** 2), UNKNOWN**2)
         counts = np.maximum(told.sum(axis=0), 1)
         mean = scaled.sum(axis=0) / counts
         between = np.sum(np.where(told, (scaled - mean) ** 2, 0.0), axis=0) / counts
         own = np.maximum(between - np.sum(np.where(told, variance, 0.0), axis=0) / counts, LEAST_OWN * between)
         share = np.where(told, own / np.maximum(own + variance, 1e-12), 1.0)
-        return np.where(told, mean + share * (scaled - mean), 0.0), share * variance
+        return np.where(told, mean + share * (scaled - mean), level), share * variance
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
@@ -329,11 +333,12 @@ class _Part:
         jacobian[..., by_fiber] = self.arms * of_fiber[:, None]
         jacobian[..., by_point] = -self.arms * (at.by_slack * fiber)[:, None]
         of_force, of_strain = self.arms * at.force[:, None], self.arms * (at.by_strain * strain)[:, None]
-        of_gain = self.columns * expected[:, None]
+        follows = self._of(self.told) | (prior.gain >= len(prior.gains))
+        of_gain = self.columns * np.where(follows, expected, 0.0)[:, None]
         for part, values, index, count in (
             (by_force, of_force, prior.group, len(prior.groups)),
             (by_strain, of_strain, prior.group, len(prior.groups)),
-            (by_gain, of_gain, prior.gain, len(prior.gains)),
+            (by_gain, of_gain, prior.gain, len(prior.gains) + prior.levels),
         ):
             members = index[:, None] == np.arange(count)
             jacobian[..., part] = values @ members.astype(np.float64)
@@ -372,8 +377,8 @@ class _Part:
 def _left_to_errors(parts: Sequence[_Part], effective: float) -> float:
     """Share of the independent misfits that the parameters do not follow, twice: so much less is known than it looks.
 
-    Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over a
-    shorter time than errors are.
+    Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over
+    a shorter time than errors are.
     """
     seen = sum(part.weight * part.known.sum() for part in parts)
     return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.5, 1.0)) ** 2
@@ -410,7 +415,7 @@ def _hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> N
     Upwards it is a short one: a misfit that the parameters have yet to follow is no error.
     """
     torque, rest, told = (
-        one * np.clip((other / one) ** HASTE, 1.0 / MOST_CHANGE, MOST_CHANGE)
+        one * np.clip((other / one) ** HASTE, *CHANGES)
         for one, other in ((old.torque, new.torque), (old.rest, new.rest), (old.told, new.told))
     )
     return Noise(np.maximum(torque, floors), np.maximum(rest, floors_at_rest), float(np.clip(told, *SCALES)))
