@@ -271,9 +271,9 @@ def _far_from_shape(names: Sequence[str], masses: Array, shape: Array, mass_sd: 
     if not len(far):
         return ()
     worst = far[np.argsort(-np.abs(masses - shape)[far])][:3]
-    told = ", ".join(f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f})" for i in worst)
+    listed = ", ".join(f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f})" for i in worst)
     return (
-        f"{len(far)} of {len(names)} links weigh far from what their shape says: {told}; faults of the motion that "
+        f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed}; faults of the motion that "
         f"return with every step may be in them: move more, or hold masses with a mass_sd below {mass_sd:g}",
     )
 

@@ -48,13 +48,13 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     time, rms = fit.motion.time, 100 * fit.rms
     frame = int(np.nanargmax(rms))
     when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
-    told = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
-    told += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
+    detail = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
+    detail += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
     value, largest = float(rms[frame]), 100 * float(fit.errors[when, who])
     limit, at = 100 * MARKER_LARGEST * scale, float(time[when])
     rows = [
         Verdict(
-            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, told
+            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, detail
         ),
         Verdict(Quantity.MARKER_LARGEST, largest, "cm", limit, fit.marker_names[who], at, HICKS),
         _counted(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
@@ -80,9 +80,9 @@ def gap_verdicts(markers: Markers) -> list[Verdict]:
     if not len(share) or share[worst] == 0.0:
         return [Verdict(Quantity.MARKER_GAPS, 0.0, "%", None)]
     first = float(markers.time[int(np.argmax(hidden[:, worst]))])
-    told = f"{int((share > 0).sum())} of {len(share)} markers are hidden at some time"
+    detail = f"{int((share > 0).sum())} of {len(share)} markers are hidden at some time"
     value = 100 * float(share[worst])
-    return [Verdict(Quantity.MARKER_GAPS, value, "% of frames", None, markers.names[worst], first, "", told)]
+    return [Verdict(Quantity.MARKER_GAPS, value, "% of frames", None, markers.names[worst], first, "", detail)]
 
 
 def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
@@ -115,10 +115,10 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     rows = []
     for what, values, scale in (("force", found[0], peak), ("moment", found[1], peak * height)):
         for row, at in judged_residual(what, values, torques.time, scale):
-            told = f"; F = {peak:.4g} N"
+            detail = f"; F = {peak:.4g} N"
             if what == "force" and at is not None:
-                told += _support(wrenches, float(torques.time[at]), weight, values[at])
-            rows.append(replace(row, detail=row.detail + told))
+                detail += _support(wrenches, float(torques.time[at]), weight, values[at])
+            rows.append(replace(row, detail=row.detail + detail))
     return rows
 
 
@@ -191,12 +191,12 @@ def reserve_verdicts(
     if worst is not None:
         share, i = worst
         at = int(np.nanargmax(np.abs(reserves[:, i])))
-        told = f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m"
+        detail = f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m"
         unit, when = "% of the coordinate's peak torque", float(time[at])
-        rows.append(Verdict(Quantity.RESERVES, 100 * share, unit, 100 * RESERVE, names[i], when, CHECKLIST, told))
+        rows.append(Verdict(Quantity.RESERVES, 100 * share, unit, 100 * RESERVE, names[i], when, CHECKLIST, detail))
     if undriven:
-        told = "their torque is carried by reserve actuators alone"
-        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=told))
+        detail = "their torque is carried by reserve actuators alone"
+        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=detail))
     return rows
 
 
@@ -214,9 +214,9 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
         return [Verdict(Quantity.SATURATED, 0.0, f"of {len(names)}", 0.0)]
     worst = int(np.argmax(full.sum(axis=0)))
     first = float(time[int(np.argmax(full[:, worst]))])
-    told = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
-    told += few([name for name, one in zip(names, ever, strict=True) if one], 8)
-    return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", told)]
+    detail = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
+    detail += few([name for name, one in zip(names, ever, strict=True) if one], 8)
+    return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", detail)]
 
 
 def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()) -> Verdict:
@@ -259,8 +259,8 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
     if not beyond:
         return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0)]
     far, name, time = max(beyond)
-    told = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
-    return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", told)]
+    detail = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
+    return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", detail)]
 
 
 def few(names: Sequence[str], most: int = 4) -> str:

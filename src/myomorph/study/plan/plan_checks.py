@@ -129,8 +129,8 @@ def check_makers(subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Seque
         circle = chain[chain.index(following) :] if following in chain else []
         if circle and set(circle) not in circles:
             circles.append(set(circle))
-            told = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
-            problems.append(f"model_of: subjects wait for each other's models: {told}")
+            waiting = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
+            problems.append(f"model_of: subjects wait for each other's models: {waiting}")
         elif not following and not any(makes_model(steps[one]) for one in chain[1:]):
             problems.append(
                 f"subject '{name}': model_of: subject '{chain[-1]}' makes no model: give it one of the steps "
@@ -143,8 +143,12 @@ def check_masses(subjects: Mapping[str, SubjectFiles], problems: list[str]) -> N
     without = [name for name, one in subjects.items() if one.mass is None]
     if without and len(without) < len(subjects):
         known = len(subjects) - len(without)
-        told = [name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)]
-        problems += [f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in told]
+        reported = [
+            name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)
+        ]
+        problems += [
+            f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in reported
+        ]
 
 
 def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None:

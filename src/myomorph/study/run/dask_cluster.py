@@ -218,11 +218,11 @@ def connected(address: str, patience: float) -> Any:
             warnings.simplefilter("ignore", VersionMismatchWarning)
             return Client(address, timeout=patience, set_as_default=False, name="myomorph")
     except OSError as error:
-        told = " ".join(str(error).split()) or "something takes the connection, but is silent"
-        raise BadData(f"--scheduler {address}: no scheduler answers ({told}): {START}") from None
+        reason = " ".join(str(error).split()) or "something takes the connection, but is silent"
+        raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
     except Exception:  # whatever the bytes of a program of another kind lead to, MemoryError among it
-        told = "something is there that does not speak as a Dask scheduler does"
-        raise BadData(f"--scheduler {address}: no scheduler answers ({told}): {START}") from None
+        reason = "something is there that does not speak as a Dask scheduler does"
+        raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
 
 
 async def _greet(address: str, patience: float) -> None:

@@ -296,9 +296,9 @@ def dry_run_lines(found: DryRun) -> Iterator[str]:
     trials = [row for row in found.rows if row.trial]
     subjects = dict.fromkeys(row.subject for row in found.rows)
     conditions = found.plan.conditions.names
-    told = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
-    told += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{found.plan.name}: {', '.join(told)}; results go to {found.out}"
+    counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+    counts += [f"conditions {', '.join(conditions)}"] if conditions else []
+    yield f"{found.plan.name}: {', '.join(counts)}; results go to {found.out}"
     yield ""
     yield from _table(found.rows, bool(conditions))
     yield from _reasons(found.rows)

@@ -104,8 +104,8 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
-    told = plain_settings(options) | {"time": files.time}
-    return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
+    options_text = plain_settings(options) | {"time": files.time}
+    return Calibrated(found, names, provenance_of("calibrate", files.sources(), options_text), tuple(warnings))
 
 
 def _recording(

@@ -143,8 +143,8 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     why = _why_z_is_up(model, trial, own, recorded)
     if not why:
         return trial
-    told = f"{why}: the recording was turned to the model's y axis"
-    return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, told))
+    warning = f"{why}: the recording was turned to the model's y axis"
+    return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, warning))
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:

@@ -86,8 +86,8 @@ def _option(options: Mapping[str, object], name: str) -> str:
 def report_key(trial: TrialInputs, done: Sequence[str]) -> str:
     """Hash of all that a report is made of: results by their keys, and what it is told."""
     results = sorted(step_provenance(step_of(step), trial).key for step in done)
-    told = sorted(plain_settings(trial.options[ReportOptions]).items())
-    return value_source("report", trial.name, __version__, results, told, sorted(trial.facts.items())).sha256
+    settings = sorted(plain_settings(trial.options[ReportOptions]).items())
+    return value_source("report", trial.name, __version__, results, settings, sorted(trial.facts.items())).sha256
 
 
 def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) -> None:

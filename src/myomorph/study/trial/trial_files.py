@@ -291,10 +291,10 @@ def contact_sources(files: TrialFiles) -> list[Source]:
     # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_file import AUTO, contact_files
 
-    told = value_source("contacts", files.contacts, files.contacts, files.measured)
+    source = value_source("contacts", files.contacts, files.contacts, files.measured)
     if files.contacts == AUTO:
-        return [told]
-    return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
+        return [source]
+    return [source, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
 
 
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
