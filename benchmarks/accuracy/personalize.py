@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.io import loadmat
 
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.simulated_muscles import (
@@ -111,7 +112,8 @@ def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], 
     for one in found.estimates:
         if one.parameter in LENGTHS:
             true = getattr(own.muscles[model.muscle_names.index(one.of)], one.parameter)
-            rows.append((one.parameter, one.identifiable, one.person / true - 1.0, one.low <= true <= one.high))
+            within = bool(one.low <= true <= one.high)
+            rows.append((one.parameter, one.identifiable, float(one.person / true - 1.0), within))
     return rows, seconds
 
 
@@ -232,6 +234,39 @@ def measure_map(folder: Path) -> Iterator[Row]:
             "median after": float(np.median(found.after)),
             "largest after": float(np.max(found.after)),
         }
+
+
+PUBLISHED = "muscle-parameter-map/manuscript_material"
+"""The models and results that Modenese et al. 2016 published, github.com/modenaxe/MuscleParamOptimizer (Apache-2.0)."""
+
+
+def measure_published(folder: Path) -> Iterator[Row]:
+    """Our map against the models that its source's authors published, of the same generic and scaled models."""
+    at = folder / PUBLISHED
+    if not at.is_dir():
+        return
+    examples = {
+        "running model, scaled": ("Example1", "Reference_Hamner_L", "Target_Hamner_scaled_L"),
+        "hip from images": ("Example2", "Reference_Arnold_R", "Target_LHDL_Schutte_R"),
+    }
+    for name, (example, generic, target) in examples.items():
+        models = [read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)]
+        theirs = read_model(at / example / "OptimModels" / f"{target}_opt_N10.osim")
+        results = loadmat(at / example / "Results/Results_MusMapMetrics_N10_NError10.mat", squeeze_me=True)
+        published = np.asarray(results["Results_MusMapMetrics"]["RMSE"].item(), dtype=np.float64)
+        found = map_generic(*models)
+        # A muscle that our map leaves alone cannot be compared.
+        mapped = [m for m in found.muscles if not any(f"'{m}'" in note for note in found.notes)]
+        ours = [found.model.muscles[found.model.muscle_names.index(m)] for m in mapped]
+        other = [theirs.muscles[theirs.muscle_names.index(m)] for m in mapped]
+        row: Row = {"models": name, "muscles": len(found.muscles), "mapped": len(mapped)}
+        for parameter in LENGTHS:
+            a, b = (np.array([getattr(one, parameter) for one in some]) for some in (ours, other))
+            apart, word = 1e3 * np.abs(a - b), parameter.replace("_", " ")
+            row |= {f"{word}: median [mm]": float(np.median(apart)), f"{word}: largest [mm]": float(apart.max())}
+        kept = [found.muscles.index(m) for m in mapped]
+        row |= {"largest RMS of fiber lengths": float(found.after[kept].max()), "published": float(published.max())}
+        yield row
 
 
 LEGS = {
