@@ -34,6 +34,7 @@ from benchmarks.accuracy import (
     pair,
     passive,
     personalize,
+    personalize_passive,
     reaction,
     regressor,
     scale,
@@ -192,7 +193,9 @@ def _personal(folder: Path) -> Page:
             "personal_truth": lambda: personalize.measure_truth(folder),
             "personal_many": lambda: personalize.measure_many(folder),
             "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_passive": lambda: personalize_passive.measure(folder),
             "personal_map": lambda: personalize.measure_map(folder),
+            "personal_published": lambda: personalize.measure_published(folder),
         },
     )
 
