@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import FootPoses
 from myomorph.contact.force_inspection import Inspection
@@ -55,7 +56,7 @@ def balance(inspection: Inspection) -> tuple[Array, Array] | None:
     return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(lowpass(feet.needed, rate, cutoff))
 
 
-def covered(inspection: Inspection, measured: Array, needed: Array) -> Array:
+def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
     """Frames (frames,) in which the plates carry about what the center of mass needs."""
     up, weight = inspection.feet.up, inspection.feet.model.weight
     carried, wanted = measured @ up, needed @ up
@@ -206,7 +207,7 @@ def check_mass(inspection: Inspection) -> None:
     )
 
 
-def _supported(inspection: Inspection) -> Array:
+def _supported(inspection: Inspection) -> NDArray[np.bool_]:
     """Frames (frames,) in which every foot either carries a measured force or moves as one that does not stand."""
     feet = inspection.feet
     heels, tips = feet.soles
