@@ -47,7 +47,7 @@ def ik_command(
     trial = open_trial(files, {"ik": settings_dict(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
-    warn(trial.warnings)
+    warn((*poses.notes, *trial.warnings))
     assert poses.fit is not None
     said(f"{poses.fit.summary}; wrote {out}")
     return 0

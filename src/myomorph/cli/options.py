@@ -40,6 +40,14 @@ Time = Annotated[
     tuple[float, float] | None,
     Parameter(name="--time", help="START END: use only this part of the recording [s].", consume_multiple=True),
 ]
+EmgMuscles = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--emg-muscles",
+        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names tell no muscle, one or more.",
+        consume_multiple=True,
+    ),
+]
 Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")]
 
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     LOADS_HELP,
+    EmgMuscles,
     ForceBodies,
     ModelFile,
     PlateBodies,
@@ -53,14 +54,12 @@ def personalize_command(
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
-    passive_motion: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Coordinates of poses in which passive torques were measured.", consume_multiple=True),
-    ] = (),
-    passive_torques: Annotated[
+    emg_muscles: EmgMuscles = (),
+    passive: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="What has to hold the joints in them (.sto): minus the measured passive torques of the muscles.",
+            help="Measured passive torques (.sto): a pose a row by its coordinates, and COORDINATE_moment that resting "
+            "muscles apply about them, blank where not measured.",
             consume_multiple=True,
         ),
     ] = (),
@@ -73,6 +72,7 @@ def personalize_command(
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
     from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.trial.emg_files import channel_muscles
     from myomorph.study.trial.external_forces import bodies_of
     from myomorph.study.trial.inputs import open_model
 
@@ -85,11 +85,11 @@ def personalize_command(
         torques,
         emg,
         emg_side,
-        passive_motion,
-        passive_torques,
+        passive,
         generic,
         time,
         bodies_of(bodies, plates),
+        channel_muscles(emg_muscles),
     )
     scaled = open_model(model)
     found = personalizing.personalize_files(files, settings_dict(options), scaled)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from myomorph import __version__
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Markers
@@ -28,6 +29,7 @@ from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
 
@@ -106,8 +108,16 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
 
 
-def _recording(path: Path, model: Model, time: tuple[float, float] | None, warnings: list[str]) -> Markers:
-    trial = inputs.fitted_to(model, inputs.read_recording(path))
+def _recording(
+    path: Path,
+    model: Model,
+    time: tuple[float, float] | None,
+    warnings: list[str],
+    labels: Mapping[str, str] = FrozenMap({}),
+    laboratory: Laboratory = AS_RECORDED,
+) -> Markers:
+    recorded = inputs.with_labels(laboratory.trial(inputs.read_recording(path)), labels)
+    trial = inputs.fitted_to(model, recorded)
     assert trial.markers is not None
     warnings += [f"{path.name}: {text}" for text in trial.warnings]
     span = inputs.cut_to(time, trial.markers, path)
@@ -135,7 +145,9 @@ def calibrate_subject(
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
-        options = replace(options, static=_recording(files.static, model, None, warnings))
+        options = replace(
+            options, static=_recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
+        )
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:

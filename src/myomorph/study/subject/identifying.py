@@ -306,7 +306,7 @@ def _run(
     for trial in prepared.trials(files, settings):
         if trial.loads is None:
             continue
-        motion = solve_kinematics(trial).motion
+        motion = solve_kinematics(trial).fit.motion
         motions.append(SubjectMotion(trial.name, motion, trial.loads(motion)))
     if not motions:
         raise BadData(

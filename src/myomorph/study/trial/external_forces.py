@@ -18,6 +18,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
 from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
@@ -51,6 +52,7 @@ def read_loads(
     bodies: Mapping[str, str] | None = None,
     trial: Path | None = None,
     plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
     options: ForceOptions | None = None,
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
@@ -68,6 +70,7 @@ def read_loads(
     bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
+    laboratory : how the axes that the forces are along stand to the model's
     options : whether they are checked against the motion and mended, with a note of each finding; and their clock
 
     Returns
@@ -87,7 +90,7 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
-    wrenches = raw_loads(path, model, motion, bodies, trial, plates)
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory)
     with about(path):
         return on_feet(wrenches, model, motion, options)
 
@@ -121,6 +124,7 @@ def raw_loads(
     bodies: Mapping[str, str] | None = None,
     trial: Path | None = None,
     plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
 ) -> Wrenches:
     """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
 
@@ -130,20 +134,22 @@ def raw_loads(
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
-            wrenches = force_table(path, bodies)
+            wrenches = laboratory.wrenches(force_table(path, bodies))
     elif ending == ".xml":
         # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
 
         with about(path):
-            wrenches = read_external_loads(path, poses=PosesBy(model, motion))
+            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
     elif ending == ".toml":
-        from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
+        from myomorph.contact.feet_on_steps import stairs_wrenches
+        from myomorph.study.trial.contact_file import read_stairs
 
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:
         with about(path):
-            wrenches = plate_wrenches(upright(read_recording(path), model), plates)
+            recording = laboratory.trial(read_recording(path))
+            wrenches = plate_wrenches(upright(recording, model), plates)
     else:
         raise BadFile(
             path,

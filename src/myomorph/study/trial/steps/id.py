@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion
@@ -25,7 +25,6 @@ from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
