@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import FootPoses
 from myomorph.contact.force_inspection import Inspection
@@ -55,7 +56,7 @@ def balance(inspection: Inspection) -> tuple[Array, Array] | None:
     return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(lowpass(feet.needed, rate, cutoff))
 
 
-def covered(inspection: Inspection, measured: Array, needed: Array) -> Array:
+def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
     """Frames (frames,) in which the plates carry about what the center of mass needs."""
     up, weight = inspection.feet.up, inspection.feet.model.weight
     carried, wanted = measured @ up, needed @ up
@@ -90,8 +91,12 @@ def turns(up: Array) -> list[Turn]:
 def check_directions(inspection: Inspection) -> None:
     """Horizontal axes of forces and points that are turned or mirrored against those of the motion."""
     choices = turns(inspection.feet.up)
-    forces = _turn_of_forces(inspection, choices)
+    errors = _turn_errors(inspection, choices)
+    forces = _turn_of_forces(inspection, choices, errors)
     points = _turn_of_points(inspection, choices, forces)
+    # Points that are turned come with forces that are, unless the center of mass shows that these are right.
+    if points and not forces and (errors is None or errors[points] < 1.3 * errors[0]):
+        forces = points
     if forces == points == 0:
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
@@ -113,30 +118,38 @@ def _changed(forces: Array, points: Array) -> Change:
     return lambda f, p, t: (f @ forces.T, p @ points.T, sign * t @ forces.T)
 
 
-def _turn_of_forces(inspection: Inspection, choices: list[Turn]) -> int:
-    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
+    """What horizontal forces leave of what the center of mass needs, turned each way [N^2]; None where too little acts.
+
+    The last entry is that of no force at all.
+    """
     found = balance(inspection)
     if found is None:
-        return 0
+        return None
     measured, needed = found
     here = covered(inspection, measured, needed)
     time = inspection.feet.time
     if here.sum() < 15 or here.sum() * np.median(np.diff(time)) < 0.25:
-        return 0
+        return None
     level = np.eye(3) - np.outer(inspection.feet.up, inspection.feet.up)
     measured, needed = measured[here] @ level, needed[here] @ level
     if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
+        return None
+    turned = [measured @ one.matrix.T for one in choices]
+    return np.array([float(np.mean(np.sum((one - needed) ** 2, axis=1))) for one in (*turned, 0.0 * needed)])
+
+
+def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array | None) -> int:
+    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+    if errors is None:
         return 0
-    errors = [float(np.mean(np.sum((measured @ one.matrix.T - needed) ** 2, axis=1))) for one in choices]
-    best = int(np.argmin(errors))
+    best = int(np.argmin(errors[:-1]))
     if best:
         # Forces to one side only may not tell a turn from a reflection: the points do.
         alike = [k for k in range(1, len(choices)) if errors[k] < 1.5 * errors[best]]
         best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
-    # As much as nothing explains: no turn makes sense of forces that the center of mass does not feel.
-    if best and errors[best] < 0.35 * errors[0] and errors[best] < 0.5 * float(np.mean(np.sum(needed**2, axis=1))):
-        return best
-    return 0
+    # No turn makes sense of forces that the center of mass does not feel.
+    return best if best and errors[best] < min(0.35 * errors[0], 0.5 * errors[-1]) else 0
 
 
 def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
@@ -206,7 +219,7 @@ def check_mass(inspection: Inspection) -> None:
     )
 
 
-def _supported(inspection: Inspection) -> Array:
+def _supported(inspection: Inspection) -> NDArray[np.bool_]:
     """Frames (frames,) in which every foot either carries a measured force or moves as one that does not stand."""
     feet = inspection.feet
     heels, tips = feet.soles
