@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     ForceBodies,
+    LabelsFile,
     LoadsFile,
     ModelFile,
     MotionFile,
@@ -16,6 +17,7 @@ from myomorph.cli.options import (
     PlateBodies,
     Threads,
     Time,
+    labels_of,
     options_class,
     settings_dict,
     use_threads,
@@ -37,13 +39,14 @@ def ik_command(
     markers: Annotated[Path, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")],
     out: OutFile,
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
+    labels: LabelsFile = None,
     time: Time = None,
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
-    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time)
+    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
     trial = open_trial(files, {"ik": settings_dict(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
