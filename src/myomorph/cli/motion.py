@@ -23,6 +23,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
+from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
 from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import id as dynamics
@@ -52,7 +53,7 @@ def ik_command(
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
     warn((*poses.notes, *trial.warnings))
     assert poses.fit is not None
-    said(f"{poses.fit.summary}; wrote {out}")
+    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}; wrote {out}")
     return 0
 
 
@@ -79,5 +80,7 @@ def id_command(
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
-    said(f"{counts}{dynamics.filter_summary(trial, poses.recorded)}; wrote {out}")
+    residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
+    filtered = dynamics.filter_summary(trial, poses.recorded)
+    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}; wrote {out}")
     return 0

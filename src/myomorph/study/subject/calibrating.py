@@ -23,6 +23,7 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
+from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
@@ -239,11 +240,7 @@ def _short(value: object) -> object:
 
 def summary(found: Calibration) -> Iterable[str]:
     """What was found, as lines of text."""
-    count = sum(len(one) for one in found.frames)
-    yield (
-        f"{count} frames, {len(found.marker_names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
-        f"{1e3 * found.rms_after:.1f} mm; size {found.size:.3f}"
-    )
+    yield calibration_line(found)
     for one in found.lengths:
         if one.length.along and one.length.between_joints:
             yield (
