@@ -138,11 +138,12 @@ class KinematicsFit(Labelled):
         if not np.isfinite(self.errors).any():
             return f"{len(self.motion)} frames, none with a marker"
         frame, marker = np.unravel_index(int(np.nanargmax(self.errors)), self.errors.shape)
-        worst = f"{self.marker_names[marker]} at {self.motion.time[frame]:.2f} s"
+        worst = 100 * float(self.errors[frame, marker])
+        where = f"{self.marker_names[marker]} at {self.motion.time[frame]:.2f} s"
         opened = "" if self.closure is None else f"; loops closed to {float(np.nanmax(self.closure)):.1g} m"
         return (
             f"{len(self.motion)} frames, {len(self.marker_names)} markers: root mean square "
-            f"{100 * float(np.nanmean(self.rms)):.2f} cm, largest {100 * float(np.nanmax(self.largest)):.2f} cm ({worst})"
+            f"{100 * float(np.nanmean(self.rms)):.2f} cm, largest {worst:.2f} cm ({where})"
             + (f"; {lost} frames did not converge" if lost else "")
             + opened
         )
