@@ -17,10 +17,12 @@ from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.external_forces import on_feet, raw_loads
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.trial.inputs import open_model, read_motion, read_recording
 
 Row = dict[str, object]
 
@@ -58,13 +60,20 @@ class Fault:
 
 @dataclass(frozen=True)
 class Walk:
-    """Files of a recording with forces: model, motion and forces, below the data collection."""
+    """Files of a recording with forces: model, motion and forces, below the data collection.
+
+    Attributes
+    ----------
+    time : start and end [s], None for all
+    mass : what its plates carry, where the model weighs something else [kg]
+    """
 
     name: str
     model: str
     motion: str
     loads: str
     time: tuple[float, float] | None = None
+    mass: float | None = None
 
 
 OPENCAP = "opencap-subject4-multitask"
@@ -112,12 +121,49 @@ CLEAN = (
         "knee-implant-walk/scaled.osim",
         "knee-implant-walk/walk1_ik.mot",
         "knee-implant-walk/walk1_grf.mot",
+        mass=83.0,
     ),
     Walk(
         "knee implant, stride 3",
         "knee-implant-walk/scaled.osim",
         "knee-implant-walk/walk3_ik.mot",
         "knee-implant-walk/walk3_grf.mot",
+        mass=83.0,
+    ),
+    Walk(
+        "gait10dof18musc walk",
+        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
+        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
+        "opensim-gait-subject01/ref_id/subject01_walk1_grf.mot",
+    ),
+    Walk(
+        "CEINMS walk (generic model)",
+        "ceinms-emg-walk/model/gait2392.osim",
+        "ceinms-emg-walk/walk36/ik.sto",
+        "ceinms-emg-walk/walk36/XLD.mot",
+        (10.0, 20.0),
+        58.1,
+    ),
+    Walk(
+        "Hamner run, 2 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run200/markers.trc",
+        "hamner-run-subject04/run200/grf.mot",
+        mass=82.0,
+    ),
+    Walk(
+        "Hamner run, 5 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run500/markers.trc",
+        "hamner-run-subject04/run500/grf.mot",
+        mass=82.0,
+    ),
+    Walk(
+        "Lenhart walk",
+        "lenhart-knee-contact-walk/lenhart2015.osim",
+        "lenhart-knee-contact-walk/reference_comak/overground_17_ik.mot",
+        "lenhart-knee-contact-walk/motion/overground_17_grf.mot",
+        mass=73.2,
     ),
 )
 
@@ -126,14 +172,25 @@ CLEAN = (
 def recorded(folder: Path, walk: Walk) -> Recorded:
     """Inputs of a recording, forces on the feet that carry them."""
     model = open_model(folder / walk.model)
-    motion = read_motion(folder / walk.motion, model)
+    if walk.motion.endswith(".trc"):
+        markers = read_recording(folder / walk.motion).markers
+        assert markers is not None
+        motion = inverse_kinematics(model, markers).motion
+    else:
+        motion = read_motion(folder / walk.motion, model)
     wrenches = raw_loads(folder / walk.loads, model, motion)
     if walk.time is not None:
         motion = cut(motion, *walk.time)
-    wrenches = on_feet(wrenches, model, motion, "none")
+    wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))
     inside = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
     motion = Motion(motion.time[inside], motion.names, motion.values[inside])
     return Recorded(walk.name, model, motion, wrenches)
+
+
+def of_its_mass(folder: Path, walk: Walk) -> Recorded:
+    """The same, the model as heavy as what the plates carry."""
+    one = recorded(folder, walk)
+    return one if walk.mass is None else scaled_mass(walk.mass / one.model.mass)(one)
 
 
 def _with(one: Recorded, **parts: object) -> Recorded:
@@ -285,7 +342,7 @@ def injected_force_faults(folder: Path) -> Iterator[Row]:
     for fault in FORCE_FAULTS:
         row: Row = {"fault": fault.name}
         for walk in CLEAN:
-            clean = recorded(folder, walk)
+            clean = of_its_mass(folder, walk)
             faulty = fault.change(clean)
             if faulty is None:
                 row[walk.name] = "none"

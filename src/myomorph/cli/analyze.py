@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import Threads, use_threads
+from myomorph.cli.options import EmgMuscles, Threads, use_threads
 from myomorph.cli.output import said
 
 
@@ -33,10 +33,7 @@ def analyze_command(
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
-    emg_muscles: Annotated[
-        tuple[str, ...],
-        Parameter(help="CHANNEL=MUSCLE[,MUSCLE...] for EMG whose names tell no muscle.", consume_multiple=True),
-    ] = (),
+    emg_muscles: EmgMuscles = (),
     emg_side: Annotated[
         Literal["right", "left", ""], Parameter(help="Side of EMG channels whose names tell none.")
     ] = "",
@@ -55,8 +52,9 @@ def analyze_command(
     from myomorph.cli.study import run_plan
     from myomorph.model.errors import BadData
     from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
-    from myomorph.study.analyze.tables import channel_muscles, read_protocols
+    from myomorph.study.analyze.own_protocols import read_protocols
     from myomorph.study.plan.plan import read_plan
+    from myomorph.study.trial.emg_files import channel_muscles
 
     if not recordings:
         raise BadData("no recording: give one or more recordings (.c3d, .trc) or folders of them")

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    EmgMuscles,
     ForceBodies,
     LoadsFile,
     ModelFile,
@@ -24,6 +25,7 @@ from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
+from myomorph.study.trial.emg_files import channel_muscles
 from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
@@ -72,9 +74,10 @@ def tension_command(
     ] = None,
     emg: Annotated[
         Path | None,
-        Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
+        Parameter(help="EMG (.sto, .mot, .csv, .c3d), raw or envelopes. A channel named as a muscle is its target."),
     ] = None,
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_muscles: EmgMuscles = (),
     emg_mvc: Annotated[
         list[Path] | None,
         Parameter(
@@ -118,6 +121,8 @@ def tension_command(
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     if emg_mvc and emg is None:
         raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
+    if emg_muscles and emg is None:
+        raise BadData("--emg-muscles without --emg: give the EMG whose channels they are")
     use_threads(threads)
     named = bodies_of(bodies, plates)
     files = TrialFiles(
@@ -129,6 +134,7 @@ def tension_command(
         torques=torques,
         emg=emg,
         emg_side=emg_side,
+        emg_muscles=channel_muscles(emg_muscles),
         emg_mvc=tuple(emg_mvc or ()),
         actuators=actuators,
         contacts=contacts,

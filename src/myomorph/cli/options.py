@@ -49,6 +49,14 @@ LabelsFile = Annotated[
         help='Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker.',
     ),
 ]
+EmgMuscles = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--emg-muscles",
+        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names tell no muscle, one or more.",
+        consume_multiple=True,
+    ),
+]
 Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")]
 
 

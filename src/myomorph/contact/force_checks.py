@@ -7,17 +7,22 @@ the faults that recordings usually have are tried one by one, and one that makes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import foot_poses
-from myomorph.contact.force_balance import check_clock, check_directions, check_mass
+from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import check_feet, check_origins, check_shared_plates
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
+from myomorph.motion.filters import lowpass
+
+LONGEST = 0.1
+"""Longest step between frames that are not taken for a gap [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +65,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
         inside = (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
     if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
-    feet = foot_poses(
-        model,
-        replace(motion, time=motion.time[inside], values=motion.values[inside], velocities=None, accelerations=None),
-    )
+    feet = foot_poses(model, _smooth(motion, inside))
     if feet is None:
         return CheckedForces(wrenches, ())
     inspection = Inspection(wrenches, feet, mend)
@@ -83,6 +85,20 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     findings = tuple(inspection.findings)
     changed = any(one.mended for one in findings)
     return CheckedForces(inspection.wrenches if changed else wrenches, findings)
+
+
+def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
+    """The frames of a motion that are looked at, evenly spaced and low-pass filtered where it has no gaps."""
+    time, values = motion.time[inside], motion.values[inside]
+    steps = np.diff(time)
+    if len(time) <= 20 or steps.max() > LONGEST or not np.isfinite(values).all():
+        return Motion(time, motion.names, values)
+    if steps.max() > 1.2 * steps.min():
+        even = np.linspace(time[0], time[-1], len(time))
+        values = np.column_stack([np.interp(even, time, column) for column in values.T])
+        time = even
+    rate = 1.0 / float(np.mean(np.diff(time)))
+    return Motion(time, motion.names, lowpass(values, rate, CUTOFF) if rate > 2.5 * CUTOFF else values)
 
 
 def check_units(inspection: Inspection) -> None:

@@ -29,6 +29,13 @@ BETWEEN = 0.06
 """A center of pressure farther from both soles, and between them, is that of two feet [m]."""
 
 
+MILLI = 2.0
+"""Moment over force of a human foot beyond which the moment may be in N mm [m]."""
+
+FIRM = 0.4
+"""Share of the weight that two feet on one plate carry at least."""
+
+
 class Remedy(NamedTuple):
     """A fault that forces may have, and what puts it right."""
 
@@ -49,7 +56,7 @@ def check_origins(inspection: Inspection) -> None:
         best, left = None, np.inf
         for remedy in _remedies(inspection, k):
             after = inspection.misfit(k, inspection.samples.changed(k, remedy.change))
-            if after < left:
+            if after < 0.9 * left:
                 best, left = remedy, after
         if best is not None and left < min(FITS * unit, MARKED * before):
             inspection.change(k, best.change)
@@ -86,11 +93,6 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
     found.append(
         Remedy(
-            "N mm for N m", text, "its moments were taken as N mm", "are they N mm?", lambda f, p, t: (f, p, 1e-3 * t)
-        )
-    )
-    found.append(
-        Remedy(
             "moments about another origin",
             text,
             "it is that about the ground's origin, and was taken so",
@@ -109,6 +111,16 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
             lambda f, p, t: (f, p, t - np.cross(p - origin, f)),
         )
     )
+    if arm > MILLI * inspection.feet.unit:
+        found.append(
+            Remedy(
+                "N mm for N m",
+                text,
+                "its moments were taken as N mm",
+                "are they N mm?",
+                lambda f, p, t: (f, p, 1e-3 * t),
+            )
+        )
     return found
 
 
@@ -144,6 +156,8 @@ def check_feet(inspection: Inspection) -> None:
         for span in inspection.episodes(k):
             mean = np.average(np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span])
             nearest = int(np.argmin(mean))
+            alone = weights[span] * ~_between(inspection, distances)[span]
+            mean[nearest] = np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
             own = feet.owners.get(body)
             if mean[nearest] > FAR * unit:
                 lost.append(span)
@@ -224,28 +238,34 @@ def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time:
     return replace(wrenches, names=tuple(names), bodies=tuple(bodies), forces=forces, points=points, torques=torques)
 
 
+def _between(inspection: Inspection, distances: Array) -> np.ndarray:
+    """Frames (frames,) in which a center of pressure lies between two soles, by its distances (frames, feet)."""
+    feet = inspection.feet
+    if len(feet.feet) < 2:
+        return np.zeros(len(distances), bool)
+    heels, tips = feet.soles
+    middles, frames = 0.5 * (heels + tips), np.arange(len(distances))
+    order, two = np.sort(distances, axis=1), np.argsort(distances, axis=1)[:, :2]
+    apart = np.linalg.norm(middles[frames, two[:, 0]] - middles[frames, two[:, 1]], axis=1)
+    inside = (order[:, 1] < 1.1 * apart) & (order[:, 0] < 0.8 * apart)
+    return np.asarray((order[:, 0] > BETWEEN * feet.unit) & inside)
+
+
 def check_shared_plates(inspection: Inspection) -> None:
     """Plates that two feet stand on at once: their center of pressure lies between the soles."""
-    feet, unit = inspection.feet, inspection.feet.unit
+    feet = inspection.feet
     if len(feet.feet) < 2:
         return
-    heels, tips = feet.soles
-    middles = 0.5 * (heels + tips)
     for k in map(int, inspection.numbers):
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
-        order = np.sort(distances, axis=1)
-        two = np.argsort(distances, axis=1)[:, :2]
-        frames = np.arange(len(distances))
-        apart = np.linalg.norm(middles[frames, two[:, 0]] - middles[frames, two[:, 1]], axis=1)
-        between = (order[:, 0] > BETWEEN * unit) & (order[:, 1] < 1.1 * apart) & (order[:, 0] < 0.8 * apart)
-        shared = between & inspection.samples.loaded[:, k]
-        spans = [slice(a, b) for a, b in runs(shared) if feet.time[b - 1] - feet.time[a] >= 0.5 * SHARED]
+        shared = _between(inspection, distances) & (inspection.weights(k) > FIRM * feet.model.weight)
+        spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]
         total = sum(float(feet.time[one.stop - 1] - feet.time[one.start]) for one in spans)
         if total < SHARED or any(
             one.kind == "under no foot" and one.place == inspection.name(k) for one in inspection.findings
         ):
             continue
-        near = float(np.median(np.concatenate([order[one, 0] for one in spans])))
+        near = float(np.median(np.concatenate([distances[one].min(axis=1) for one in spans])))
         inspection.found(
             "two feet on one plate",
             inspection.name(k),

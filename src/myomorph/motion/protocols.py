@@ -130,13 +130,16 @@ def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> P
     'Plug-in Gait'
     """
     labels = tuple(dict.fromkeys(names))
+    table = table or protocols()
     best: Protocol | None = None
     best_score = (MIN_COUNT - 1, 0.0)
-    for one in (table or protocols()).protocols.values():
+    for one in table.protocols.values():
         known = {site for site in map(one.site, labels) if site is not None}
         count = sum(one.site(name) is not None for name in labels)
         score = (count, len(known) / max(1, len(set(one.labels.values()))))
-        if score > best_score and score[1] >= MIN_SHARE:
+        # Markers that only common names know belong to another protocol.
+        foreign = sum(one.site(name) is None and table.common.site(name) is not None for name in labels)
+        if score > best_score and score[1] >= MIN_SHARE and count >= foreign:
             best, best_score = one, score
     return best
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.motion.protocols import ProtocolTable, labels_between
@@ -25,7 +26,7 @@ from myomorph.study.analyze.recordings import (
     static_beside,
 )
 from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
-from myomorph.study.trial.emg_files import muscles_of_channels
+from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.laboratory import AS_RECORDED
 
@@ -59,7 +60,7 @@ class AnalyzeRequest:
     static: Path | None = None
     model: Path | None = None
     table: ProtocolTable | None = None
-    emg_muscles: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_side: Literal["right", "left", ""] = ""
     emg_mvc: tuple[Path, ...] = ()
     command: str = "myomorph analyze"
@@ -107,7 +108,7 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         None if static is None else static.path,
         AS_RECORDED if static is None or not _is_y_up(model) else static.laboratory,
         labels,
-        dict(request.emg_muscles),
+        request.emg_muscles,
         request.emg_side,
         request.emg_mvc,
         assumed=tuple(assumed),
@@ -213,8 +214,8 @@ def _height(one: Recording, height: float | None) -> list[str]:
     if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
         return []
     return [
-        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m (--height): "
-        "is the unit right, and are they of this person?"
+        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
+        "(--height): is the unit right, and are they of this person?"
     ]
 
 
@@ -229,15 +230,17 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     emg, said = _emg(one, model, request)
     texts += said
     plates = one.trial.plates
-    contacts = ""
+    contacts, loads = "", one.loads
     if one.loads is not None:
         texts.append(f"External forces from {one.loads.name}.")
     elif plates and feet_of(model):
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
+        # Named, so that a file of forces beside the recording is not taken for them.
+        loads = one.path
     elif feet_of(model):
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    return TrialEntry(name, one.path, laboratory, one.loads, emg, contacts, None, tuple(texts))
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
 
 
 def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, list[str]]:
@@ -247,7 +250,7 @@ def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | 
     analog = one.trial.analog
     if analog is None:
         return None, []
-    given = dict(request.emg_muscles)
+    given = request.emg_muscles
     used = muscles_of_channels(analog.names, model, request.emg_side) | {
         name: muscles for name, muscles in given.items() if name in analog.names
     }

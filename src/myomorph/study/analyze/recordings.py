@@ -280,7 +280,9 @@ def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
         if inside:
             files = [one for home in inside for one in sorted(home.rglob("*")) if trial_format(one) is not None]
             return _last_stage(files, notes)
-    return _last_stage([one for one in sorted(folder.iterdir()) if one.is_file() and trial_format(one)], notes)
+    here = [one for one in sorted(folder.iterdir()) if one.is_file() and trial_format(one)]
+    below = [] if here else [one for one in sorted(folder.rglob("*")) if one.is_file() and trial_format(one)]
+    return _last_stage(here or below, notes)
 
 
 def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:

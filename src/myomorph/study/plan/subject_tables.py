@@ -93,7 +93,8 @@ class StudyHead(StudyTable):
 class TrialTable(Strict):
     """A trial given by a table, where its files do not follow the rule of names."""
 
-    markers: str
+    markers: str | None = None
+    motion: str | None = None
     name: str = ""
     condition: str = ""
     loads: str | None = None

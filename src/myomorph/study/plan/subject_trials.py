@@ -21,9 +21,11 @@ from myomorph.study.trial.contact_file import AUTO, old_names
 from myomorph.study.trial.laboratory import Laboratory
 from myomorph.study.trial.trial_files import TrialFiles
 
-MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
+MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
 LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 EMG = ("emg", "EMG", "electromyography", "envelopes")
+COORDINATES = (".mot", ".sto")
+"""Endings of tables of coordinates, with which a trial may begin."""
 NEEDS_MASS = ("identify",)
 """Steps that hold what they find against the mass of the subject."""
 
@@ -44,9 +46,9 @@ def companion(markers: Path, kind: str) -> Path | None:
 
     With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
     first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
-    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot), and never STEM alone.
+    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot, .csv), and never STEM alone.
     """
-    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot"))
+    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot", ".csv"))
     stems = dict.fromkeys((markers.stem, plain_stem(markers)))
     for ending in endings:
         for stem in stems:
@@ -200,21 +202,30 @@ def subject_trials(
         assumed=tuple(table.assumed),
     )
     check_time(table.time, f"{where}: time", problems)
-    for trial, markers in _recordings(table, folder, where, problems):
-        name = trial.name or plain_stem(markers)
+    for trial, recording in _recordings(table, folder, where, problems):
+        name = trial.name or plain_stem(recording)
+        own = {"motion" if trial.motion else "markers": recording}
         if not left_out(one.name, name):
-            yield _trial(replace(whole, name=name, markers=markers), trial, folder, notes), given_options(trial)
+            yield _trial(replace(whole, name=name, **own), trial, folder, notes), given_options(trial)
 
 
 def _recordings(
     table: SubjectTable, folder: Path, where: str, problems: list[str]
 ) -> Iterator[tuple[TrialTable, Path]]:
-    """The recordings that the entries of `trials` name: patterns, files, or tables."""
+    """The recordings of markers or coordinates that the entries of `trials` name: patterns, files, or tables."""
     for given in table.trials:
-        pattern = given if isinstance(given, str) else given.markers
-        trial = TrialTable(markers=pattern) if isinstance(given, str) else given
-        for markers in matching(folder, pattern, where, problems):
-            yield trial, markers
+        trial = _of_text(given) if isinstance(given, str) else given
+        pattern = trial.markers or trial.motion
+        if pattern is None or (trial.markers and trial.motion):
+            problems.append(f"{where}: a trial has one of 'markers' and 'motion'")
+            continue
+        for recording in matching(folder, pattern, where, problems):
+            yield trial, recording
+
+
+def _of_text(given: str) -> TrialTable:
+    """A trial that is a name or a pattern: of coordinates where it ends as tables do, else of markers."""
+    return TrialTable(motion=given) if Path(given).suffix.lower() in COORDINATES else TrialTable(markers=given)
 
 
 def _holds_forces(loads: Path) -> bool:
@@ -230,7 +241,6 @@ def _holds_forces(loads: Path) -> bool:
 def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
-    assert whole.markers is not None
     torques = None
     if trial.torques is not None:
         torques = existing(folder, trial.torques, f"{where}: torques", problems)
@@ -270,12 +280,14 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
 
 def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
     """The forces or EMG of a trial: as given, or found by its stem."""
-    assert whole.markers is not None
     if given is not None:
         return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
-    found = companion(whole.markers, kind)
-    if found is not None:
-        notes.found.append(f"{whole.subject}/{whole.markers.name}: {kind} from {found.name}")
+    recording = whole.markers or whole.motion
+    assert recording is not None
+    found = companion(recording, kind)
+    if found is None or found == recording:
+        return None
+    notes.found.append(f"{whole.subject}/{recording.name}: {kind} from {found.name}")
     return found
 
 

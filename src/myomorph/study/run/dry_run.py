@@ -208,7 +208,7 @@ class _Looked:
         if any(reasons.values()):
             self.computed.add(key)
         frames = self._frames(files)
-        used = (files.markers, files.loads, files.torques, files.emg, files.tasks, files.actuators)
+        used = (files.markers, files.motion, files.loads, files.torques, files.emg, files.tasks, files.actuators)
         names = tuple(path.name for path in used if path is not None)
         expected = self._expected(key, reasons, frames, files.model)
         unread = self._models.get(files.model)

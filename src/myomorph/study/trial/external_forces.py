@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from myomorph.contact.force_checks import checked_forces
 from myomorph.io.force_columns import table_wrenches
@@ -16,15 +16,13 @@ from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
+from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
-
-Checks: TypeAlias = Literal["mend", "report", "none"]
-"""What is done about forces that do not fit the motion."""
 
 NOBODY = ("", "-", "none")
 """What stands for a plate on which nobody steps."""
@@ -55,7 +53,7 @@ def read_loads(
     trial: Path | None = None,
     plates: Sequence[str] = (),
     laboratory: Laboratory = AS_RECORDED,
-    checks: Checks = "mend",
+    options: ForceOptions | None = None,
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
 
@@ -73,7 +71,7 @@ def read_loads(
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
     laboratory : how the axes that the forces are along stand to the model's
-    checks : "mend" what is wrong and safe to mend, with a note of each; "report" only; or "none"
+    options : whether they are checked against the motion and mended, with a note of each finding; and their clock
 
     Returns
     -------
@@ -94,24 +92,23 @@ def read_loads(
     """
     wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory)
     with about(path):
-        return on_feet(wrenches, model, motion, checks)
+        return on_feet(wrenches, model, motion, options)
 
 
-def on_feet(wrenches: Wrenches, model: Model, motion: Motion, checks: Checks = "mend") -> Wrenches:
+def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None) -> Wrenches:
     """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only.
-
-    Parameters
-    ----------
-    checks : "mend" what is safe to mend, "report" only, or "none"
 
     Raises
     ------
     BadData
         where a body is not known and the model has no foot
     """
+    options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
-    if checks != "none":
-        found = checked_forces(wrenches, model, motion, checks == "mend")
+    if options.force_shift:
+        wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
+    if options.force_checks != "none":
+        found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
         wrenches, findings = found.wrenches, found.findings
     if not all(wrenches.bodies):
         wrenches = nearest_feet(wrenches, model, motion)
@@ -188,7 +185,7 @@ def force_table(path: str | Path, bodies: Mapping[str, str] | None = None) -> Wr
 
 
 def recording_wrenches(
-    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), checks: Checks = "mend"
+    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), options: ForceOptions | None = None
 ) -> Wrenches:
     """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest.
 
@@ -197,7 +194,7 @@ def recording_wrenches(
     BadData
         where there is no plate, more bodies than plates, or no foot to be found
     """
-    return on_feet(plate_wrenches(trial, plates), model, motion, checks)
+    return on_feet(plate_wrenches(trial, plates), model, motion, options)
 
 
 def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:

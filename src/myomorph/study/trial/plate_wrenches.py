@@ -16,6 +16,9 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy
 
+NOISE = 0.03
+"""Share of the weight that a foot on a plate puts down at least."""
+
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
     """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
@@ -70,8 +73,17 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    found = assign_bodies(wrenches, places)
+    found = assign_bodies(_without_noise(wrenches, model), places)
     return _carried(found.wrenches, found.warnings)
+
+
+def _without_noise(wrenches: Wrenches, model: Model) -> Wrenches:
+    """Forces with zeros for those that never reach what a foot puts down: noise of a plate that nobody steps on."""
+    size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
+    noise = (size.max(axis=0, initial=0.0) < NOISE * model.weight)[None, :, None]
+    return replace(
+        wrenches, forces=np.where(noise, 0.0, wrenches.forces), torques=np.where(noise, 0.0, wrenches.torques)
+    )
 
 
 def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:

@@ -20,7 +20,15 @@ from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
+from myomorph.store.settings import (
+    ForceOptions,
+    Measured,
+    ReportOptions,
+    Side,
+    TensionTables,
+    plain_settings,
+    with_settings,
+)
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
@@ -107,6 +115,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     MyomorphError
         where a file cannot be read, or does not fit the model
     """
+    if files.markers is None and files.motion is not None:
+        trial, poses = open_motion_trial(files, settings, model)
+        return replace(trial, motion=poses.recorded)
     model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     if files.markers is None:
@@ -134,17 +145,26 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     if recorded_loads and (files.plates or (recording.plates and feet_of(model))):
         if not files.plates:
             assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=partial(recording_wrenches, recording, model, plates=files.plates))
+        trial = replace(
+            trial,
+            loads=partial(
+                recording_wrenches,
+                recording,
+                model,
+                plates=files.plates,
+                options=_force_options(trial.options, trial.contacts),
+            ),
+        )
     notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
+def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
     if files.loads is None and (files.plates or files.bodies):
         raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
-    model = inputs.open_model(files.model)
+    model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     recorded, lacking = inputs.whole_motion(inputs.read_motion(files.motion, model), model)
     recorded, apart = inputs.coupled_motion(recorded, model)
@@ -209,7 +229,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     options = options_of(settings)
     reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
     torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
-    points = _contact_points(files, model)
+    points, plan = _contact_points(files, model), contact_plan(files, model)
     if points is not None:
         sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
@@ -240,13 +260,14 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             trial=files.markers,
             plates=files.plates,
             laboratory=files.laboratory,
+            options=_force_options(options, plan),
         ),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
-        contacts=contact_plan(files, model),
+        contacts=plan,
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
@@ -257,6 +278,12 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             *unused,
         ),
     )
+
+
+def _force_options(options: OptionSet, plan: ContactPlan | None) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and stay as they are."""
+    given = options[ForceOptions]
+    return replace(given, force_checks="none") if plan is not None and plan.measured == "shared" else given
 
 
 def contact_sources(files: TrialFiles) -> list[Source]:

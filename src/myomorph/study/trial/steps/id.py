@@ -21,7 +21,7 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, TorqueTable
+from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
@@ -82,7 +82,7 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
     wrenches = None
     if trial.loads is not None:
         wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))
-        notes = (*notes, *wrenches.notes)
+        notes = (*wrenches.notes, *notes)
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 
 
@@ -174,7 +174,7 @@ STEP = Step(
     title="inverse dynamics",
     gives=Torques,
     needs=(Poses,),
-    options=(Differentiation, TorqueTable),
+    options=(Differentiation, ForceOptions, TorqueTable),
     run=_run,
     read=_read,
     show=_show,

@@ -89,6 +89,8 @@ def error_table(fit: KinematicsFit) -> Table:
 
 
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
+    if trial.motion is not None:
+        return _given(trial, trial.motion, output)
     checked, writer = solve_kinematics(trial), output.writer
     fit = checked.fit
     write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
@@ -103,10 +105,20 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     return Poses(fit.motion, fit, tuple(map(str, checked.findings)), checked.findings)
 
 
+def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
+    """Coordinates of a file in the place of inverse kinematics."""
+    used = motion if trial.time is None else cut(motion, *trial.time)
+    write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
+    store.put_motion(output.writer, used, trial.model)
+    return Poses(used)
+
+
 def _read(stored: Stored, options: OptionSet) -> Poses | None:
     fit = store.get_fit(stored)
+    if fit is None:
+        return Poses(store.get_motion(stored)) if "coordinate_value" in stored.values else None
     findings = get_findings(stored, FINDINGS)
-    return None if fit is None else Poses(fit.motion, fit, tuple(map(str, findings)), findings)
+    return Poses(fit.motion, fit, tuple(map(str, findings)), findings)
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -118,6 +130,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
     fit = store.get_fit(stored)
     coordinates = store.get_derivatives(stored) if fit is None else None
+    if fit is None and coordinates is None and "coordinate_value" in stored.values:
+        coordinates = store.get_motion(stored)
     return replace(given, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
 
 

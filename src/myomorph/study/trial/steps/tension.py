@@ -21,7 +21,7 @@ from myomorph.store import contact_store
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, EmgUse, TensionTables
+from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
@@ -276,7 +276,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, TensionOptions, ContactOptions, EmgOptions),
+        *(Differentiation, ForceOptions, TensionOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
     grows_with="muscles",
