@@ -34,7 +34,7 @@ from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.identifying import MAPS
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
-from myomorph.study.trial.inputs import force_table
+from myomorph.study.trial.external_forces import force_table
 
 CUTOFF = 6.0
 SPACING = 0.02

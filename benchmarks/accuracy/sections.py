@@ -16,6 +16,7 @@ from benchmarks.accuracy import (
     cutoff,
     elastic,
     emg,
+    faults,
     groups,
     hands,
     hidden_plates,
@@ -83,6 +84,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
+        _faults(folder),
         _ground_forces(folder),
         _two_bodies(folder),
         _calibration(folder),
@@ -249,6 +251,19 @@ def _ground_forces(folder: Path) -> Page:
             "certificates": lambda: certificates.measure(folder),
             "certificates_programs": lambda: certificates.measure_programs(folder),
             "certificates_faults": lambda: certificates.measure_faults(folder),
+        },
+    )
+
+
+def _faults(folder: Path) -> Page:
+    return Page(
+        "faults",
+        "Faults of recordings",
+        "Faults that were put into clean recordings: found, mended or missed, and what is called on clean ones.",
+        {
+            "force_faults": lambda: faults.injected_force_faults(folder),
+            "force_faults_clean": lambda: faults.clean_forces(folder),
+            "force_faults_mended": lambda: faults.mended_torques(folder),
         },
     )
 

@@ -40,7 +40,7 @@ from .muscles.path import muscle_kinematics as muscle_kinematics
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
 from .study.plan.plan import read_plan as read_plan
 from .study.run.run import run_study as run_study
-from .study.trial.inputs import read_loads as read_loads
+from .study.trial.external_forces import read_loads as read_loads
 from .study.trial.inputs import read_motion as read_motion
 from .study.trial.inputs import read_recording as read_recording
 from .study.trial.load import TrialResult as TrialResult

@@ -13,8 +13,8 @@ from numba.core.dispatcher import Dispatcher
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
 from myomorph.live.loop import follow
-from myomorph.live.sources import Replay, open_recording, plates_of_table
-from myomorph.model.errors import BadFile
+from myomorph.live.sources import Replay, open_recording
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
 from myomorph.motion.ik import inverse_kinematics
@@ -108,7 +108,6 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
     """A table of plates without bodies leads to the same torques as the loads file that names them."""
     model, markers, wrenches = walk
     table = data(f"{WALK}/grf_walk.mot")
-    assert dict(plates_of_table(table)) == {"ground_force_l_": "", "ground_force_r_": ""}
     _, unnamed = open_recording(model, data(f"{WALK}/markers_walk.trc"), table)
     named, found = played(model, markers, wrenches), played(model, markers, unnamed)
     solved = named.all("state") == SOLVED
@@ -116,8 +115,8 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
     apart = np.abs(found.all("torques") - named.all("torques"))[solved].max()
     # A plate is a foot's from 20 N on: what comes before is left out.
     assert apart < 5.0
-    with pytest.raises(BadFile, match="holds no plate"):
-        plates_of_table(data(f"{WALK}/id_walk.sto"))
+    with pytest.raises(BadData, match="no columns of a force"):
+        open_recording(model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/id_walk.sto"))
 
 
 def test_plates_of_the_recording_itself_find_their_feet(

@@ -10,8 +10,14 @@ import numpy as np
 from myomorph.analysis.phases import contacts
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.series import Wrenches
+from myomorph.model.series import Event, Wrenches
+from myomorph.model.sides import split_side
 
+NEAREST = 0.4
+"""An event that is known better replaces the nearest one within this share of a stride; a runner's foot is farthest
+ahead a quarter of a stride before it strikes."""
+CLEAR = 0.4
+"""Skewness of the speeds of feet from which on their swing tells the direction."""
 FEWEST = 8
 """Frames in which trunk and foot must be seen."""
 
@@ -66,7 +72,7 @@ class FootTrack:
     place : (frames, 3) of what tells strikes [m], NaN where unseen
     strikes, lifts : (events,) [s]
     seen : (frames,)
-    source : "markers" or "plates"
+    source : "markers", "running", "events" or "plates"
     """
 
     place: Array
@@ -77,9 +83,20 @@ class FootTrack:
 
 
 def direction_of(
-    time: Array, trunk: Array, feet: Sequence[Array], up: Array, given: Array | None, notes: list[str]
+    time: Array,
+    trunk: Array,
+    feet: Sequence[Array],
+    up: Array,
+    given: Array | None,
+    notes: list[str],
+    facing: Array | None = None,
 ) -> tuple[Array, bool]:
-    """Direction of travel, and whether the body goes over the ground rather than in place on a belt."""
+    """Direction of travel, and whether the body goes over the ground rather than in place on a belt.
+
+    Parameters
+    ----------
+    facing : (3,) where the feet point, for a body in place whose feet are as fast backward as forward, as a sprinter's
+    """
     flat = np.eye(3) - np.outer(up, up)
     seen = np.isfinite(trunk[:, 0])
     span = time[seen] - time[seen].mean()
@@ -104,8 +121,13 @@ def direction_of(
     axis = np.linalg.svd(swept, full_matrices=False)[2][0]
     # In place: swing is faster than stance.
     forward = speeds @ axis
-    axis = axis if float(np.mean((forward - forward.mean()) ** 3)) > 0.0 else -axis
-    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where feet swing fastest; give it if it is not")
+    away = forward - forward.mean()
+    skew = float(np.mean(away**3)) / max(float(np.mean(away**2)) ** 1.5, 1e-12)
+    told = "feet swing fastest"
+    if facing is not None and abs(skew) < CLEAR:
+        skew, told = float(facing @ axis), "feet point"
+    axis = axis if skew > 0.0 else -axis
+    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where {told}; give it if it is not")
     return axis, False
 
 
@@ -174,7 +196,7 @@ def on_plates(
     inner = len(wrenches) - 1
     strikes = [wrenches.time[start] for start, _ in touches if start > 0]
     lifts = [wrenches.time[stop] for _, stop in touches if stop < inner]
-    near = 0.25 * usual
+    near = NEAREST * usual
     return FootTrack(
         track.place,
         _replaced(track.strikes, strikes, near),
@@ -184,9 +206,42 @@ def on_plates(
     )
 
 
+STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact"), ("foot off", "toe off", "foot lift")
+"""What laboratories call the two events."""
+
+
+def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events") -> FootTrack:
+    """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
+    side = split_side(limb.name)[1]
+    own = [one for one in events if side and one.side.lower() == side]
+    strikes, lifts = (
+        [one.time for one in own if one.label.lower().replace("_", " ").strip() in names] for names in (STRIKES, LIFTS)
+    )
+    if not strikes and not lifts:
+        return track
+    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
+    if not np.isfinite(usual):
+        usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
+    near = NEAREST * usual
+    return FootTrack(
+        track.place,
+        _replaced(track.strikes, strikes, near),
+        _replaced(track.lifts, lifts, near),
+        track.seen,
+        source if strikes else track.source,
+    )
+
+
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
+    """Better events in place of the nearest ones; the others are shifted by as much as those were off in the middle.
+
+    A stride from an event of one kind to one of the other would be too long or too short by that.
+    """
     kept = [one for one in events if all(abs(one - other) > near for other in better)]
-    return np.array(sorted([*kept, *better]))
+    off = [other - events[int(np.argmin(np.abs(events - other)))] for other in better] if len(events) else []
+    off = [one for one in off if abs(one) <= near]
+    shift = float(np.median(off)) if off else 0.0
+    return np.array(sorted([*(one + shift for one in kept), *better]))
 
 
 def ground_speed_of(

@@ -21,14 +21,16 @@ from myomorph.analysis.foot_events import (
     direction_of,
     foot_track,
     ground_speed_of,
+    on_events,
     on_plates,
 )
+from myomorph.analysis.running_events import running_contacts
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model, index_of
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.model.series import Event, Motion, Series, Wrenches
 from myomorph.model.sides import split_side
 from myomorph.motion.ik import KinematicsFit
 from myomorph.rigid.kinematics import forward_kinematics
@@ -47,7 +49,7 @@ class Stride:
     length : way of the foot over the ground along the direction of travel [m]
     width : step width: distance to the other side's track, across the direction of travel [m]; nan without another side
     seen : share of the stride in which the foot was seen
-    source : "markers" or "plates", what told the strikes
+    source : "markers", "running", "events" or "plates", what showed the strikes
     """
 
     limb: str
@@ -115,9 +117,12 @@ def find_strides(
     ground_speed: float | None = None,
     wrenches: Wrenches | None = None,
     weight: float | None = None,
+    events: Sequence[Event] = (),
+    running: Sequence[Event] = (),
+    facing: Array | None = None,
     options: StrideOptions | None = None,
 ) -> Strides:
-    """Strides of each limb, from points on feet and trunk, and from plates where they tell.
+    """Strides of each limb: from plates where they tell, else from a recording's events, else from points on the feet.
 
     Source: Zeni, Richards and Higginson 2008.
 
@@ -132,6 +137,9 @@ def find_strides(
     ground_speed : of a belt [m/s], against the travel; by default 0 where the trunk travels, else what standing feet do
     wrenches : on the limbs' bodies; strikes and lifts that they show replace those of the points
     weight : of the body [N], needed with wrenches
+    events : foot strikes and foot offs that the recording names ("Foot Strike", "Foot Off", with a side)
+    running : the same of a run, from its flights; they replace those of the points, and events replace them
+    facing : (3,) where the feet point on the whole; it decides where feet in place swing forward as fast as backward
     options : how strikes are told; see `StrideOptions`
 
     Returns
@@ -168,7 +176,7 @@ def find_strides(
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     notes: list[str] = []
     up = np.asarray(up, dtype=np.float64)
-    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes)
+    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
     tracks: dict[str, FootTrack] = {}
     for limb in limbs:
         lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
@@ -176,6 +184,8 @@ def find_strides(
         if track is None:
             notes.append(f"{limb.name}: the foot is not seen to go forward and back")
             continue
+        track = on_events(track, limb, running, "running")
+        track = on_events(track, limb, events)
         if wrenches is not None and weight is not None:
             track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
         tracks[limb.name] = track
@@ -272,6 +282,9 @@ TRAVELS = 3.0
 STANDS = 0.5
 """Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
 
+LEAST_DUTY = 0.1
+"""The only stride of a recording has a stance and a swing of at least this share."""
+
 STEADY = 0.35
 """Strides of a walk differ in duration by less than this share of the usual one, as a median."""
 
@@ -332,10 +345,21 @@ def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = Non
 
 
 def walking_strides(
-    model: Model, motion: Motion, fit: KinematicsFit | None = None, options: StrideOptions | None = None
+    model: Model,
+    motion: Motion,
+    fit: KinematicsFit | None = None,
+    options: StrideOptions | None = None,
+    *,
+    wrenches: Wrenches | None = None,
+    events: Sequence[Event] = (),
 ) -> Strides | None:
-    """Strides of a motion, or None where it is no walk: no feet, feet that stand, fewer than two strides, or none like
-    another.
+    """Strides of a motion, or None where it is no walk: no feet, feet that stand, no stride, or none like another.
+
+    Parameters
+    ----------
+    motion : coordinates (frames, coordinates) [rad or m]
+    wrenches : on the feet: strikes and lifts that they show go before all others
+    events : of the recording, which go before those of the motion
     """
     limbs = walking_limbs(model)
     if len(limbs) < 2 or not len(motion):
@@ -346,16 +370,51 @@ def walking_strides(
     # On a belt the root, the last of the points, only drifts.
     travels = _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
     ground, root = 0.0 if travels else None, model.body_names[:1]
+    feet = {body for limb in limbs for body in limb.bodies}
+    told = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
+    running = [
+        Event(time, label, split_side(foot)[1].capitalize())
+        for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
+        for interval in intervals
+        for time, label in zip(interval, ("Foot Strike", "Foot Off"), strict=True)
+    ]
     try:
-        found = find_strides(points, limbs, root, model.up, ground_speed=ground, options=options)
+        found = find_strides(
+            points,
+            limbs,
+            root,
+            model.up,
+            ground_speed=ground,
+            wrenches=told,
+            weight=None if told is None else model.weight,
+            events=events,
+            running=running,
+            facing=_facing(model, motion, limbs),
+            options=options,
+        )
     except BadData:
         return None
     lasting: Array = np.array([one.duration for one in found.strides])
-    if len(lasting) < 2:
+    if not len(lasting):
         return None
+    if len(lasting) == 1:
+        only = found.strides[0]
+        return found if LEAST_DUTY < only.duty < 1.0 - LEAST_DUTY and only.length > 0.0 else None
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
     return found if unlike < STEADY else None
+
+
+def _facing(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
+    """(3,) mean direction from the feet's joints to their centers of mass; None where they have none."""
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    if not known.any():
+        return None
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    ways = [poses.rotations[:, tree.body_index[limb.name]] @ model.body(limb.name).mass_center for limb in limbs]
+    mean: Array = np.mean(ways, axis=(0, 1))
+    return mean if np.linalg.norm(mean) > 0.0 else None
 
 
 def feet_move(points: Series) -> bool:

@@ -24,6 +24,11 @@ COMMANDS = {
         "The main job on data that come with the installation, from markers to a report.",
         "myomorph demo --out demo",
     ),
+    "analyze": Command(
+        "analyze",
+        "From raw recordings to a report, with nothing written by hand.",
+        "myomorph analyze walk1.c3d --mass 72.6 --out walk1",
+    ),
     "run": Command(
         "study", "Run a study file: subjects, models, trials and steps.", "myomorph run study.toml --out results"
     ),
@@ -34,6 +39,11 @@ COMMANDS = {
     ),
     "info": Command(
         "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
+    ),
+    "convert": Command(
+        "convert",
+        "A recording as other files: C3D to TRC, MOT with external loads and STO, and back.",
+        "myomorph convert walk1.c3d --out walk1",
     ),
     "calibrate": Command(
         "calibrate",

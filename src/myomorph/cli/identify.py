@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import (
+    LOADS_HELP,
+    ForceBodies,
+    ModelFile,
+    PlateBodies,
+    Threads,
+    Time,
+    options_class,
+    settings_dict,
+    use_threads,
+)
 from myomorph.cli.output import said, warn
 from myomorph.identify.recordings import RecordingOptions
 from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.live.identification import LiveOptions
+from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
 
-IdentifySettings = options_class(RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+IdentifySettings = options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
 
 Motions = Annotated[
     tuple[Path, ...],
@@ -22,7 +34,11 @@ Motions = Annotated[
 ]
 Loads = Annotated[
     tuple[Path, ...],
-    Parameter(name="--loads", help="External loads files, one a recording, in the same order.", consume_multiple=True),
+    Parameter(
+        name="--loads",
+        help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.",
+        consume_multiple=True,
+    ),
 ]
 
 
@@ -32,6 +48,8 @@ def identify_command(
     out: Annotated[Path, Parameter(help="Model to write (.osim); tables and a report go into a folder beside it.")],
     motion: Motions = (),
     loads: Loads = (),
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
     skin: Annotated[Path | None, Parameter(help="Mesh of the subject's skin: .obj, .stl or .ply.")] = None,
     landmarks: Annotated[
@@ -59,6 +77,7 @@ def identify_command(
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape
     from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.trial.external_forces import bodies_of
     from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
@@ -66,11 +85,14 @@ def identify_command(
     settings = settings_dict(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
+    named = bodies_of(bodies, plates)
+    told = {one.name: settings.pop(one.name) for one in fields(ForceOptions) if one.name in settings}
+    forces = with_settings(ForceOptions(), told)
     if live:
         motions = live_motions(scaled, motion, loads, mass, time, settings)
     else:
-        motions = identifying.open_motions(scaled, motion, loads, time)
-    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True)
+        motions = identifying.open_motions(scaled, motion, loads, time, named=named, forces=forces)
+    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True, named=named, forces=forces)
     sources = identifying.input_sources(model, (*motion, *check_motion), (*loads, *check_loads), shape)
     chosen = identifying.IdentifyOptions.of(settings)
     identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)

@@ -5,14 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    EmgMuscles,
+    ForceBodies,
     LoadsFile,
     ModelFile,
     MotionFile,
     OutFolder,
+    PlateBodies,
     Threads,
     Time,
     options_class,
@@ -21,12 +23,14 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
+from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
+from myomorph.study.trial.emg_files import channel_muscles
+from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
-from myomorph.tension.solve import Tension
 
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
@@ -47,7 +51,7 @@ def muscles_command(
     trial, poses = open_motion_trial(files, {"muscles": settings_dict(options)})
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
-    warn((*trial.warnings, *results.notes))
+    warn((*results.notes, *trial.warnings))
     counts = f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames"
     said(f"{counts}{filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0
@@ -59,6 +63,8 @@ def tension_command(
     motion: MotionFile,
     out: OutFolder,
     loads: LoadsFile = None,
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     torques: Annotated[
         Path | None,
         Parameter(
@@ -68,9 +74,10 @@ def tension_command(
     ] = None,
     emg: Annotated[
         Path | None,
-        Parameter(help="EMG (.sto, .mot, .c3d), raw or envelopes. A channel named as a muscle is a target of it."),
+        Parameter(help="EMG (.sto, .mot, .csv, .c3d), raw or envelopes. A channel named as a muscle is its target."),
     ] = None,
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_muscles: EmgMuscles = (),
     emg_mvc: Annotated[
         list[Path] | None,
         Parameter(
@@ -114,14 +121,20 @@ def tension_command(
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     if emg_mvc and emg is None:
         raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
+    if emg_muscles and emg is None:
+        raise BadData("--emg-muscles without --emg: give the EMG whose channels they are")
     use_threads(threads)
+    named = bodies_of(bodies, plates)
     files = TrialFiles(
         model=model,
         motion=motion,
         loads=loads,
+        bodies=named.bodies,
+        plates=named.plates,
         torques=torques,
         emg=emg,
         emg_side=emg_side,
+        emg_muscles=channel_muscles(emg_muscles),
         emg_mvc=tuple(emg_mvc or ()),
         actuators=actuators,
         contacts=contacts,
@@ -133,22 +146,6 @@ def tension_command(
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
-    summary = tension_summary(results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
+    summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")
     return 0
-
-
-def tension_summary(tension: Tension) -> str:
-    """What was found, in a line."""
-    text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
-    if tension.reserves.size:
-        worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
-        text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
-    if tension.contacts is not None:
-        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
-        groups = len({one.group for one in tension.contacts.sites})
-        text += f"; {groups} contacts carry up to {peak:.4g} N together"
-    if tension.pushing:
-        some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
-        text += f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity ({some})"
-    return text

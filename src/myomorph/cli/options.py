@@ -3,23 +3,59 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.settings import settings_of
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
-LoadsFile = Annotated[
-    Path | None, Parameter(name="--loads", help="External forces: an OpenSim external loads file (.xml).")
+LOADS_HELP = (
+    "an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording with force plates "
+    "(.c3d)"
+)
+LoadsFile = Annotated[Path | None, Parameter(name="--loads", help=f"External forces: {LOADS_HELP}.")]
+ForceBodies = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--bodies",
+        help="PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it acts on; the foot "
+        "that is nearest to its center of pressure by default.",
+        consume_multiple=True,
+    ),
+]
+PlateBodies = Annotated[
+    str,
+    Parameter(
+        name="--plates",
+        help="BODY,BODY,...: bodies on a recording's force plates in their order, none for one that is left out; the "
+        "foot that is nearest to the center of pressure, step by step, by default.",
+    ),
 ]
 OutFile = Annotated[Path, Parameter(name="--out", help="File to write; the same values go into a .nc file beside it.")]
 OutFolder = Annotated[Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")]
 Time = Annotated[
     tuple[float, float] | None,
     Parameter(name="--time", help="START END: use only this part of the recording [s].", consume_multiple=True),
+]
+LabelsFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--labels",
+        help='Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker.',
+    ),
+]
+EmgMuscles = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--emg-muscles",
+        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names tell no muscle, one or more.",
+        consume_multiple=True,
+    ),
 ]
 Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")]
 
@@ -42,6 +78,14 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
             fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
     made = dataclasses.make_dataclass("Options", fields, frozen=True, namespace={"__module__": __name__})
     return Annotated[made, Parameter(name="*")]
+
+
+def labels_of(path: Path | None) -> Mapping[str, str]:
+    """What `LabelsFile` says."""
+    # Most commands run without: loaded where labels are given.
+    from myomorph.io.labels import read_labels
+
+    return FrozenMap({} if path is None else read_labels(path))
 
 
 def settings_dict(options: Any) -> dict[str, Any]:

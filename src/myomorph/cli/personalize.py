@@ -7,12 +7,23 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import (
+    LOADS_HELP,
+    EmgMuscles,
+    ForceBodies,
+    ModelFile,
+    PlateBodies,
+    Threads,
+    Time,
+    options_class,
+    settings_dict,
+    use_threads,
+)
 from myomorph.cli.output import said, warn
-from myomorph.store.settings import Differentiation, Side
+from myomorph.store.settings import Differentiation, ForceOptions, Side
 from myomorph.study.subject import personalizing
 
-PersonalSettings = options_class(Differentiation, *personalizing.STEP.options)
+PersonalSettings = options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
 
 
 def personalize_command(
@@ -25,8 +36,12 @@ def personalize_command(
     ] = (),
     loads: Annotated[
         tuple[Path, ...],
-        Parameter(help="External loads files, one a recording, in the same order.", consume_multiple=True),
+        Parameter(
+            help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.", consume_multiple=True
+        ),
     ] = (),
+    bodies: ForceBodies = (),
+    plates: PlateBodies = "",
     torques: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -39,6 +54,7 @@ def personalize_command(
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_muscles: EmgMuscles = (),
     passive: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -56,11 +72,25 @@ def personalize_command(
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
     from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.trial.emg_files import channel_muscles
+    from myomorph.study.trial.external_forces import bodies_of
     from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model, generic))
-    files = personalizing.PersonalFiles(model, motion, loads, torques, emg, emg_side, passive, generic, time)
+    files = personalizing.PersonalFiles(
+        model,
+        motion,
+        loads,
+        torques,
+        emg,
+        emg_side,
+        passive,
+        generic,
+        time,
+        bodies_of(bodies, plates),
+        channel_muscles(emg_muscles),
+    )
     scaled = open_model(model)
     found = personalizing.personalize_files(files, settings_dict(options), scaled)
     lost = personalizing.write_personalized(found, out)

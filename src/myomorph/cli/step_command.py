@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Optional
 
 from myomorph.cli.options import (
+    ForceBodies,
     LoadsFile,
     ModelFile,
     MotionFile,
     OutFolder,
+    PlateBodies,
     Threads,
     Time,
     options_class,
@@ -17,6 +19,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
+from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of, steps_before
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 
@@ -38,19 +41,22 @@ def step_command(name: str) -> Callable[..., int]:
         motion: MotionFile,
         out: OutFolder,
         loads: LoadsFile = None,
+        bodies: ForceBodies = (),
+        plates: PlateBodies = "",
         time: Time = None,
         options: object = None,
         threads: Threads = None,
     ) -> int:
         use_threads(threads)
-        files = TrialFiles(model=model, motion=motion, loads=loads, time=time)
+        named = bodies_of(bodies, plates)
+        files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
         trial, poses = open_motion_trial(files, {name: settings_dict(options)})
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
             needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]
             for one in (*needed, step):
                 results = run_step(one, trial, results, StepOutput(writer, folder))
-        warn((*trial.warnings, *results.notes))
+        warn((*results.notes, *trial.warnings))
         said(f"{step.title}: {len(poses.recorded)} frames; wrote {out}")
         return 0
 

@@ -149,7 +149,6 @@ def run_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
     from myomorph.study.plan.plan import read_plan
-    from myomorph.study.run.run import run_study
 
     if resume and fresh:
         raise BadData("--resume and --fresh exclude each other: one takes over what is there, the other does not")
@@ -162,6 +161,23 @@ def run_command(
     plan = read_plan(study)
     if dry_run:
         return _dry_run(plan, out, fresh, 1 if scheduler else _hands(plan, workers, memory, threads).count)
+    return run_plan(plan, out, fresh=fresh, workers=workers, memory=memory, scheduler=scheduler, threads=threads)
+
+
+def run_plan(
+    plan: Plan,
+    out: Path,
+    *,
+    fresh: bool = False,
+    workers: int | None = None,
+    memory: float | None = None,
+    scheduler: str | None = None,
+    threads: int | None = None,
+) -> int:
+    """Run a plan and say what became of it; the exit status."""
+    # Imported by the command that needs it: --help and the others start without.
+    from myomorph.study.run.run import run_study
+
     _say_remarks(plan)
     hands: Workers
     if scheduler is not None:

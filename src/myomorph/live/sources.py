@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,13 +12,13 @@ import numpy as np
 
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.identify.online import total_wrench
-from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.sync import cut
 from myomorph.study.trial import inputs
+from myomorph.study.trial.external_forces import TABLES, force_table, read_loads
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""
@@ -177,7 +176,11 @@ class LiveRecording(NamedTuple):
 
 
 def open_recording(
-    model: Model, motion: Path, loads: Path | None = None, time: tuple[float, float] | None = None
+    model: Model,
+    motion: Path,
+    loads: Path | None = None,
+    time: tuple[float, float] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
     """Files to play.
 
@@ -186,6 +189,7 @@ def open_recording(
     motion : markers (.trc, .c3d) or coordinates (.mot, .sto)
     loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
     time : first and last time that is played [s]; None for all
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
 
     Raises
     ------
@@ -196,36 +200,14 @@ def open_recording(
     if motion.suffix.lower() in inputs.TABLE_FILES:
         series = posed = inputs.read_motion(motion, model)
     else:
-        trial = inputs.fitted_to(model, inputs.read_recording(motion))
+        inputs.check_labels(labels or {}, model)
+        trial = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(motion), labels or {}))
         assert trial.markers is not None
         series = trial.markers
         posed = Motion(series.time[:1], (), np.zeros((1, 0)))
         if loads is None and trial.plates:
             wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     if loads is not None:
-        table = loads.suffix.lower() in inputs.TABLE_FILES
-        wrenches = (
-            inputs.force_table(loads, plates_of_table(loads)) if table else inputs.read_loads(loads, model, posed)
-        )
+        wrenches = force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)
     span = inputs.cut_to(time, series, motion)
     return LiveRecording(series if span is None else cut(series, *span), wrenches)
-
-
-def plates_of_table(path: Path) -> Mapping[str, str]:
-    """What the columns of each plate of a table begin with; the bodies on them are not known ("").
-
-    Raises
-    ------
-    BadFile : no column is that of a force with a point of application
-    """
-    names = set(read_sto(path).names)
-    found = {
-        match[1]: ""
-        for match in (re.match(r"(.+)vx$", name) for name in sorted(names))
-        if match and f"{match[1]}px" in names
-    }
-    if not found:
-        raise BadFile(
-            path, "holds no plate: no columns NAMEvx ... and NAMEpx ...", "give an external loads file (.xml) with it"
-        )
-    return found

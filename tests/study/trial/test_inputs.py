@@ -10,8 +10,8 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study.trial import inputs
-from myomorph.study.trial.inputs import fitted_to, open_model, read_loads, read_motion
-from myomorph.study.trial.plate_wrenches import assigned_wrenches
+from myomorph.study.trial.external_forces import read_loads, recording_wrenches
+from myomorph.study.trial.inputs import fitted_to, open_model, read_motion
 
 
 @pytest.fixture(scope="module")
@@ -63,21 +63,28 @@ def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
         corners = middle + np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]) * 0.3
         force = np.where(rest, 0.0, known.forces[:, i])
         plates.append(ForcePlate(f"plate {i + 1}", 2, corners, force, point, torque))
-    found = assigned_wrenches(Trial(plates=tuple(plates), plate_time=known.time), walker, motion)
+    found = recording_wrenches(Trial(plates=tuple(plates), plate_time=known.time), walker, motion)
     assert feet_of(walker) == ("calcn_r", "calcn_l")
     inside = (known.time >= motion.time[0]) & (known.time <= motion.time[-1])
+    during = (found.time >= motion.time[0]) & (found.time <= motion.time[-1])
     for foot in ("calcn_r", "calcn_l"):
-        mine = sum(found.forces[:, i, 1] for i, body in enumerate(found.bodies) if body == foot)
+        mine = sum(found.forces[during, i, 1] for i, body in enumerate(found.bodies) if body == foot)
         right = known.forces[inside][:, known.bodies.index(foot), 1] * loaded[inside][:, known.bodies.index(foot)]
         assert np.abs(mine - right).max() < 1.0
 
 
 def test_loads_of_the_wrong_kind(walker, data, tmp_path):
     motion = read_motion(data("rajagopal-walk-emg/coordinates.sto"), walker)
-    with pytest.raises(BadFile, match="not the bodies they act on"):
-        read_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion)
-    with pytest.raises(BadFile, match=r"ends in '\.txt'"):
-        read_loads(tmp_path / "x.txt", walker, motion)
+    with pytest.raises(BadFile, match=r"ends in '\.doc'"):
+        read_loads(tmp_path / "x.doc", walker, motion)
+    with pytest.raises(BadData, match="no columns of a force"):
+        read_loads(data("rajagopal-walk-emg/id_walk.sto"), walker, motion)
+    with pytest.raises(BadData, match="belong to a recording"):
+        read_loads(data("rajagopal-walk-emg/grf_walk.mot"), walker, motion, plates=("calcn_r",))
+    with pytest.raises(BadData, match="names the bodies itself"):
+        read_loads(data("rajagopal-walk-emg/grf_walk.xml"), walker, motion, {"ground_force_r_": "calcn_r"})
+    with pytest.raises(BadData, match="no column names"):
+        read_loads(data("c3d-opensim-walking/walking2.c3d"), walker, motion, {"ground_force_r_": "calcn_r"})
 
 
 def test_force_table_equals_the_loads_file(walker, data):

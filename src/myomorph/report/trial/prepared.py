@@ -98,7 +98,15 @@ class Prepared:
     def strides(self) -> Strides | None:
         """Of the motion, None where it is no walk."""
         model, motion = self.given.model, self.given.kinematics.motion
-        return None if model is None or motion is None else walking_strides(model, motion, self.given.kinematics.fit)
+        if model is None or motion is None:
+            return None
+        return walking_strides(
+            model,
+            motion,
+            self.given.kinematics.fit,
+            wrenches=self.given.dynamics.wrenches,
+            events=self.given.recorded.events or (),
+        )
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:

@@ -11,6 +11,7 @@ from typing import Any
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
+from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_tables, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
@@ -54,6 +55,7 @@ class Plan:
     conditions : of the trials
     excluded : what the study file leaves out, and why
     own : settings of a subject or a trial, those for all included, where these have any
+    flat : results of the only subject lie in the results' folder itself, without a folder of its own
     """
 
     name: str
@@ -68,6 +70,12 @@ class Plan:
     conditions: Conditions = field(default_factory=Conditions)
     excluded: tuple[Excluded, ...] = ()
     own: Mapping[Key, Settings] = field(default_factory=lambda: FrozenMap({}))
+    flat: bool = False
+
+    def home(self, out: Path, subject: str, trial: str = "") -> Path:
+        """Folder of the results of a subject, or of one of its trials."""
+        own = out if self.flat else out / file_name(subject)
+        return own / file_name(trial) if trial else own
 
     def settings_of(self, subject: str, trial: str = "") -> Settings:
         """Settings of the steps of a trial, or of the steps on a subject."""
@@ -179,7 +187,9 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         )
     steps = {name: found.steps_of(name) for name in found.subjects}
     check_masses(found.subjects, problems)
-    check_names(found.trials, steps, [one.name for one in file.together], problems)
+    check_names(found.trials, steps, [one.name for one in file.together], problems, file.study.flat)
+    if file.study.flat and (len(found.subjects) != 1 or file.together or file.groups):
+        problems.append("study: flat is for one subject, without [[together]] and [groups]")
     before = len(problems)
     check_makers(found.subjects, steps, problems)
     if len(problems) == before:
@@ -204,6 +214,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         conditions,
         tuple(exclusions.found),
         FrozenMap(found.own),
+        file.study.flat,
     )
 
 

@@ -53,6 +53,7 @@ def check_names(
     steps: Mapping[str, Sequence[str]],
     together: Sequence[str],
     problems: list[str],
+    flat: bool = False,
 ) -> None:
     """Add to the problems the names that cannot be folders, and those that would be the same folder.
 
@@ -60,6 +61,7 @@ def check_names(
     ----------
     steps : of every subject, by name
     together : names of trials that are solved as one
+    flat : folders of trials lie beside the study's own files
     """
     for subject in steps:
         _possible(subject, f"subject '{subject}'", OF_STUDY, problems)
@@ -68,7 +70,7 @@ def check_names(
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
         steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
-        made = [name for step in steps_on for name in (step.model, step.tables)]
+        made = [*(name for step in steps_on for name in (step.model, step.tables)), *(OF_STUDY if flat else ())]
         own_trials = [one.name for one in trials if one.subject == subject]
         for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
@@ -177,7 +179,7 @@ def _named_in(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
     """Kind, key of the study file and name of all that must be the model's."""
     yield from (("body", "bodies", name) for name in trial.bodies.values() if name != "ground")
     yield from (("body", "plates", name) for name in trial.plates if name)
-    yield from (("marker", "labels", name) for name in trial.labels.values())
+    yield from (("marker", "labels", name) for name in trial.labels.values() if name)
     yield from (("muscle", "emg_muscles", name) for names in trial.emg_muscles.values() for name in names)
 
 

@@ -16,6 +16,7 @@ from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, o
 from myomorph.study.plan.groups import StridesTable
 from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
+from myomorph.study.trial.laboratory import Up
 from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
@@ -78,17 +79,22 @@ def merged(
 
 
 class StudyHead(StudyTable):
-    """The table `[study]`: a name, a table of measures, conditions, and which two of its groups to compare."""
+    """The table `[study]`: a name, a table of measures, conditions, and which two of its groups to compare.
+
+    With `flat`, results of the only subject lie in the results' folder itself, without a folder of its own.
+    """
 
     measures: str | None = None
     conditions: dict[str, Patterns] = Field(default_factory=dict)
     compare: list[str] = Field(default_factory=list)
+    flat: bool = False
 
 
 class TrialTable(Strict):
     """A trial given by a table, where its files do not follow the rule of names."""
 
-    markers: str
+    markers: str | None = None
+    motion: str | None = None
     name: str = ""
     condition: str = ""
     loads: str | None = None
@@ -101,6 +107,9 @@ class TrialTable(Strict):
     contact_points: str = ""
     phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
     time: tuple[float, float] | None = None
+    up: Up | None = None
+    turn: float | None = None
+    assumed: list[str] = Field(default_factory=list)
 
 
 class SubjectTable(Strict):
@@ -131,7 +140,11 @@ class SubjectTable(Strict):
     measured: Measured | None = None
     contact_points: str = ""
     time: tuple[float, float] | None = None
-    labels: dict[str, str] = Field(default_factory=dict)
+    labels: dict[str, str] | str = Field(default_factory=dict)
+    up: Up = ""
+    turn: float = 0.0
+    static_turn: float | None = None
+    assumed: list[str] = Field(default_factory=list)
     bones: BonesTable | None = None
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from myomorph.model.errors import listing
+from myomorph.io.force_columns import force_columns
+from myomorph.io.labels import read_labels
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, is_folder, matching
 from myomorph.study.plan.measures import Measures
@@ -15,11 +18,14 @@ from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, 
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
 from myomorph.study.trial.contact_file import AUTO, old_names
+from myomorph.study.trial.laboratory import Laboratory
 from myomorph.study.trial.trial_files import TrialFiles
 
-MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc")
+MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
 LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 EMG = ("emg", "EMG", "electromyography", "envelopes")
+COORDINATES = (".mot", ".sto")
+"""Endings of tables of coordinates, with which a trial may begin."""
 NEEDS_MASS = ("identify",)
 """Steps that hold what they find against the mass of the subject."""
 
@@ -40,9 +46,9 @@ def companion(markers: Path, kind: str) -> Path | None:
 
     With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
     first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
-    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot), and never STEM alone.
+    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot, .csv), and never STEM alone.
     """
-    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot"))
+    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot", ".csv"))
     stems = dict.fromkeys((markers.stem, plain_stem(markers)))
     for ending in endings:
         for stem in stems:
@@ -126,7 +132,16 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
     return SubjectFiles(
-        one.name, source, table.mass, files["static"], shape, trials, bones, model_of=table.model_of or ""
+        one.name,
+        source,
+        table.mass,
+        files["static"],
+        shape,
+        trials,
+        bones,
+        model_of=table.model_of or "",
+        labels=labels_of(table.labels, folder, where, problems),
+        static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
     )
 
 
@@ -182,30 +197,50 @@ def subject_trials(
         contact_points=_points(table.contact_points, folder, where, notes),
         mass=table.mass,
         time=table.time,
-        labels=FrozenMap(dict(table.labels)),
+        labels=labels_of(table.labels, folder, where, problems),
+        laboratory=Laboratory(table.up, table.turn),
+        assumed=tuple(table.assumed),
     )
     check_time(table.time, f"{where}: time", problems)
-    for trial, markers in _recordings(table, folder, where, problems):
-        name = trial.name or plain_stem(markers)
+    for trial, recording in _recordings(table, folder, where, problems):
+        name = trial.name or plain_stem(recording)
+        own = {"motion" if trial.motion else "markers": recording}
         if not left_out(one.name, name):
-            yield _trial(replace(whole, name=name, markers=markers), trial, folder, notes), given_options(trial)
+            yield _trial(replace(whole, name=name, **own), trial, folder, notes), given_options(trial)
 
 
 def _recordings(
     table: SubjectTable, folder: Path, where: str, problems: list[str]
 ) -> Iterator[tuple[TrialTable, Path]]:
-    """The recordings that the entries of `trials` name: patterns, files, or tables."""
+    """The recordings of markers or coordinates that the entries of `trials` name: patterns, files, or tables."""
     for given in table.trials:
-        pattern = given if isinstance(given, str) else given.markers
-        trial = TrialTable(markers=pattern) if isinstance(given, str) else given
-        for markers in matching(folder, pattern, where, problems):
-            yield trial, markers
+        trial = _of_text(given) if isinstance(given, str) else given
+        pattern = trial.markers or trial.motion
+        if pattern is None or (trial.markers and trial.motion):
+            problems.append(f"{where}: a trial has one of 'markers' and 'motion'")
+            continue
+        for recording in matching(folder, pattern, where, problems):
+            yield trial, recording
+
+
+def _of_text(given: str) -> TrialTable:
+    """A trial that is a name or a pattern: of coordinates where it ends as tables do, else of markers."""
+    return TrialTable(motion=given) if Path(given).suffix.lower() in COORDINATES else TrialTable(markers=given)
+
+
+def _holds_forces(loads: Path) -> bool:
+    """Whether a file that was found beside a recording names its forces, or is a table with columns of forces."""
+    if loads.suffix.lower() not in (".mot", ".sto"):
+        return True
+    try:
+        return bool(force_columns(read_sto(loads).names))
+    except BadFile:
+        return False
 
 
 def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
     """A recording's own files, beside what the subject's table says of all."""
     where, problems = f"subject '{whole.subject}'", notes.problems
-    assert whole.markers is not None
     torques = None
     if trial.torques is not None:
         torques = existing(folder, trial.torques, f"{where}: torques", problems)
@@ -213,15 +248,10 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
             problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
     # Torques that are given hold what the forces do, so none are looked for beside the recording.
     loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
-    if loads is not None and loads.suffix.lower() not in (".xml", ".toml") and not trial.bodies:
-        if trial.loads is None:
-            notes.found.pop()
-            notes.remarks.append(
-                f"{whole.subject}/{loads.name} is not used: it does not say which bodies its forces act on"
-            )
-            loads = None
-        else:
-            problems.append(f"{where}: {loads.name} needs 'bodies': prefix of its columns = body")
+    if loads is not None and trial.loads is None and not trial.bodies and not _holds_forces(loads):
+        notes.found.pop()
+        notes.remarks.append(f"{whole.subject}/{loads.name} is not used: no columns of forces are found in it")
+        loads = None
     if loads is not None:
         notes.notices += old_names(loads)
     check_time(trial.time, f"{where}: time", problems)
@@ -240,17 +270,24 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
         phases=FrozenMap(dict(trial.phases)),
         time=trial.time or whole.time,
         condition=trial.condition,
+        laboratory=Laboratory(
+            whole.laboratory.up if trial.up is None else trial.up,
+            whole.laboratory.turn if trial.turn is None else trial.turn,
+        ),
+        assumed=(*whole.assumed, *trial.assumed),
     )
 
 
 def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
     """The forces or EMG of a trial: as given, or found by its stem."""
-    assert whole.markers is not None
     if given is not None:
         return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
-    found = companion(whole.markers, kind)
-    if found is not None:
-        notes.found.append(f"{whole.subject}/{whole.markers.name}: {kind} from {found.name}")
+    recording = whole.markers or whole.motion
+    assert recording is not None
+    found = companion(recording, kind)
+    if found is None or found == recording:
+        return None
+    notes.found.append(f"{whole.subject}/{recording.name}: {kind} from {found.name}")
     return found
 
 
@@ -270,3 +307,15 @@ def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
         return ""
     notes.notices += old_names(found)
     return str(found)
+
+
+def labels_of(given: Mapping[str, str] | str, folder: Path, where: str, problems: list[str]) -> Mapping[str, str]:
+    """Labels of a study file: a table of its own, or a file that holds one."""
+    if not isinstance(given, str):
+        return FrozenMap(dict(given))
+    path = existing(folder, given, f"{where}: labels", problems)
+    try:
+        return FrozenMap({} if path is None else read_labels(path))
+    except BadFile as error:
+        problems.append(f"{where}: labels: {error}")
+        return FrozenMap({})

@@ -178,7 +178,9 @@ class _Looked:
             begin = self._made(begins)
             files = files if begin is None else replace(files, model=begin.path, drawn=begin.drawn)
             try:
-                reasons = reused_subject_steps(files, steps, self.plan.settings_of(name), self.out / file_name(name))
+                reasons = reused_subject_steps(
+                    files, steps, self.plan.settings_of(name), self.plan.home(self.out, name)
+                )
             except MyomorphError as error:
                 reasons, problem = dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
         counts = [self._frames(one) for one in files.trials]
@@ -206,7 +208,7 @@ class _Looked:
         if any(reasons.values()):
             self.computed.add(key)
         frames = self._frames(files)
-        used = (files.markers, files.loads, files.torques, files.emg, files.tasks, files.actuators)
+        used = (files.markers, files.motion, files.loads, files.torques, files.emg, files.tasks, files.actuators)
         names = tuple(path.name for path in used if path is not None)
         expected = self._expected(key, reasons, frames, files.model)
         unread = self._models.get(files.model)
@@ -248,7 +250,7 @@ class _Looked:
         """The model that a subject's own steps make."""
         if not maker:
             return None
-        home = self.out / file_name(maker)
+        home = self.plan.home(self.out, maker)
         return next(one for path, one in self.jobs.models.items() if path.parent == home)
 
     def _model(self, path: Path, made: MadeModel | None = None) -> Model:

@@ -191,7 +191,7 @@ class _Jobs:
             begin = self.made[self.maker(begins)]
             files = replace(files, model=begin.path, drawn=begin.drawn)
         steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
-        home, key = self.out / file_name(name), (name, "")
+        home, key = self.plan.home(self.out, name), (name, "")
         self.made[name], self.homes[key] = made_model(files, steps, home), home
         told: dict[str, Any] = {
             "files": files,
@@ -209,7 +209,7 @@ class _Jobs:
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:
             files = replace(files, model=self.made[maker].path)
-        self.homes[key] = self.out / file_name(files.subject) / file_name(files.name)
+        self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
         told: dict[str, Any] = {
             "files": files,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from myomorph import __version__
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Markers
@@ -22,12 +23,14 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
+from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
 
@@ -43,6 +46,7 @@ class CalibrationFiles:
     marker_set : OpenSim marker set that replaces the model's markers of the same names
     tasks : OpenSim task set or setup file whose weights of markers count
     time : start and end of every recording but the static one [s]
+    labels : what the model calls markers that the recordings call otherwise, "" for those to leave out
     """
 
     model: Path
@@ -51,6 +55,7 @@ class CalibrationFiles:
     marker_set: Path | None = None
     tasks: Path | None = None
     time: tuple[float, float] | None = None
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -96,20 +101,32 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
         options = replace(options, marker_weights=_weights(files.tasks, model))
-    recordings = [_recording(path, model, files.time, warnings) for path in files.markers]
+    inputs.check_labels(files.labels, model)
+    recordings = [_recording(path, model, files.time, warnings, files.labels) for path in files.markers]
     if files.static is not None:
-        options = replace(options, static=_recording(files.static, model, None, warnings))
+        options = replace(options, static=_recording(files.static, model, None, warnings, files.labels))
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
     told = plain_settings(options) | {"time": files.time}
+    if files.labels:
+        told["labels"] = dict(files.labels)
     return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
 
 
-def _recording(path: Path, model: Model, time: tuple[float, float] | None, warnings: list[str]) -> Markers:
-    trial = inputs.fitted_to(model, inputs.read_recording(path))
+def _recording(
+    path: Path,
+    model: Model,
+    time: tuple[float, float] | None,
+    warnings: list[str],
+    labels: Mapping[str, str] = FrozenMap({}),
+    laboratory: Laboratory = AS_RECORDED,
+) -> Markers:
+    recorded = inputs.with_labels(laboratory.trial(inputs.read_recording(path)), labels)
+    trial = inputs.fitted_to(model, recorded)
     assert trial.markers is not None
     warnings += [f"{path.name}: {text}" for text in trial.warnings]
+    warnings += [f"{path.name}: {text}" for text in inputs.cut_warning(time, trial.markers)]
     span = inputs.cut_to(time, trial.markers, path)
     return trial.markers if span is None else cut(trial.markers, *span)
 
@@ -135,7 +152,9 @@ def calibrate_subject(
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
-        options = replace(options, static=_recording(files.static, model, None, warnings))
+        options = replace(
+            options, static=_recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
+        )
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
@@ -221,11 +240,7 @@ def _short(value: object) -> object:
 
 def summary(found: Calibration) -> Iterable[str]:
     """What was found, as lines of text."""
-    count = sum(len(one) for one in found.frames)
-    yield (
-        f"{count} frames, {len(found.marker_names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
-        f"{1e3 * found.rms_after:.1f} mm; size {found.size:.3f}"
-    )
+    yield calibration_line(found)
     for one in found.lengths:
         if one.length.along and one.length.between_joints:
             yield (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from myomorph import __version__
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
@@ -21,10 +22,11 @@ from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import Differentiation, Side, plain_settings, with_settings
+from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.external_forces import NEAREST, NamedBodies
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_motion_trial
@@ -56,6 +58,8 @@ class PersonalFiles:
     passive: tuple[Path, ...] = ()
     generic: Path | None = None
     time: tuple[float, float] | None = None
+    named: NamedBodies = NEAREST
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -102,7 +106,7 @@ def personalize_files(
     """
     files.check()
     model = inputs.open_model(files.model) if model is None else model
-    own = {one.name for one in fields(Differentiation)}
+    own = {one.name for kind in (Differentiation, ForceOptions) for one in fields(kind)}
     options = with_settings(PersonalizeOptions(), {k: v for k, v in settings.items() if k not in own})
     cutoff = {k: v for k, v in settings.items() if k in own and v is not None}
     warnings = list(model.warnings)
@@ -112,8 +116,11 @@ def personalize_files(
             model=files.model,
             motion=motion,
             loads=files.loads[k] if files.loads else None,
+            bodies=files.named.bodies,
+            plates=files.named.plates,
             emg=files.emg[k] if files.emg else None,
             emg_side=files.emg_side,
+            emg_muscles=files.emg_muscles,
             time=files.time,
         )
         trial, poses = open_motion_trial(one, {"tension": cutoff})
@@ -125,6 +132,7 @@ def personalize_files(
     with inputs.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         found = personalize(model, trials, options, generic=generic, advance=advance)
     told = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
+    told |= {"emg_muscles": sorted(files.emg_muscles.items())} if files.emg_muscles else {}
     return PersonalizedFiles(found, provenance_of("personalize", files.sources(), told), tuple(warnings))
 
 
@@ -335,7 +343,7 @@ def _run(
     for trial in prepared.trials(files, settings):
         if trial.loads is None:
             continue
-        motion = solve_kinematics(trial).motion
+        motion = solve_kinematics(trial).fit.motion
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
     if not trials:

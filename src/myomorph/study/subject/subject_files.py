@@ -8,11 +8,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import file_source, provenance_of, value_source
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import StepHead
 from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -83,6 +85,8 @@ class SubjectFiles:
     bones : the subject's own, for a morph
     model_of : subject whose own steps make the model that this one begins with, "" where a file is
     drawn : file beside which the meshes of that model lie, None where they lie beside it
+    labels : what the model calls markers that the recordings call otherwise
+    static_laboratory : how the axes of the static recording stand to the model's
     """
 
     name: str
@@ -94,6 +98,8 @@ class SubjectFiles:
     bones: MorphFiles | None = None
     model_of: str = ""
     drawn: Path | None = None
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    static_laboratory: Laboratory = AS_RECORDED
 
 
 @dataclass(frozen=True)
@@ -153,6 +159,9 @@ def recordings_provenance(
     sources = list(dict.fromkeys(source for trial in prepared.trials(files, settings) for source in trial.sources))
     given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
     sources += [file_source(role, path) for role, path in given if path is not None]
+    if files.static is not None and (files.static_laboratory or files.labels):
+        told = (files.static_laboratory, sorted(files.labels.items()))
+        sources.append(value_source("static", "axes and labels of the static recording", *told))
     options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
     times = [None if one.time is None else list(one.time) for one in files.trials]
     return provenance_of(step, sources, options | {"mass": files.mass, "times": times} | dict(more))

@@ -103,11 +103,13 @@ class GrowingCondition:
         self.each: RunningMeans[Curve] = RunningMeans(SAMPLES)
         self._values: RunningMeans[str] = RunningMeans(1)
         self._subjects: dict[str, _Subject] = {}
+        self._alone: tuple[str, str] | None = None
 
     def add(self, subject: str, trial: str, values: Sequence[Value], cycle: str, curves: Mapping[str, Series]) -> None:
         """One more trial.
 
-        Curves over strides replace those over whole trials: a condition does not mix the two.
+        Only curves over strides are averaged: whole trials are not aligned with each other, and their mean would be
+        that of different parts of the motion. The curves of an only trial without strides are kept as they are.
         """
         self.trials += 1
         own = self._subjects.setdefault(subject, _Subject())
@@ -116,21 +118,37 @@ class GrowingCondition:
         for sums in (own.values, self._values):
             sums.add(quantities, numbers)
         own.strides += max((one.value for one in values if one.quantity.startswith("strides, ")), default=0.0)
-        if self.cycle and cycle != self.cycle:
-            if cycle != OF_STRIDE:
-                self.notes.append(f"{subject}, {trial}: has fewer than two strides, and its curves are left out")
-                return
-            self.notes.append(
-                "trials of fewer than two strides come before others that have more: their curves are left out"
-            )
+        if self.trials > 1 and self.cycle != OF_STRIDE:
+            if self._alone:
+                self._left_out(*self._alone)
             self.each = RunningMeans(SAMPLES)
             for one in self._subjects.values():
                 one.curves = RunningMeans(SAMPLES)
+        self._alone = (subject, trial) if self.trials == 1 and cycle != OF_STRIDE else None
+        if self.trials > 1 and cycle != OF_STRIDE:
+            self._left_out(subject, trial)
+            self.cycle = self.cycle if self.cycle == OF_STRIDE else ""
+            return
         self.cycle = cycle
         names, joined = joined_curves(curves)
         if names:
             own.curves.add(names, joined)
             self.each.add(names, joined)
+
+    def _left_out(self, subject: str, trial: str) -> None:
+        self.notes.append(
+            f"{subject}, {trial}: has no stride, so its curves are aligned with no other's and are left out"
+        )
+
+    def without_whole_trials(self) -> None:
+        """Drop the curves over a whole trial: beside others over strides they are not shown."""
+        if self.cycle == OF_STRIDE:
+            return
+        if self._alone:
+            self._left_out(*self._alone)
+        self._alone, self.each = None, RunningMeans(SAMPLES)
+        for one in self._subjects.values():
+            one.curves = RunningMeans(SAMPLES)
 
     @property
     def subjects(self) -> tuple[str, ...]:

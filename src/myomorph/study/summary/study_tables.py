@@ -156,6 +156,9 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
             condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
             search.add(one.whose, values)
             signs.add(one.outcome.subject, values)
+    if len([one for one in growing.values() if one.trials]) > 1:
+        for condition in growing.values():
+            condition.without_whole_trials()
     for one in trials:
         if one.has_values:
             search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))

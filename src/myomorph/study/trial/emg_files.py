@@ -9,14 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
 from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
+from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import TABLE_FILES, about, read_recording
 
+OTHER_SENSORS = re.compile(
+    r"force|moment|torque|plate|cop|sync|trigger|pulse|speed|treadmill|gonio|acc|gyro|mag|load.?cell|imu|spare|channel"
+    r"|^(.*[._ ])?(fp|amti|pin|f|m)?[_.]?\d*[_.]?[fm]?[xyz]?[_.]?\d*([-+]\d*)*$",
+    re.IGNORECASE,
+)
+"""Analog channels that are no EMG by their names."""
 SWINGS = 0.3
 """Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
 
@@ -94,17 +101,25 @@ def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
 
 
 def _left_out(path: str | Path, names: Sequence[str], told: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Channels of a table that take no part while others do; a C3D file has channels of all kinds."""
+    """Channels that take no part while others do; of a C3D file those that are none of a plate or another sensor."""
     lacking = [name for name in names if name not in told]
-    if not told or not lacking or Path(path).suffix.lower() == ".c3d":
+    if Path(path).suffix.lower() == ".c3d":
+        lacking = [name for name in lacking if not OTHER_SENSORS.search(name)]
+    if not told or not lacking:
         return ()
     which = ", ".join(lacking[:6]) + (" ..." if len(lacking) > 6 else "")
-    return (f"EMG of {which} takes no part: the name tells no muscle of the model; name them in emg_muscles",)
+    told_by = "emg_muscles of a study, --emg-muscles"
+    return (f"EMG of {which} takes no part: the name tells no muscle of the model; name them ({told_by})",)
 
 
 def _channels(path: str | Path) -> Series:
     """All channels of a file."""
     ending = Path(path).suffix.lower()
+    if ending in (".csv", ".txt"):
+        # Most trials start without: loaded where a trial has such input.
+        from myomorph.io.csv_table import read_csv_table
+
+        return read_csv_table(Path(path))
     if ending in TABLE_FILES:
         # Most trials start without: loaded where a trial has such input.
         from myomorph.io.sto import read_sto
@@ -115,7 +130,7 @@ def _channels(path: str | Path) -> Series:
         if analog is None:
             raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
         return analog
-    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot or .c3d")
+    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv or .c3d")
 
 
 def _picked(series: Series, names: tuple[str, ...]) -> Series:
@@ -161,37 +176,19 @@ def _largest_of(reference: Sequence[Path], channel: str) -> float:
     return largest_found
 
 
-def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:
-    """The model's muscles that each EMG channel was measured on, as far as its name tells muscle and side.
+def channel_muscles(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """EMG channels and their muscles from texts CHANNEL=MUSCLE,MUSCLE.
 
-    "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
-    model calls it; "soleus" without a side is not claimed to be either.
-
-    Parameters
-    ----------
-    side : "right" or "left", of channels whose names tell none
+    Raises
+    ------
+    BadData
+        where a text has no =, or a channel stands twice
     """
-    # Brings Numba and SciPy: loaded only where it is needed.
-    from myomorph.analysis.selection import MAJOR_MUSCLES
-    from myomorph.model.sides import split_side
-
-    sided = {name: split_side(name) for name in model.muscle_names}
     found: dict[str, tuple[str, ...]] = {}
-    for channel in channels:
-        plain = re.sub(r"[_. ](activation|emg|envelope)$", "", channel.strip(), flags=re.IGNORECASE)
-        # As amplifiers and capture programs write: "Voltage.R Tib Ant".
-        plain = re.sub(r"^(voltage|emg|analog)[_.: ]+", "", plain, flags=re.IGNORECASE).replace(" ", "_")
-        if plain in sided:
-            found[channel] = (plain,)
-            continue
-        base, told = split_side(plain)
-        here = told or side
-        pattern = next((one for _, one in MAJOR_MUSCLES if re.fullmatch(one, base, re.IGNORECASE)), None)
-        if pattern is None or not here:
-            continue
-        alike = [
-            name for name, (word, at) in sided.items() if at == here and re.fullmatch(pattern, word, re.IGNORECASE)
-        ]
-        if alike:
-            found[channel] = tuple(alike)
+    for text in texts:
+        channel, equal, muscles = text.partition("=")
+        names = tuple(one.strip() for one in muscles.split(",") if one.strip())
+        if not equal or not channel.strip() or not names or channel.strip() in found:
+            raise BadData(f"--emg-muscles {text}: expected CHANNEL=MUSCLE,MUSCLE once for each channel")
+        found[channel.strip()] = names
     return found

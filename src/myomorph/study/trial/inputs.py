@@ -13,12 +13,14 @@ from myomorph.contact.plates import force_plates
 from myomorph.io.formats import read_model, read_trial
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
-from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial, Wrenches
+from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
+COUPLED = 0.1
+"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
 
 
 @contextmanager
@@ -88,8 +90,8 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
 
     Parameters
     ----------
-    labels : recorded label to the model's name; a label that the recording lacks is passed over, for labels differ
-        from file to file
+    labels : recorded label to the model's name, or to "" where the marker is left out; a label that the recording
+        lacks is passed over, for labels differ from file to file, but one of them must be there
 
     Raises
     ------
@@ -98,12 +100,27 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
     """
     if trial.markers is None or not labels:
         return trial
-    names = tuple(labels.get(name, name) for name in trial.markers.names)
+    recorded = trial.markers.names
+    if not any(name in labels for name in recorded):
+        told = (
+            f"labels: none of its {len(labels)} labels was recorded, which are {listing(next(iter(labels)), recorded)}"
+        )
+        return replace(trial, warnings=(*trial.warnings, told))
+    kept = [i for i, name in enumerate(recorded) if labels.get(name, name)]
+    recorded = tuple(recorded[i] for i in kept)
+    names = tuple(labels.get(name, name) for name in recorded)
     twice = next((name for name in names if names.count(name) > 1), "")
     if twice:
-        own = [old for old, name in zip(trial.markers.names, names, strict=True) if name == twice]
+        own = [old for old, name in zip(recorded, names, strict=True) if name == twice]
         raise BadData(f"{trial.source}: {' and '.join(repr(one) for one in own)} would both be called '{twice}'")
-    return replace(trial, markers=replace(trial.markers, names=names))
+    return replace(trial, markers=replace(trial.markers, names=names, values=trial.markers.values[:, kept]))
+
+
+def check_labels(labels: Mapping[str, str], model: Model) -> None:
+    """Raise `UnknownName` where labels are mapped to markers that the model does not have."""
+    for name in labels.values():
+        if name and name not in model.marker_names:
+            raise UnknownName("marker", name, model.marker_names, "labels: the model")
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
@@ -186,10 +203,10 @@ def _why_z_is_up(model: Model, trial: Trial, own: Array, recorded: Array) -> str
             return ""
     if ending == ".mat":
         return "the z axis of a Qualisys export points up by custom"
-    return "the plates lie level with z" if trial.plates and all(map(_faces_z, trial.plates)) else ""
+    return "the plates lie level with z" if trial.plates and all(map(faces_z, trial.plates)) else ""
 
 
-def _faces_z(plate: ForcePlate) -> bool:
+def faces_z(plate: ForcePlate) -> bool:
     """Whether a plate's normal is the z axis."""
     normal = np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3])
     return bool(abs(normal[2]) > 0.9 * np.linalg.norm(normal) > 0.0)
@@ -238,98 +255,45 @@ def read_motion(path: str | Path, model: Model) -> Motion:
     return motion
 
 
-def read_loads(
-    path: str | Path,
-    model: Model,
-    motion: Motion,
-    bodies: Mapping[str, str] | None = None,
-    trial: Path | None = None,
-) -> Wrenches:
-    """External forces of an OpenSim external loads file, of a table with the bodies that they act on, or of stairs.
+def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
+    if set(motion.names) == set(model.coordinate_names):
+        return motion, ()
+    # Brings Numba: loaded only where a table lacks coordinates.
+    from myomorph.rigid.tree import compile_tree
 
-    Source: Seth et al. 2018, `ExternalLoads`.
+    values = compile_tree(model).coordinates_of(motion)
+    known = (*motion.names, *model.dependent_coordinates)
+    lacking = tuple(name for name in model.coordinate_names if name not in known)
+    return Motion(motion.time, model.coordinate_names, values), lacking
 
-    Parameters
-    ----------
-    path : of the file; an XML names its table
-    model : whose bodies the forces act on
-    motion : for external loads that are given in a body's frame (frames, coordinates) [rad or m]
-    bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
-    trial : for stairs: the file of the markers, which tells the one of the load cells
 
-    Returns
-    -------
-    forces [N], points [m] and free torques [N m] in ground, (samples, forces, 3) each
+def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
 
-    Raises
-    ------
-    BadFile, BadModel, UnknownName
-        where a file is not what it should be, or names what the table or the model does not have
-
-    Examples
-    --------
-    >>> import myomorph as mm
-    >>> model = mm.read_model("arm.osim")
-    >>> loads = mm.read_loads("reach_grf.xml", model, mm.read_motion("reach.mot", model))
-    >>> loads.bodies, loads.forces[0, 0].tolist()
-    (('fore',), [0.0, -10.0, 0.0])
+    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
+    column as it stands: one in degrees would be read as 57 times as much.
     """
-    ending = Path(path).suffix.lower()
-    if ending in TABLE_FILES and bodies:
-        wrenches = force_table(path, bodies)
-    elif ending in TABLE_FILES:
-        raise BadFile(
-            path, "holds forces, but not the bodies they act on", "give an external loads file (.xml) that names both"
-        )
-    elif ending == ".xml":
-        # Brings pydantic and SciPy: loaded only where it is needed.
-        from myomorph.io.loads import read_external_loads
+    driven = [name for name in model.dependent_coordinates if name in motion.names]
+    if not driven or not len(motion):
+        return motion, ()
+    # Brings Numba: loaded only where a table has such coordinates.
+    from myomorph.rigid.tree import compile_tree
 
-        with about(path):
-            wrenches = read_external_loads(path, poses=PosesBy(model, motion))
-    elif ending == ".toml":
-        from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
-
-        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
-    else:
-        raise BadFile(
-            path,
-            f"holds no external loads: its name ends in '{ending}'",
-            "expected .xml, or .toml of force-measuring stairs",
-        )
-    for body in wrenches.bodies:
-        if body not in model.body_names and body != "ground":
-            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
-    return wrenches
-
-
-def force_table(path: str | Path, bodies: Mapping[str, str]) -> Wrenches:
-    """Forces of a table whose columns are PREFIXvx ..., PREFIXpx ... and, for torques, PREFIXmx ... or OpenSim's names.
-
-    Parameters
-    ----------
-    bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
-    """
-    # Most trials start without: loaded where a trial has such input.
-    from myomorph.io.sto import read_sto
-
-    table = read_sto(path)
-    parts: list[list[Array]] = [[], [], []]
-    for prefix in bodies:
-        torque = prefix.replace("force", "torque")
-        choices = (
-            (f"{prefix}v", f"{prefix}F", f"{prefix}"),
-            (f"{prefix}p", f"{prefix}P"),
-            (f"{torque}", f"{prefix}m", f"{torque}m"),
-        )
-        for values, starts, needed in zip(parts, choices, (True, True, False), strict=True):
-            found = next((one for one in starts if {f"{one}{axis}" for axis in "xyz"} <= set(table.names)), None)
-            if found is None and needed:
-                raise UnknownName("column", f"{starts[0]}x", table.names, str(path))
-            columns = [table[f"{found}{axis}"] for axis in "xyz"] if found else [np.zeros(len(table))] * 3
-            values.append(np.column_stack(columns))
-    force, point, free = (np.stack(values, axis=1) for values in parts)
-    return Wrenches(table.time, tuple(bodies), tuple(bodies.values()), force, point, free)
+    coupled = compile_tree(model).coordinates_of(motion)
+    values = np.array(motion.values)
+    notes = []
+    for name in driven:
+        own, right = values[:, motion.names.index(name)], coupled[:, model.coordinate_names.index(name)]
+        apart = np.abs(np.nan_to_num(own - right))
+        worst = int(np.argmax(apart))
+        if apart[worst] > COUPLED:
+            notes.append(
+                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
+                f"{right[worst]:.4g}: the coupler's value is taken throughout"
+            )
+        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
+    return replace(motion, values=values), tuple(notes)
 
 
 class PosesBy:
@@ -371,3 +335,16 @@ def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tu
     if end < first or start > last:
         raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
     return start, end
+
+
+def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[str, ...]:
+    """What a time range that was asked for has beyond the recording, which is then cut in silence otherwise."""
+    if time is None or len(series) < 2:
+        return ()
+    first, last = float(series.time[0]), float(series.time[-1])
+    step = (last - first) / (len(series) - 1)
+    if time[0] > first - 1.5 * step and time[1] < last + 1.5 * step:
+        return ()
+    used = f"{max(time[0], first):.4g} to {min(time[1], last):.4g} s"
+    asked = f"time {time[0]:g} to {time[1]:g} s was asked for"
+    return (f"{asked}, but it runs from {first:.4g} to {last:.4g} s: {used} are used",)

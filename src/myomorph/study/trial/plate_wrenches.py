@@ -10,45 +10,64 @@ import numpy as np
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy
 
+MARGIN = 1.0
+"""Time before and after a motion that its forces keep, for filters [s]."""
 
-def recorded_wrenches(trial: Trial, bodies: Sequence[str]) -> Wrenches:
+NOISE = 0.03
+"""Share of the weight that a foot on a plate puts down at least."""
+
+
+def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
     """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
+
+    Without bodies all plates, whose bodies are not known.
 
     Raises
     ------
     BadData
-        where there are fewer plates than bodies
+        where there are fewer plates than bodies, or no plate has a body
     """
+    if bodies is None:
+        return wrenches_from_plates(trial.plates, trial.plate_time)
+    names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
     if len(bodies) > len(trial.plates):
-        names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
         raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
     used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
+    if not used:
+        raise BadData(f"{trial.source}: no body is given for any of its plates ({names})")
     wrenches = wrenches_from_plates([plate for plate, _ in used], trial.plate_time)
     return replace(wrenches, bodies=tuple(body for _, body in used))
 
 
-def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
-    """Forces of a recording's plates, each given to the foot that is nearest to its center of pressure.
+def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
+    """Forces, each given to the foot that is nearest to its center of pressure, step by step.
+
+    A force that is nobody's, as that of a plate that nobody steps on, is left out; a note says so.
 
     Raises
     ------
     BadData
-        where the model has no foot
+        where the model has no foot, or forces and motion have no time in common
     """
     feet = feet_of(model)
     if not feet:
         raise BadData(
-            f"{trial.source}: no body of model '{model.name}' is called a foot: name the bodies on its plates"
+            f"no body of model '{model.name}' is called a foot: name the bodies that forces act on: those of a table "
+            "as prefix=body (--bodies), those of plates in order (--plates)"
         )
-    wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
-    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
-    wrenches = replace(wrenches, **parts)
+    if not inside.any():
+        raise BadData(
+            f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {motion.time[0]:g} "
+            f"to {motion.time[-1]:g} s: they have no time in common; are they of one recording, on one clock?"
+        )
+    wrenches = _without_noise(_during(wrenches, motion), model, motion)
     poses = PosesBy(model, motion)
     places = {}
     for foot in feet:
@@ -56,4 +75,54 @@ def assigned_wrenches(trial: Trial, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    return assign_bodies(wrenches, places).wrenches
+    named = [k for k, body in enumerate(wrenches.bodies) if body]
+    unnamed = [k for k, body in enumerate(wrenches.bodies) if not body]
+    found = assign_bodies(_chosen(wrenches, unnamed), places)
+    return _carried(_joined(_chosen(wrenches, named), found.wrenches), found.warnings)
+
+
+def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
+    """Forces during a motion, and as long before and after as filters reach."""
+    near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
+    parts = {name: getattr(wrenches, name)[near] for name in ("time", "forces", "points", "torques")}
+    return replace(wrenches, **parts)
+
+
+def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
+    """Some of the forces."""
+    parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
+    names, bodies = (tuple(one[k] for k in columns) for one in (wrenches.names, wrenches.bodies))
+    return replace(wrenches, names=names, bodies=bodies, **parts)
+
+
+def _joined(first: Wrenches, second: Wrenches) -> Wrenches:
+    """Two sets of forces of the same times as one."""
+    parts = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
+        for name in ("forces", "points", "torques")
+    }
+    return replace(first, names=(*first.names, *second.names), bodies=(*first.bodies, *second.bodies), **parts)
+
+
+def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
+    """Forces with zeros for those on nobody that are noise while the motion lasts: of a plate that nobody steps on."""
+    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    size = np.nan_to_num(np.linalg.norm(wrenches.forces[inside], axis=2))
+    unnamed = np.array([not body for body in wrenches.bodies], np.bool_)
+    noise = (unnamed & (size.max(axis=0, initial=0.0) < NOISE * model.weight))[None, :, None]
+    return replace(
+        wrenches, forces=np.where(noise, 0.0, wrenches.forces), torques=np.where(noise, 0.0, wrenches.torques)
+    )
+
+
+def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
+    """The forces that act on a body, with a note on those that never act."""
+    kept = [k for k, body in enumerate(wrenches.bodies) if body]
+    idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
+    findings = wrenches.findings
+    if idle:
+        text = f"nobody steps on {idle} during the motion: left out"
+        findings = (*findings, Finding("idle plate", idle, text, mended=True))
+        warnings = (*warnings, text)
+    notes = (*wrenches.notes, *warnings)
+    return replace(_chosen(wrenches, kept), notes=notes, findings=findings)

@@ -65,8 +65,8 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
 
 
 def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
-    """Strides of a trial with markers, None where it is no walk."""
-    strides = None if prepared.given.kinematics.fit is None else prepared.strides
+    """Strides of a trial, None where it is no walk."""
+    strides = prepared.strides
     return None if strides is None else TrialStrides(trial, tuple(strides.strikes), (strides,), strides.notes)
 
 

@@ -8,26 +8,31 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
-from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
+from myomorph.store.settings import (
+    ForceOptions,
+    Measured,
+    ReportOptions,
+    Side,
+    TensionTables,
+    plain_settings,
+    with_settings,
+)
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.plate_wrenches import assigned_wrenches, recorded_wrenches
+from myomorph.study.trial.external_forces import read_loads, recording_wrenches
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
@@ -35,16 +40,12 @@ from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
+    from myomorph.contact.plan import ContactPlan
     from myomorph.io.osim.setup_parts import IkTasks
-    from myomorph.study.trial.contact_file import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
-
-
-COUPLED = 0.1
-"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,10 @@ class TrialFiles:
     ----------
     markers : TRC or C3D file
     motion : table of coordinates, where inverse kinematics is not asked for
-    loads : external loads file, or a table of forces with `bodies`
+    loads : external loads file, a table of forces, or a recording with force plates
     torques : table of generalized forces, in the place of loads and inverse dynamics
-    bodies : prefix of the columns of each force in a table, and the body it acts on
-    plates : bodies that stand on the plates of a C3D file, in the plates' order
+    bodies : prefix of the columns of each force in a table, and the body it acts on; the nearest foot by default
+    plates : bodies that stand on the plates of a recording, in their order, "" for none; the nearest foot by default
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
@@ -68,8 +69,10 @@ class TrialFiles:
     phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
-    labels : what the model calls markers that the recording calls otherwise
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
     condition : that it was recorded in, as the study file names it
+    laboratory : how its axes stand to the model's
+    assumed : what was assumed of the recording, sentences for the first lines of the report
     """
 
     model: Path
@@ -95,6 +98,8 @@ class TrialFiles:
     time: tuple[float, float] | None = None
     labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     condition: str = ""
+    laboratory: Laboratory = AS_RECORDED
+    assumed: tuple[str, ...] = ()
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
@@ -110,15 +115,16 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     MyomorphError
         where a file cannot be read, or does not fit the model
     """
+    if files.markers is None and files.motion is not None:
+        trial, poses = open_motion_trial(files, settings, model)
+        return replace(trial, motion=poses.recorded)
     model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     if files.markers is None:
         return trial
-    known = [marker.name for marker in model.markers]
-    for name in files.labels.values():
-        if name not in known:
-            raise UnknownName("marker", name, known, "labels: the model")
-    recording = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(files.markers), files.labels))
+    inputs.check_labels(files.labels, model)
+    recorded = files.laboratory.trial(inputs.read_recording(files.markers))
+    recording = inputs.fitted_to(model, inputs.with_labels(recorded, files.labels))
     assert recording.markers is not None
     trial = replace(
         trial,
@@ -127,37 +133,50 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         time=inputs.cut_to(files.time, recording.markers, files.markers),
         warnings=(
             *trial.warnings,
+            *(f"{files.markers.name}: {text}" for text in inputs.cut_warning(files.time, recording.markers)),
             *(f"{files.markers.name}: {text}" for text in recording.warnings),
             *_rate_warnings(trial, recording.markers.time),
             *_phase_warnings(files, recording.markers.time),
         ),
     )
     assumed: tuple[str, ...] = ()
-    if files.torques is not None:
-        pass  # Whatever acts from outside is in the torques.
-    elif files.loads is None and files.plates:
-        wrenches = recorded_wrenches(recording, files.plates)
-        trial = replace(trial, loads=lambda motion: wrenches)
-    elif files.loads is None and recording.plates and feet_of(model):
-        assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
-        trial = replace(trial, loads=partial(assigned_wrenches, recording, model))
-    notes = TrialNotes(_real(files, trial), assumed)
+    # Torques of a file hold whatever acts from outside.
+    recorded_loads = files.torques is None and files.loads is None
+    if recorded_loads and (files.plates or (recording.plates and feet_of(model))):
+        if not files.plates:
+            assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        trial = replace(
+            trial,
+            loads=partial(
+                recording_wrenches,
+                recording,
+                model,
+                plates=files.plates,
+                options=_force_options(trial.options, trial.contacts),
+            ),
+        )
+    notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
 
-def open_motion_trial(files: TrialFiles, settings: Settings) -> tuple[TrialInputs, Poses]:
+def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> tuple[TrialInputs, Poses]:
     """The same for steps that begin with coordinates from a file; also returns these."""
     assert files.motion is not None
-    model = inputs.open_model(files.model)
+    if files.loads is None and (files.plates or files.bodies):
+        raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
+    model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
-    recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
-    recorded, apart = coupled_motion(recorded, model)
+    recorded, lacking = inputs.whole_motion(inputs.read_motion(files.motion, model), model)
+    recorded, apart = inputs.coupled_motion(recorded, model)
     warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
     warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
-    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial))), Poses(recorded)
+    warnings = (*(f"{files.motion.name}: {text}" for text in inputs.cut_warning(files.time, recorded)), *warnings)
+    return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial), files.assumed)), Poses(
+        recorded
+    )
 
 
 def _old_names(files: TrialFiles) -> tuple[str, ...]:
@@ -187,41 +206,6 @@ def _rate_warnings(trial: TrialInputs, time: Array) -> tuple[str, ...]:
     return (text,) if text else ()
 
 
-def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
-    if set(motion.names) == set(model.coordinate_names):
-        return motion, ()
-    values = compile_tree(model).coordinates_of(motion)
-    given = (*motion.names, *model.dependent_coordinates)
-    lacking = tuple(name for name in model.coordinate_names if name not in given)
-    return Motion(motion.time, model.coordinate_names, values), lacking
-
-
-def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
-
-    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
-    column as it stands: one in degrees would be read as 57 times as much.
-    """
-    driven = [name for name in model.dependent_coordinates if name in motion.names]
-    if not driven or not len(motion):
-        return motion, ()
-    told = compile_tree(model).coordinates_of(motion)
-    values = np.array(motion.values)
-    notes = []
-    for name in driven:
-        own, right = values[:, motion.names.index(name)], told[:, model.coordinate_names.index(name)]
-        apart = np.abs(np.nan_to_num(own - right))
-        worst = int(np.argmax(apart))
-        if apart[worst] > COUPLED:
-            notes.append(
-                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
-                f"{right[worst]:.4g}: the coupler's value is taken throughout"
-            )
-        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
-    return replace(motion, values=values), tuple(notes)
-
-
 def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     used = (
         ("model", files.model),
@@ -245,7 +229,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     options = options_of(settings)
     reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
     torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
-    points = _contact_points(files, model)
+    points, plan = _contact_points(files, model), contact_plan(files, model)
     if points is not None:
         sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
@@ -253,6 +237,8 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         envelope = options[EnvelopeOptions]
         found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_mvc, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    if files.laboratory:
+        sources.append(value_source("laboratory", "axes of the laboratory", files.laboratory))
     if files.labels:
         sources.append(value_source("markers", "labels of markers", sorted(files.labels.items())))
     if files.emg_muscles or files.emg_side:
@@ -266,13 +252,22 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ),
         loads=None
         if files.loads is None
-        else partial(inputs.read_loads, files.loads, model, bodies=files.bodies, trial=files.markers),
+        else partial(
+            read_loads,
+            files.loads,
+            model,
+            bodies=files.bodies,
+            trial=files.markers,
+            plates=files.plates,
+            laboratory=files.laboratory,
+            options=_force_options(options, plan),
+        ),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
-        contacts=contact_plan(files, model),
+        contacts=plan,
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
@@ -283,6 +278,12 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             *unused,
         ),
     )
+
+
+def _force_options(options: OptionSet, plan: ContactPlan | None) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and stay as they are."""
+    given = options[ForceOptions]
+    return replace(given, force_checks="none") if plan is not None and plan.measured == "shared" else given
 
 
 def contact_sources(files: TrialFiles) -> list[Source]:
@@ -300,7 +301,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.study.trial.stairs_file import recording_of
+        from myomorph.study.trial.contact_file import recording_of
 
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
@@ -316,7 +317,6 @@ def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, mod
     """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
         return options
-
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
     return with_tasks(options, tasks, model, str(files.tasks))

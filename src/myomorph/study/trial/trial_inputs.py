@@ -19,7 +19,7 @@ from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
 
 if TYPE_CHECKING:
-    from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.contact.plan import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
 Held = TypeVar("Held")
@@ -88,6 +88,7 @@ class TrialInputs:
     ----------
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
+    motion : coordinates of a file, in the place of inverse kinematics; None to compute them
     loads : external forces of a motion, or None where there are none
     torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
@@ -113,6 +114,7 @@ class TrialInputs:
     model: Model
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
+    motion: Motion | None = None
     loads: Callable[[Motion], Wrenches] | None = None
     torques: Series | None = None
     emg: Emg | None = None

@@ -14,18 +14,17 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, TorqueTable
+from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
     wrenches = None
     if trial.loads is not None:
         wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))
-        notes = (*notes, *wrenches.notes)
+        notes = (*wrenches.notes, *notes)
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 
 
@@ -122,6 +121,13 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     write_sto(torque_table(shown_torques(trial, found), trial.model), output.folder / "torques.sto")
     put_dynamics(output, found, trial.model)
     return found
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """What is done with forces counts where it is not the default: results from before there were checks still hold."""
+    options = trial.options
+    forces = options[ForceOptions]
+    return options[Differentiation], options[TorqueTable], *(() if forces == ForceOptions() else (forces,))
 
 
 def _read(stored: Stored, options: OptionSet) -> Torques | None:
@@ -175,7 +181,8 @@ STEP = Step(
     title="inverse dynamics",
     gives=Torques,
     needs=(Poses,),
-    options=(Differentiation, TorqueTable),
+    options=(Differentiation, ForceOptions, TorqueTable),
+    hashed=_hashed,
     run=_run,
     read=_read,
     show=_show,

@@ -1,0 +1,81 @@
+"""`analyze`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import EmgMuscles, Threads, use_threads
+from myomorph.cli.output import said
+
+
+def analyze_command(
+    recordings: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Recordings (.c3d, .trc) or folders of them, those of OpenCap and Pose2Sim too.", negative=()),
+    ],
+    /,
+    *,
+    mass: Annotated[float, Parameter(help="Of the subject [kg].")],
+    height: Annotated[float | None, Parameter(help="Of the subject [m]: the markers are held against it.")] = None,
+    static: Annotated[
+        Path | None,
+        Parameter(help="Recording of standing still; by default found among or beside the recordings."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        Parameter(help="OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk."),
+    ] = None,
+    protocol: Annotated[
+        Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
+    ] = None,
+    emg_muscles: EmgMuscles = (),
+    emg_side: Annotated[
+        Literal["right", "left", ""], Parameter(help="Side of EMG channels whose names tell none.")
+    ] = "",
+    emg_mvc: Annotated[
+        tuple[Path, ...], Parameter(help="Recordings of maximum voluntary contractions.", consume_multiple=True)
+    ] = (),
+    out: Annotated[Path, Parameter(help="Folder to write.")] = Path("analysis"),
+    threads: Threads = None,
+    workers: Annotated[int | None, Parameter(help="Processes that work side by side.")] = None,
+    prepare: Annotated[
+        bool, Parameter(negative=(), help="Only write the study file, so that it can be changed before it is run.")
+    ] = False,
+) -> int:
+    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are found, and said."""
+    # Imported by the command that needs it: --help and the others start without.
+    from myomorph.cli.study import run_plan
+    from myomorph.model.errors import BadData
+    from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+    from myomorph.study.analyze.own_protocols import read_protocols
+    from myomorph.study.plan.plan import read_plan
+    from myomorph.study.trial.emg_files import channel_muscles
+
+    if not recordings:
+        raise BadData("no recording: give one or more recordings (.c3d, .trc) or folders of them")
+    if not mass > 0.0:
+        raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
+    use_threads(threads)
+    request = AnalyzeRequest(
+        recordings,
+        mass,
+        height,
+        static,
+        model,
+        None if protocol is None else read_protocols(protocol),
+        channel_muscles(emg_muscles),
+        emg_side,
+        emg_mvc,
+        shlex.join(["myomorph", *sys.argv[1:]]),
+    )
+    prepared = prepare_study(request, out)
+    said("assumed:")
+    for text in prepared.assumed:
+        said(f"  {text}")
+    said(f"study file, to be changed and run again: {prepared.study}")
+    return 0 if prepare else run_plan(read_plan(prepared.study), out, workers=workers, threads=threads)

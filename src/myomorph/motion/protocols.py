@@ -1,0 +1,295 @@
+"""Marker protocols: which body segment and anatomical landmark each label of a recording lies on."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Any, Literal, NamedTuple
+
+from myomorph.model.errors import BadData, listing
+from myomorph.model.frozen_map import FrozenMap
+
+SIDES = {"R": "right", "L": "left"}
+COMMON = "common"
+"""The name of the set of names in use in many laboratories, which belongs to no protocol."""
+MIN_COUNT = 6
+"""So many labels of a recording must be a protocol's for the recording to follow it."""
+MIN_SHARE = 0.3
+"""And so large a share of the protocol's landmarks must be there: some names are in every laboratory's use."""
+Kind = Literal["bony", "skin", "center"]
+_TABLES: Mapping[str, Kind] = {"landmarks": "bony", "skin": "skin", "centers": "center"}
+_PREFIX = re.compile(r"^[^:]*:")
+_SEPARATORS = re.compile(r"[\s._-]")
+
+
+class Site(NamedTuple):
+    """What a marker lies on.
+
+    Attributes
+    ----------
+    segment : of the body: pelvis, thigh, shank, foot, trunk, head, upper_arm, forearm or hand
+    landmark : in words
+    side : "right", "left", or "" in the middle
+    key : segment and landmark in short, as `pelvis.asis`
+    kind : "bony" for a landmark that a finger finds, "skin" for a point without one, "center" for the center of a joint
+    """
+
+    segment: str
+    landmark: str
+    side: str
+    key: str
+    kind: Kind
+
+    def __str__(self) -> str:
+        return f"{self.side} {self.landmark}".strip()
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """A set of labels and what they mean.
+
+    Attributes
+    ----------
+    name : in tables and on the command line
+    title, source : in words
+    labels : what each label lies on
+    endings : that a label can have besides
+    """
+
+    name: str
+    title: str
+    source: str
+    labels: Mapping[str, Site]
+    endings: tuple[str, ...] = ()
+
+    def site(self, label: str) -> Site | None:
+        """What a label of a recording lies on, None where the protocol does not know it."""
+        return self._plain_labels.get(_plain(label, self.name == COMMON, self.endings))
+
+    @cached_property
+    def _plain_labels(self) -> dict[str, Site]:
+        """Labels in the form in which they are compared."""
+        found: dict[str, Site] = {}
+        for label, site in self.labels.items():
+            found.setdefault(_plain(label, self.name == COMMON), site)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Recognized:
+    """Labels of a recording as protocols know them.
+
+    Attributes
+    ----------
+    protocol : the one that knows most labels; None where none knows enough
+    sites : label as the recording has it, and what it lies on
+    common : labels that only the table of common names knows
+    unknown : labels that none knows
+    """
+
+    protocol: Protocol | None
+    sites: Mapping[str, Site]
+    common: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ProtocolTable:
+    """Protocols and the landmarks that they name.
+
+    Attributes
+    ----------
+    landmarks : by `segment.key`: words and kind
+    protocols : by name
+    common : names in use in many laboratories
+    """
+
+    landmarks: Mapping[str, tuple[str, Kind]]
+    protocols: Mapping[str, Protocol]
+    common: Protocol = field(default_factory=lambda: Protocol(COMMON, "common names", "", FrozenMap({})))
+
+
+def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> Protocol | None:
+    """The marker protocol that a recording follows, by its labels; None where no protocol knows enough of them.
+
+    Of protocols that know equally many labels, the one counts whose labels are all there.
+
+    Parameters
+    ----------
+    names : labels of a recording, with or without a subject's name before them (`Subject:LASI`)
+    table : by default those of the package
+
+    Examples
+    --------
+    >>> from myomorph.motion.protocols import find_protocol
+    >>> find_protocol(["S1:LASI", "S1:RASI", "S1:LPSI", "S1:RPSI", "S1:LTHI", "S1:LKNE", "S1:LANK"]).title
+    'Plug-in Gait'
+    """
+    labels = tuple(dict.fromkeys(names))
+    table = table or protocols()
+    best: Protocol | None = None
+    best_score = (MIN_COUNT - 1, 0.0)
+    for one in table.protocols.values():
+        known = {site for site in map(one.site, labels) if site is not None}
+        count = sum(one.site(name) is not None for name in labels)
+        score = (count, len(known) / max(1, len(set(one.labels.values()))))
+        # Markers that only common names know belong to another protocol.
+        foreign = sum(one.site(name) is None and table.common.site(name) is not None for name in labels)
+        if score > best_score and score[1] >= MIN_SHARE and count >= foreign:
+            best, best_score = one, score
+    return best
+
+
+def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recognized:
+    """What every label of a recording lies on: by its protocol, else by the table of common names.
+
+    Two labels never lie on the same landmark: a label of the protocol goes before a common name, and of two of the same
+    kind the first counts. Points of the skin may be several.
+
+    Parameters
+    ----------
+    names : labels of a recording
+    table : by default those of the package
+
+    Examples
+    --------
+    >>> from myomorph.motion.protocols import recognize
+    >>> found = recognize(["LASI", "RASI", "LPSI", "RPSI", "LKNE", "LANK", "LMT1", "ball"])
+    >>> str(found.sites["LKNE"]), found.common, found.unknown
+    ('left lateral epicondyle of the femur', ('LMT1',), ('ball',))
+    """
+    table = table or protocols()
+    labels = tuple(dict.fromkeys(names))
+    protocol = find_protocol(labels, table)
+    sites: dict[str, Site] = {}
+    common = []
+    for own in (protocol, table.common):
+        for label in labels:
+            site = None if own is None or label in sites else own.site(label)
+            if site is None or (site.kind != "skin" and site in sites.values()):
+                continue
+            sites[label] = site
+            if own is table.common:
+                common.append(label)
+    ordered = {label: sites[label] for label in labels if label in sites}
+    return Recognized(protocol, FrozenMap(ordered), tuple(common), tuple(one for one in labels if one not in sites))
+
+
+def labels_between(recorded: Iterable[str], known: Iterable[str], table: ProtocolTable | None = None) -> dict[str, str]:
+    """Labels of a recording and the markers of a model that lie on the same landmark under another name.
+
+    Only bony landmarks and joint centers: a point of the skin without a landmark lies elsewhere in every laboratory.
+    Names that both have are left out, and so are markers that the recording has under their own name.
+
+    Parameters
+    ----------
+    recorded : labels of a recording
+    known : markers of a model
+
+    Returns
+    -------
+    recorded label: marker of the model, as the key `labels` of a study takes it
+    """
+    recorded, known = tuple(recorded), tuple(known)
+    taken = set(recorded)
+    theirs = {site: name for name, site in recognize(known, table).sites.items() if site.kind != "skin"}
+    found = {}
+    for label, site in recognize(recorded, table).sites.items():
+        marker = theirs.get(site)
+        if marker is not None and marker not in taken and label not in known:
+            found[label] = marker
+    return found
+
+
+@cache
+def protocols() -> ProtocolTable:
+    """The protocols that come with the package."""
+    text = (files("myomorph.motion") / "data" / "protocols.toml").read_text("utf-8")
+    return protocol_table(text, "protocols.toml")
+
+
+def protocol_table(text: str, source: str, base: ProtocolTable | None = None) -> ProtocolTable:
+    """Protocols of a table in TOML, after those of another.
+
+    Parameters
+    ----------
+    text : as `motion/data/protocols.toml`, which says in its first lines what stands where
+    source : its name, for errors
+    base : protocols and landmarks that the table adds to; a protocol of the same name takes the other's place
+
+    Raises
+    ------
+    BadData : no TOML, an unknown table or landmark, a label twice
+    """
+    try:
+        raw = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise BadData(f"{source}: is not TOML: {error}") from None
+    tables = (*_TABLES, "protocols", COMMON)
+    for name in raw:
+        if name not in tables:
+            raise BadData(f"{source}: unknown table '{name}': there are {listing(name, tables)}")
+    landmarks = dict(base.landmarks) if base else {}
+    for name, kind in _TABLES.items():
+        for segment, own in raw.get(name, {}).items():
+            landmarks |= {f"{segment}.{key}": (str(words), kind) for key, words in own.items()}
+    found = dict(base.protocols) if base else {}
+    for name, own in raw.get("protocols", {}).items():
+        found[name] = _protocol(name, own, landmarks, found, source)
+    common = base.common if base else Protocol(COMMON, "common names", "", FrozenMap({}))
+    if COMMON in raw:
+        labels = dict(common.labels) | _labels(raw[COMMON].get("labels", {}), landmarks, f"{source}: {COMMON}")
+        common = Protocol(COMMON, "common names", "", FrozenMap(labels))
+    return ProtocolTable(FrozenMap(landmarks), FrozenMap(found), common)
+
+
+def _protocol(
+    name: str,
+    raw: Mapping[str, Any],
+    landmarks: Mapping[str, tuple[str, Kind]],
+    before: Mapping[str, Protocol],
+    source: str,
+) -> Protocol:
+    where = f"{source}: protocol '{name}'"
+    labels: dict[str, Site] = {}
+    for other in raw.get("also", ()):
+        if other not in before:
+            raise BadData(
+                f"{where}: unknown protocol '{other}' in 'also': before it are {listing(other, list(before))}"
+            )
+        labels |= before[other].labels
+    dropped = {label for label, key in raw.get("labels", {}).items() if not key}
+    labels = {label: site for label, site in labels.items() if label not in dropped}
+    labels |= _labels(raw.get("labels", {}), landmarks, where)
+    title, origin = (str(raw.get(one, "")) for one in ("title", "source"))
+    return Protocol(name, title or name, origin, FrozenMap(labels), tuple(raw.get("endings", ())))
+
+
+def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], where: str) -> dict[str, Site]:
+    """Labels with their sides, and what they lie on."""
+    found: dict[str, Site] = {}
+    for label, key in raw.items():
+        if not key:
+            continue
+        if key not in landmarks:
+            raise BadData(f"{where}: unknown landmark '{key}': there are {listing(key, list(landmarks))}")
+        words, kind = landmarks[key]
+        segment = key.split(".")[0]
+        for letter, side in SIDES.items() if "#" in label else (("", ""),):
+            name = label.replace("#", letter)
+            if name in found:
+                raise BadData(f"{where}: label '{name}' is there twice")
+            found[name] = Site(segment, words, side, key, kind)
+    return found
+
+
+def _plain(label: str, loose: bool, endings: Sequence[str] = ()) -> str:
+    """A label without the subject's name and the protocol's endings, in small letters; `loose` drops separators."""
+    text = _PREFIX.sub("", label.strip()).lower()
+    for ending in endings:
+        text = text.removesuffix(ending.lower())
+    return _SEPARATORS.sub("", text) if loose else text

@@ -1,0 +1,284 @@
+"""Raw recordings to a study: protocol, axes, static trial, model, forces and EMG found, and the study file written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from myomorph.io.osim.write import write_osim
+from myomorph.model.errors import BadData, listing
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.segments import feet_of
+from myomorph.motion.protocols import ProtocolTable, labels_between
+from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.recordings import (
+    Recording,
+    bare,
+    files_of,
+    look_at,
+    sites_of,
+    standing_height,
+    static_beside,
+)
+from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
+from myomorph.study.trial.emg_names import muscles_of_channels
+from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.laboratory import AS_RECORDED
+
+STUDY, GENERIC = "study.toml", "generic.osim"
+MIN_MARKERS = 6
+"""Fewer markers on a body's bones say too little of a motion."""
+NEEDED = ("pelvis", "thigh", "shank")
+HEIGHT_TOLERANCE = 0.1
+"""A height that the markers show lies within this share of the true one."""
+
+
+@dataclass(frozen=True)
+class AnalyzeRequest:
+    """What a user asks for.
+
+    Attributes
+    ----------
+    mass, height : of the subject [kg], [m]
+    static : recording of standing still
+    model : None for the generic one
+    table : protocols, None for those of the package
+    emg_muscles : EMG channel to muscles
+    emg_side : side of channels whose names tell none
+    emg_mvc : recordings of maximum voluntary contractions
+    command : as typed, for the study file
+    """
+
+    recordings: tuple[Path, ...]
+    mass: float
+    height: float | None = None
+    static: Path | None = None
+    model: Path | None = None
+    table: ProtocolTable | None = None
+    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
+    emg_side: Literal["right", "left", ""] = ""
+    emg_mvc: tuple[Path, ...] = ()
+    command: str = "myomorph analyze"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A study file that was written, and what it assumes.
+
+    Attributes
+    ----------
+    assumed : sentences, those on all recordings first
+    """
+
+    study: Path
+    assumed: tuple[str, ...]
+
+
+def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
+    """Look at the recordings and write `study.toml`, and the generic model where none is given, into a folder.
+
+    Raises
+    ------
+    MyomorphError
+        with one line that says what is missing, and the option that supplies it
+    """
+    paths, assumed = files_of(request.recordings)
+    looked = [look_at(path, table=request.table) for path in paths]
+    static, moving, text = _static(looked, request)
+    if text:
+        assumed.append(text)
+    for one in moving:
+        _check_markers(one)
+    everyone = [*moving, *([static] if static is not None else [])]
+    out.mkdir(parents=True, exist_ok=True)
+    model, path, labels, told = _model(everyone, request, out)
+    assumed += [*_protocols(moving), *told, *_height(static or moving[0], request.height)]
+    trials = tuple(_trial(one, model, request, name) for one, name in zip(moving, _names(moving), strict=True))
+    study = StudyEntries(
+        out.resolve().name,
+        request.command,
+        path,
+        request.mass,
+        trials,
+        None if static is None else static.path,
+        AS_RECORDED if static is None or not _is_y_up(model) else static.laboratory,
+        labels,
+        request.emg_muscles,
+        request.emg_side,
+        request.emg_mvc,
+        assumed=tuple(assumed),
+    )
+    target = out / STUDY
+    target.write_text(study_text(study, out), encoding="utf-8")
+    own = [f"{one.name}: {text}" for one in trials for text in one.assumed]
+    return Prepared(target, (*assumed, *own))
+
+
+def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording | None, list[Recording], str]:
+    """The recording of standing still, the others, and a sentence on it."""
+    if request.static is not None:
+        static = look_at(request.static, table=request.table)
+        moved = "" if static.still else ", although markers move in it by more than 3 cm"
+        return static, looked, f"{static.path.name} is the static trial, as --static says{moved}."
+    still = [one for one in looked if one.still]
+    moving = [one for one in looked if not one.still]
+    if still and moving:
+        static = max(still, key=lambda one: len(one.found.sites))
+        return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
+    beside = static_beside(looked[0].path, request.table) if moving else None
+    if beside is not None:
+        return beside, moving, f"{beside.path.name} beside the recording is the static trial: nobody moves in it."
+    return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
+
+
+def _check_markers(one: Recording) -> None:
+    """Raise `BadData` where the labels that are known do not show a pelvis and a leg."""
+    segments = {site.segment for site in one.found.sites.values()}
+    lacking = [name for name in NEEDED if name not in segments]
+    if len(one.found.sites) >= MIN_MARKERS and not lacking:
+        return
+    unknown = ", ".join(f"'{name}'" for name in one.found.unknown[:5]) + (", ..." if len(one.found.unknown) > 5 else "")
+    raise BadData(
+        f"{one.path}: {len(one.found.sites)} of {len(one.found.sites) + len(one.found.unknown)} labels are those of a "
+        f"marker protocol, none on {' and '.join(lacking) or 'enough landmarks'}"
+        + (f" (not known: {unknown})" if unknown else "")
+        + "; say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers (--model)"
+    )
+
+
+def _protocols(moving: Sequence[Recording]) -> list[str]:
+    """Sentences on protocols and axes."""
+    texts = []
+    for title in dict.fromkeys(one.found.protocol.title if one.found.protocol else "" for one in moving):
+        own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
+        known = own[0].found
+        what = f"marker protocol {title}" if title else "no known marker protocol, but labels in common use"
+        text = f"{_list([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
+        if title and known.common:
+            text += f", {len(known.common)} of them by common names ({_list(known.common)})"
+        texts.append(text + (f"; not used: {_list(known.unknown)}." if known.unknown else "."))
+    return texts
+
+
+def _model(
+    everyone: Sequence[Recording], request: AnalyzeRequest, out: Path
+) -> tuple[Model, Path, dict[str, str], list[str]]:
+    """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
+    recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
+    if request.model is None:
+        model, without = generic_model(sites_of(everyone))
+        path = out / GENERIC
+        write_osim(model, path)
+        text = (
+            f"No model was given (--model FILE): myo-sim's legs and trunk with {len(model.muscles)} muscles, "
+            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings. "
+            "The arms' mass is part of the trunk's."
+        )
+        if without:
+            text += f" Without a place on it: {_list(without)}."
+        return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
+    model = open_model(request.model)
+    names = model.marker_names
+    labels = {label: bare(label) for label in recorded if bare(label) != label and bare(label) in names}
+    rest = [label for label in recorded if label not in labels]
+    labels |= {
+        old: new for old, new in labels_between(rest, names, request.table).items() if new not in labels.values()
+    }
+    known = [label for label in recorded if label in names or label in labels]
+    if len(known) < MIN_MARKERS:
+        raise BadData(
+            f"{request.model}: {len(known)} of its {len(names)} markers are in the recordings, which have "
+            f"{listing('', recorded)}: give a model with such markers, or leave --model out for the generic one"
+        )
+    texts = [f"{len(known)} labels are markers of {request.model.name}."]
+    if labels:
+        shown = _list([f"{old} as {new}" for old, new in labels.items()])
+        texts.append(f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}.")
+    return model, request.model, labels, texts
+
+
+def _is_y_up(model: Model) -> bool:
+    return bool(model.gravity[1] < 0.0)
+
+
+def _height(one: Recording, height: float | None) -> list[str]:
+    """A sentence where the height that was given is not that of the body recorded."""
+    if height is None:
+        return []
+    found = standing_height(one)
+    if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
+        return []
+    return [
+        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
+        "(--height): is the unit right, and are they of this person?"
+    ]
+
+
+def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:
+    """What the study file says of a recording."""
+    texts = []
+    laboratory = one.laboratory if _is_y_up(model) else AS_RECORDED
+    if laboratory.up:
+        texts.append(f"{laboratory.up} points up in the laboratory, for {one.why_up}: turned to the model's y axis.")
+    if laboratory.turn:
+        texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {one.why_turn}.")
+    emg, said = _emg(one, model, request)
+    texts += said
+    plates = one.trial.plates
+    contacts, loads = "", one.loads
+    if one.loads is not None:
+        texts.append(f"External forces from {one.loads.name}.")
+    elif plates and feet_of(model):
+        texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
+        # Named, so that a file of forces beside the recording is not taken for them.
+        loads = one.path
+    elif feet_of(model):
+        contacts = "auto"
+        texts.append("No force was measured: forces under the feet are estimated from the motion.")
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
+
+
+def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, list[str]]:
+    """The file of EMG of a recording, and sentences on its channels."""
+    if one.emg is not None:
+        return one.emg, [f"EMG from {one.emg.name}."]
+    analog = one.trial.analog
+    if analog is None:
+        return None, []
+    given = request.emg_muscles
+    used = muscles_of_channels(analog.names, model, request.emg_side) | {
+        name: muscles for name, muscles in given.items() if name in analog.names
+    }
+    alive = [name for name in used if np.nanstd(analog[name]) > 0.0]
+    sideless = [] if request.emg_side else list(muscles_of_channels(analog.names, model, "right"))
+    lost = [name for name in sideless if name not in used]
+    texts = []
+    if alive:
+        texts.append(f"EMG of {len(alive)} analog channels: {_list(alive)}.")
+    if used and len(alive) < len(used):
+        texts.append(f"Analog channels without a signal: {_list([name for name in used if name not in alive])}.")
+    if lost:
+        texts.append(f"EMG that does not tell its side is not used: {_list(lost)} (--emg-side left or right).")
+    return (one.path if alive else None), texts
+
+
+def _names(recordings: Sequence[Recording]) -> list[str]:
+    """Names of trials: those of the files, and of their folders where these say nothing or are alike."""
+    names = [one.name for one in recordings]
+    found = []
+    for one, name in zip(recordings, names, strict=True):
+        plain = name.lower() in ("markers", "marker", "motion", "motion_capture")
+        parent = one.path.resolve().parent.name
+        found.append(parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name)
+    return found
+
+
+def _list(names: Sequence[str], count: int = 8) -> str:
+    """Names in a row, the first ones."""
+    more = f" and {len(names) - count} more" if len(names) > count else ""
+    return ", ".join(names[:count]) + more

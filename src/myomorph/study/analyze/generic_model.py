@@ -1,0 +1,137 @@
+"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed by landmark."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.functions import linear
+from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
+from myomorph.model.spatial import Transform
+from myomorph.motion.protocols import Site
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.progress import silent_mujoco
+from myomorph.study.analyze.opensim_wraps import in_opensim_form
+
+NAME = "myolegs_abdomen"
+HEIGHT = 1.70
+"""Of a body whose bones are as long as the model's [m]."""
+LOCKED = ("mtp_angle_r", "mtp_angle_l")
+FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
+"""Walkers go beyond the model's ranges of these."""
+
+
+def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
+    """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
+
+    Parameters
+    ----------
+    sites : label of a recording, and what it lies on
+
+    Returns
+    -------
+    the model, and labels that have no place on it (of arms and head)
+
+    Raises
+    ------
+    BadData : myo-sim is not installed
+    """
+    markers, without = placed(sites)
+    return _legs().with_markers(markers), without
+
+
+def placed(sites: Mapping[str, Site]) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
+    """Markers on the generic model's bones, and labels that have no place on them."""
+    table = _places()
+    markers, without = [], []
+    for label, site in sites.items():
+        if site.key not in table:
+            without.append(label)
+            continue
+        body, place = table[site.key]
+        if body in ("femur", "tibia", "talus", "calcn"):
+            body = f"{body}_{site.side[:1]}"
+        side = np.array([1.0, 1.0, -1.0 if site.side == "left" else 1.0])
+        markers.append(Marker(label, body, place * side))
+    return tuple(markers), tuple(without)
+
+
+@cache
+def _places() -> dict[str, tuple[str, Array]]:
+    """Body and place (3,) of every landmark of the right side, by `segment.key`."""
+    raw = tomllib.loads((files("myomorph.study.analyze") / "data" / "legs.toml").read_text("utf-8"))
+    return {
+        f"{segment}.{key}": (str(one["body"]), np.array(one["place"], dtype=np.float64))
+        for segment, own in raw.items()
+        for key, one in own.items()
+    }
+
+
+@cache
+def _legs() -> Model:
+    model = in_opensim_form(legs_and_trunk())
+    held = [
+        replace(one, locked=True, default=0.0) if one.name in LOCKED
+        else replace(one, clamped=False) if one.name in FREED
+        else one
+        for one in model.coordinates
+    ]  # fmt: skip
+    return replace(model, coordinates=tuple(held), kept=())
+
+
+def legs_and_trunk() -> Model:
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
+
+    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
+    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`.
+
+    Raises
+    ------
+    BadData : myo-sim is not installed
+    """
+    try:
+        # Brings MuJoCo and myo-sim: loaded only where it is needed.
+        import myo_sim
+    except ImportError:
+        raise BadData("the generic model comes with the package 'myo-sim': install it (pip install myo-sim)") from None
+    from myomorph.io.mjcf.read import model_from_mujoco
+
+    with silent_mujoco():
+        # Without `load_model`'s keyframes, for which it compiles the model once more.
+        compiled = myo_sim.load_spec(NAME).compile()
+    # Composed in memory: the source only says beside which folder its meshes lie.
+    model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / NAME))
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.defaults[None])
+    root = model.joints[0]
+    start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
+    joint, coordinates = _pelvis_joint(root.child, start)
+    return replace(
+        model,
+        joints=(joint, *model.joints[1:]),
+        coordinates=(*coordinates, *model.coordinates[6:]),
+        gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
+    )
+
+
+def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ...]]:
+    x, y, z = np.eye(3)
+    turns = (("pelvis_tilt", z), ("pelvis_list", x), ("pelvis_rotation", y))
+    shifts = (("pelvis_tx", x), ("pelvis_ty", y), ("pelvis_tz", z))
+    axes = [Axis("translation", vector, linear(1.0), (name,)) for name, vector in shifts]
+    axes += [Axis("rotation", vector, linear(1.0), (name,)) for name, vector in turns]
+    coordinates = [Coordinate(name, "rotational") for name, _ in turns]
+    coordinates += [Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts]
+    names = tuple(one.name for one in coordinates)
+    frame = Transform(start, np.zeros(3))
+    joint = Joint("ground_pelvis", "CustomJoint", GROUND, child, Transform.identity(), frame, tuple(axes), names)
+    return joint, tuple(coordinates)

@@ -1,0 +1,331 @@
+"""What a recording is: its marker protocol and axes, whether somebody stands still, and the files that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.force_columns import force_columns
+from myomorph.io.formats import trial_format
+from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile, MyomorphError
+from myomorph.model.series import Trial
+from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
+from myomorph.study.plan.subject_trials import companion, plain_stem
+from myomorph.study.trial.inputs import read_recording
+from myomorph.study.trial.laboratory import Laboratory, Up
+
+STILL = 0.03
+"""Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""
+STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
+FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
+TABLES = (".mot", ".sto", ".csv", ".txt")
+FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
+RIGHT_ANGLE = 20.0
+"""A laboratory's axes are taken to be along the walk where they are by less [degrees]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording and what was found in it.
+
+    Attributes
+    ----------
+    trial : as the file has it
+    found : what its labels lie on
+    laboratory : how its axes stand to a model's, y up and x forward
+    why_up, why_turn : what tells so, in words; "" where nothing was turned
+    still : somebody stands still in it
+    loads, emg : files beside it that belong to it
+    """
+
+    path: Path
+    name: str
+    trial: Trial
+    found: Recognized
+    laboratory: Laboratory
+    why_up: str
+    why_turn: str
+    still: bool
+    loads: Path | None = None
+    emg: Path | None = None
+
+
+def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> Recording:
+    """A recording of a file, looked at.
+
+    Raises
+    ------
+    BadFile, BadData
+        where it cannot be read, or has no marker whose label is known
+    """
+    trial = read_recording(path)
+    if trial.markers is None or not len(trial.markers):
+        raise BadData(
+            f"{path}: holds no markers, so there is no motion to analyze: give the recording of the markers"
+            + (", and this file's forces with it" if trial.plates else "")
+        )
+    names = [one for one in trial.markers.names if np.isfinite(trial.markers[one]).all(axis=1).any()]
+    found = recognize(names, table)
+    places = {label: trial.markers[label] for label in found.sites}
+    up, why_up = _up(trial, found, places)
+    turn, why_turn = _turn(Laboratory(up), found, places)
+    loads = None if trial.plates else loads_beside(path)
+    return Recording(
+        path,
+        name or plain_stem(path),
+        trial,
+        found,
+        Laboratory(up, turn),
+        why_up,
+        why_turn,
+        _is_still(trial, places),
+        loads,
+        emg_beside(path),
+    )
+
+
+def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
+    """(frames, 3) mean of the markers of landmarks or segments, None where there is none."""
+    chosen = [places[label] for label, site in found.sites.items() if site.key in keys or site.segment in segments]
+    if not chosen:
+        return None
+    with np.errstate(invalid="ignore"):
+        stacked = np.stack(chosen)
+        seen = np.isfinite(stacked).all(axis=2).any(axis=0)
+        mean = np.full(stacked.shape[1:], np.nan)
+        mean[seen] = np.nanmean(stacked[:, seen], axis=0)
+    return mean
+
+
+def _up(trial: Trial, found: Recognized, places: dict[str, Array]) -> tuple[Up, str]:
+    """The axis that points up, "" where it is y; and what tells so."""
+    low, high = (_mean(found, places, segments=one) for one in (("foot", "shank"), ("pelvis", "trunk", "head")))
+    axis: Up = "y"
+    why = ""
+    if low is not None and high is not None:
+        along = np.nanmedian(high - low, axis=0)
+        if np.isfinite(along).all() and np.abs(along).max() > 0.7 * np.linalg.norm(along):
+            k = int(np.argmax(np.abs(along)))
+            axis = ("-" if along[k] < 0.0 else "") + "xyz"[k]  # type: ignore[assignment]
+            why = f"the trunk is above the feet along {axis}"
+    if not why and trial.plates:
+        normals = [np.cross(one.corners[0] - one.corners[1], one.corners[0] - one.corners[3]) for one in trial.plates]
+        k = int(np.argmax(np.abs(np.mean(normals, axis=0))))
+        axis = "xyz"[k]  # type: ignore[assignment]
+        why = f"the plates lie level with {axis}"
+    if not why and Path(trial.source).suffix.lower() == ".c3d":
+        axis, why = "z", "the z axis of a C3D file points up by custom"
+    return ("", "") if axis == "y" else (axis, why)
+
+
+def _turn(upright: Laboratory, found: Recognized, places: dict[str, Array]) -> tuple[float, str]:
+    """By how much the recording is turned about the vertical so that people face along x [degrees]; and why."""
+    front, back = _mean(found, places, "pelvis.asis"), _mean(found, places, "pelvis.psis", "pelvis.sacrum")
+    what = "the pelvis faces"
+    if front is None or back is None:
+        front = _mean(
+            found,
+            places,
+            *(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip")),
+        )
+        back = _mean(found, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
+        what = "the feet point"
+    if front is None or back is None:
+        return 0.0, ""
+    facing = (front - back) @ upright.rotation.T
+    level = facing[:, [0, 2]]
+    with np.errstate(invalid="ignore"):
+        level = level / np.linalg.norm(level, axis=1, keepdims=True)
+    level = level[np.isfinite(level).all(axis=1)]
+    if not len(level):
+        return 0.0, ""
+    mean = level.mean(axis=0)
+    if np.linalg.norm(mean) < 0.5:
+        return 0.0, ""
+    # About y, x goes to -z: a body that faces -z has turned by +90 degrees.
+    faces = float(np.rad2deg(np.arctan2(-mean[1], mean[0])))
+    nearest = 90.0 * round(faces / 90.0)
+    turned = nearest if abs(faces - nearest) < RIGHT_ANGLE else round(faces)
+    turn = float((-turned + 180.0) % 360.0 - 180.0)
+    turn = 180.0 if turn == -180.0 else turn + 0.0
+    if turn == 0.0:
+        return 0.0, ""
+    return turn, f"{what} {abs(faces):.0f}° to the {'left' if faces > 0.0 else 'right'} of the x axis"
+
+
+def _is_still(trial: Trial, places: dict[str, Array]) -> bool:
+    """Whether somebody stands still: no marker of the body leaves its place."""
+    ways = []
+    for place in places.values():
+        seen = place[np.isfinite(place).all(axis=1)]
+        if len(seen):
+            ways.append(float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))))
+    return bool(ways) and float(np.percentile(ways, 90.0)) < STILL
+
+
+def loads_beside(path: Path) -> Path | None:
+    """The file of forces of a recording: by its name, beside it or in a folder of forces; else the only one.
+
+    External loads files, and tables with columns of forces.
+    """
+    found = companion(path, "loads")
+    if found is not None and _has_forces(found):
+        return found
+    folders = [
+        one
+        for home in (path.parent, path.parent.parent)
+        if home.is_dir()
+        for one in sorted(home.iterdir())
+        if one.is_dir() and one.name.lower().replace("_", "") in FORCE_FOLDERS
+    ]
+    for folder in folders:
+        found = companion(folder / path.name, "loads")
+        if found is not None and _has_forces(found):
+            return found
+    stem = plain_stem(path).lower()
+    tables = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in TABLES and one != path]
+    named = [one for one in tables if one.stem.lower().startswith(stem) and _has_forces(one)]
+    if len(named) == 1:
+        return named[0]
+    alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
+    forces = [one for one in tables if _has_forces(one)] if alone else []
+    return forces[0] if len(forces) == 1 else None
+
+
+def _has_forces(path: Path) -> bool:
+    if path.suffix.lower() not in TABLES:
+        return True
+    try:
+        return bool(force_columns(read_sto(path).names))
+    except (MyomorphError, OSError):
+        return False
+
+
+def emg_beside(path: Path) -> Path | None:
+    """The file of EMG that belongs to a recording: by its name, or the only one that is called EMG."""
+    found = companion(path, "emg")
+    if found is not None:
+        return found
+    alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
+    named = [
+        one
+        for one in sorted(path.parent.iterdir())
+        if one.suffix.lower() in (".sto", ".mot", ".csv")
+        and any(word in one.stem.lower() for word in ("emg", "electromyo"))
+    ]
+    return named[0] if alone and len(named) == 1 else None
+
+
+def static_beside(path: Path, table: ProtocolTable | None = None) -> Recording | None:
+    """A recording beside another one, by its name of somebody who stands still, with markers that the other has."""
+    homes = [path.parent]
+    if path.parent.parent.is_dir():
+        homes += [
+            one
+            for one in sorted(path.parent.parent.iterdir())
+            if one.is_dir() and one != path.parent and any(word in one.name.lower() for word in STATIC_WORDS)
+        ]
+    for home in homes:
+        for one in sorted(home.iterdir()):
+            named = home != path.parent or any(word in one.stem.lower() for word in STATIC_WORDS)
+            if not named or one == path or not one.is_file() or trial_format(one) is None:
+                continue
+            try:
+                found = look_at(one, table=table)
+            except MyomorphError:
+                continue
+            if found.still and len(found.found.sites) >= 6:
+                return found
+    return None
+
+
+def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """The recordings that files and folders stand for, and what was passed over, one line each.
+
+    A folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose files of one
+    recording the last stage counts: with markers added, else filtered, else as triangulated.
+
+    Raises
+    ------
+    BadFile
+        where a path does not exist, is no recording, or a folder holds none
+    """
+    found: list[Path] = []
+    notes: list[str] = []
+    for path in given:
+        if not path.exists():
+            raise BadFile(path, "does not exist", "give recordings of markers (.c3d, .trc) or a folder of them")
+        if path.is_file():
+            if trial_format(path) is None:
+                raise BadFile(
+                    path, f"is no recording of markers: its name ends in '{path.suffix}'", "expected .c3d or .trc"
+                )
+            found.append(path)
+            continue
+        inside = _in_folder(path, notes)
+        if not inside:
+            raise BadFile(path, "holds no recording of markers", "expected files that end in .c3d or .trc")
+        found += inside
+    return list(dict.fromkeys(found)), notes
+
+
+def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
+    for name in ("MarkerData", "pose-3d", "markers"):
+        inside = sorted(one for one in folder.rglob(name) if one.is_dir())
+        if inside:
+            files = [one for home in inside for one in sorted(home.rglob("*")) if trial_format(one) is not None]
+            return _last_stage(files, notes)
+    here = [one for one in sorted(folder.iterdir()) if one.is_file() and trial_format(one)]
+    below = [] if here else [one for one in sorted(folder.rglob("*")) if one.is_file() and trial_format(one)]
+    return _last_stage(here or below, notes)
+
+
+def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
+    """Of each recording that Pose2Sim wrote in several stages, the last."""
+    kept: dict[Path, tuple[int, Path]] = {}
+    for path in files:
+        stem = path.stem
+        stage = 0
+        for number, mark in ((1, "_filt"), (2, "_LSTM")):
+            if mark in stem:
+                stem, stage = stem.split(mark)[0], max(stage, number)
+        key = path.with_name(stem)
+        if key in kept:
+            notes.append(f"{kept[key][1].name} and {path.name} are stages of one recording: the last is used")
+        if key not in kept or stage > kept[key][0]:
+            kept[key] = (stage, path)
+    return [path for _, path in kept.values()]
+
+
+def sites_of(recordings: Iterable[Recording]) -> dict[str, Site]:
+    """Labels of all recordings, without the names of subjects, and what they lie on."""
+    found: dict[str, Site] = {}
+    for one in recordings:
+        for label, site in one.found.sites.items():
+            found.setdefault(bare(label), site)
+    return found
+
+
+def bare(label: str) -> str:
+    """A label without the subject's name before it."""
+    return label.split(":")[-1].strip()
+
+
+def standing_height(one: Recording) -> float | None:
+    """Height of the body that markers show [m], by the usual shares of a body's height; None where unknown.
+
+    Source: Winter 2009, table 4.1 (after Drillis and Contini 1966): the acromion at 0.818 of the height, the ankle at
+    0.039.
+    """
+    places = {label: one.trial.markers[label] for label in one.found.sites} if one.trial.markers is not None else {}
+    high, low = (_mean(one.found, places, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
+    if high is None or low is None:
+        return None
+    rise = ((high - low) @ one.laboratory.rotation.T)[:, 1]
+    rise = rise[np.isfinite(rise)]
+    return float(np.percentile(rise, 90.0)) / (0.818 - 0.039) if len(rise) else None

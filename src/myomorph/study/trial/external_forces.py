@@ -1,0 +1,246 @@
+"""External forces of a motion from files of every kind: external loads, a table, a recording's plates, stairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from myomorph.contact.force_checks import checked_forces
+from myomorph.io.force_columns import table_wrenches
+from myomorph.io.formats import trial_format
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.findings import Finding
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
+from myomorph.store.settings import ForceOptions
+from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
+from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
+
+TABLES = (".mot", ".sto", ".csv", ".txt")
+"""Endings of tables of forces."""
+
+NOBODY = ("", "-", "none")
+"""What stands for a plate on which nobody steps."""
+
+
+class NamedBodies(NamedTuple):
+    """Bodies of forces that a user names.
+
+    Attributes
+    ----------
+    bodies : prefix of the columns of each force of a table, and the body it acts on
+    plates : bodies on a recording's plates, in their order
+    """
+
+    bodies: Mapping[str, str] = FrozenMap({})
+    plates: tuple[str, ...] = ()
+
+
+NEAREST = NamedBodies()
+"""No body is named: forces go to the nearest feet."""
+
+
+def read_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
+) -> Wrenches:
+    """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
+
+    Forces of a table or of plates whose bodies are not given go to the foot that is nearest to their center of
+    pressure, step by step: feet that step on one plate in turn each get their part.
+
+    Source: Seth et al. 2018, `ExternalLoads`; Motion Lab Systems, the C3D file format.
+
+    Parameters
+    ----------
+    path : of the file; an XML names its table
+    model : whose bodies the forces act on
+    motion : coordinates (frames, coordinates) [rad or m], to find bodies and for loads in a body's frame
+    bodies : for a table: what the names of the columns of each force begin with, and the body it acts on
+    trial : for stairs: the file of the markers, which specifies the one of the load cells
+    plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
+    laboratory : how the axes that the forces are along stand to the model's
+    options : whether they are checked against the motion and mended, with a note of each finding; and their clock
+
+    Returns
+    -------
+    forces [N], points [m] and free torques [N m] in ground, (samples, forces, 3) each
+
+    Raises
+    ------
+    BadFile, BadData, BadModel, UnknownName
+        where a file is not what it should be, or names what the table or the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> loads = mm.read_loads("reach_grf.xml", model, mm.read_motion("reach.mot", model))
+    >>> loads.bodies, loads.forces[0, 0].tolist()
+    (('fore',), [0.0, -10.0, 0.0])
+    """
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory)
+    with about(path):
+        return on_feet(wrenches, model, motion, options)
+
+
+def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None) -> Wrenches:
+    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only.
+
+    Raises
+    ------
+    BadData
+        where a body is not known and the model has no foot
+    """
+    options = options or ForceOptions()
+    findings: tuple[Finding, ...] = ()
+    if options.force_shift:
+        wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
+    if options.force_checks != "none":
+        found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
+        wrenches, findings = found.wrenches, found.findings
+    if not all(wrenches.bodies):
+        wrenches = nearest_feet(wrenches, model, motion)
+    texts = tuple(one.text for one in findings)
+    places = tuple(f"{one.place} may carry" for one in findings)
+    told = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
+    notes = (*texts, *told)
+    return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
+
+
+def raw_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+) -> Wrenches:
+    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
+
+    Parameters and errors as in `read_loads`.
+    """
+    ending = Path(path).suffix.lower()
+    _refuse_wrong_kind(path, ending, bodies, plates)
+    if ending in TABLES:
+        with about(path):
+            wrenches = laboratory.wrenches(force_table(path, bodies))
+    elif ending == ".xml":
+        # Brings pydantic and SciPy: loaded only where it is needed.
+        from myomorph.io.loads import read_external_loads
+
+        with about(path):
+            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
+    elif ending == ".toml":
+        from myomorph.contact.feet_on_steps import stairs_wrenches
+        from myomorph.study.trial.contact_file import read_stairs
+
+        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
+    elif trial_format(path) is not None:
+        with about(path):
+            recording = laboratory.trial(read_recording(path))
+            wrenches = plate_wrenches(upright(recording, model), plates)
+    else:
+        raise BadFile(
+            path,
+            f"holds no external loads: its name ends in '{ending}'",
+            "expected .xml, a table of forces (.mot, .sto, .csv), a recording with force plates (.c3d), or .toml of "
+            "force-measuring stairs",
+        )
+    for body in wrenches.bodies:
+        if body and body not in model.body_names and body != "ground":
+            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
+    return wrenches
+
+
+def _refuse_wrong_kind(path: str | Path, ending: str, bodies: Mapping[str, str] | None, plates: Sequence[str]) -> None:
+    """Raise `BadData` where bodies are named in the way of another kind of file."""
+    recording = trial_format(path) is not None
+    if plates and not recording:
+        raise BadData(f"{path}: bodies on plates (--plates) belong to a recording (.c3d): name forces by prefix=body")
+    if bodies and recording:
+        raise BadData(f"{path}: a recording's plates have no column names: name their bodies in order (--plates)")
+    if bodies and ending in (".xml", ".toml"):
+        raise BadData(f"{path}: names the bodies itself: leave out prefix=body")
+
+
+def force_table(path: str | Path, bodies: Mapping[str, str] | None = None) -> Wrenches:
+    """Forces of a table, by the names of its columns; the bodies are those given, else not known ("").
+
+    Parameters
+    ----------
+    bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
+    """
+    return table_wrenches(read_sto(path), bodies)
+
+
+def recording_wrenches(
+    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), options: ForceOptions | None = None
+) -> Wrenches:
+    """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest.
+
+    Raises
+    ------
+    BadData
+        where there is no plate, more bodies than plates, or no foot to be found
+    """
+    return on_feet(plate_wrenches(trial, plates), model, motion, options)
+
+
+def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
+    """Forces of a recording's plates on the bodies that are named, "" where none is."""
+    if not trial.plates:
+        why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
+        raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
+    if plates:
+        return recorded_wrenches(trial, ["" if one.strip().lower() in NOBODY else one.strip() for one in plates])
+    return recorded_wrenches(trial)
+
+
+def upright(trial: Trial, model: Model) -> Trial:
+    """A recording of plates with the model's vertical: one whose plates lie level with z is turned to y up."""
+    if model.gravity[1] < 0.0 and trial.plates and all(map(faces_z, trial.plates)):
+        return replace(
+            trial.rotated(Z_UP_TO_Y_UP),
+            warnings=(*trial.warnings, "the plates lie level with z: the recording was turned to the model's y axis"),
+        )
+    return trial
+
+
+def bodies_of_prefixes(texts: Sequence[str]) -> dict[str, str]:
+    """Bodies by prefix from texts `prefix=body`.
+
+    Raises
+    ------
+    BadData
+        where a text has no =, or a prefix stands twice
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        prefix, equal, body = text.partition("=")
+        if not equal or not body.strip() or prefix.strip() in found:
+            raise BadData(f"--bodies {text}: expected prefix=body once for each force, as ground_force_r_=calcn_r")
+        found[prefix.strip()] = body.strip()
+    return found
+
+
+def bodies_of(bodies: Sequence[str], plates: str) -> NamedBodies:
+    """Bodies of forces from texts `prefix=body` and a text `body,body,...`; raises `BadData`."""
+    return NamedBodies(bodies_of_prefixes(bodies), plates_of_text(plates))
+
+
+def plates_of_text(text: str) -> tuple[str, ...]:
+    """Bodies on plates from a text `body,body,...`; one that is empty, - or none is a plate that is left out."""
+    return tuple("" if one.strip().lower() in NOBODY else one.strip() for one in text.split(",")) if text else ()

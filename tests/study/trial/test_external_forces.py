@@ -1,0 +1,128 @@
+"""External forces come from files of every kind by one way, each on the foot that carries it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.io.loads import loads_table
+from myomorph.io.sto import write_sto
+from myomorph.model.errors import BadData
+from myomorph.rigid.regressor import sum_of_wrenches
+from myomorph.study.trial.external_forces import bodies_of, read_loads
+from myomorph.study.trial.inputs import open_model, read_motion
+
+FOLDER = "rajagopal-walk-emg"
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    """Model, motion, and forces whose feet the file names."""
+    model = open_model(data(f"{FOLDER}/subject_walk_scaled.osim"))
+    motion = read_motion(data(f"{FOLDER}/coordinates.sto"), model)
+    return model, motion, read_loads(data(f"{FOLDER}/grf_walk.xml"), model, motion)
+
+
+def by_body(wrenches, body, motion):
+    """Force (frames, 3) on a body while a motion lasts."""
+    during = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    return sum(wrenches.forces[during, k] for k, name in enumerate(wrenches.bodies) if name == body)
+
+
+def table_of(wrenches, path, **changes):
+    write_sto(loads_table(replace(wrenches, **changes)), path)
+    return path
+
+
+def test_a_table_needs_no_bodies(walk, data) -> None:
+    model, motion, named = walk
+    found = read_loads(data(f"{FOLDER}/grf_walk.mot"), model, motion)
+    for body in ("calcn_r", "calcn_l"):
+        np.testing.assert_allclose(by_body(found, body, motion), by_body(named, body, motion), atol=0.5)
+
+
+def test_a_plate_that_nobody_steps_on_is_left_out(walk, tmp_path) -> None:
+    model, motion, named = walk
+    parts = {
+        part: np.concatenate([getattr(named, part), np.zeros((len(named), 1, 3))], axis=1)
+        for part in ("forces", "points", "torques")
+    }
+    path = table_of(named, tmp_path / "three.mot", names=("a", "b", "idle"), bodies=("x", "x", "x"), **parts)
+    found = read_loads(path, model, motion)
+    assert "" not in found.bodies
+    assert set(found.bodies) == {"calcn_r", "calcn_l"}
+    assert any("nobody steps on idle" in text for text in found.notes)
+
+
+def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path) -> None:
+    """One belt carries both feet in single support: what each foot gets is what its own file says."""
+    model, motion, named = walk
+    alone = (named.forces[:, :, 1] > 30.0).sum(axis=1) == 1
+    keep = alone[:, None, None]
+    forces = np.where(keep, named.forces, 0.0).sum(axis=1, keepdims=True)
+    first = (named.forces[:, 0, 1] > 30.0)[:, None, None]
+    points = np.where(first, named.points[:, :1], named.points[:, 1:2])
+    torques = np.where(keep, np.where(first, named.torques[:, :1], named.torques[:, 1:2]), 0.0)
+    path = table_of(
+        named, tmp_path / "belt.mot", names=("belt",), bodies=("x",), forces=forces, points=points, torques=torques
+    )
+    found = read_loads(path, model, motion)
+    assert set(found.bodies) == {"calcn_r", "calcn_l"}
+    inside = (named.time >= motion.time[0]) & (named.time <= motion.time[-1])
+    for body in ("calcn_r", "calcn_l"):
+        mine = by_body(named, body, motion)
+        expected = np.where((alone[inside] & (mine[:, 1] > 30.0))[:, None], mine, 0.0)
+        assert np.abs(by_body(found, body, motion) - expected).max() < 30.0
+
+
+def test_prefixes_and_plates_as_texts() -> None:
+    assert bodies_of(["ground_force_r_=calcn_r", "x=calcn_l"], "") == (
+        {"ground_force_r_": "calcn_r", "x": "calcn_l"},
+        (),
+    )
+    assert bodies_of([], "calcn_r,none,-,,calcn_l").plates == ("calcn_r", "", "", "", "calcn_l")
+    for wrong in (["calcn_r"], ["a="], ["a=b", "a=c"]):
+        with pytest.raises(BadData, match="prefix=body"):
+            bodies_of(wrong, "")
+
+
+def test_times_that_do_not_meet_are_refused(walk, tmp_path) -> None:
+    model, motion, named = walk
+    path = table_of(named, tmp_path / "late.mot", time=named.time + 100.0)
+    with pytest.raises(BadData, match="no time in common"):
+        read_loads(path, model, motion)
+
+
+def test_a_csv_of_forces_and_moments_about_the_origin(walk, tmp_path) -> None:
+    """The same wrench, whatever its form: the sum about the ground's origin is that of the file with points."""
+    model, motion, named = walk
+    moments = named.torques + np.cross(named.points, named.forces)
+    values = np.concatenate([named.forces[:, 0], moments[:, 0]], axis=1)
+    columns = ("Fx1", "Fy1", "Fz1", "Mx1", "My1", "Mz1")
+    lines = ["time," + ",".join(columns)]
+    lines += [",".join(f"{x:.9g}" for x in (t, *row)) for t, row in zip(named.time, values, strict=True)]
+    path = tmp_path / "cells.csv"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    found = read_loads(path, model, motion, {"F1": named.bodies[0]})
+    here = read_motion_at(motion, found.time[::50])
+    picked = {part: getattr(found, part)[::50] for part in ("time", "forces", "points", "torques")}
+    one = replace(found, **picked)
+    other = replace(
+        named,
+        names=named.names[:1],
+        bodies=named.bodies[:1],
+        time=found.time[::50],
+        **{part: getattr(named, part)[::50, :1] for part in ("forces", "points", "torques")},
+    )
+    origin = np.zeros((len(here), 3))
+    np.testing.assert_allclose(
+        sum_of_wrenches(model, here, one, origin), sum_of_wrenches(model, here, other, origin), atol=1e-5
+    )
+
+
+def read_motion_at(motion, time):
+    """The motion at some times."""
+    values = np.column_stack([np.interp(time, motion.time, column) for column in motion.values.T])
+    return replace(motion, time=time, values=values)
