@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.muscles.hill_classes import MILLARD, THELEN
+from myomorph.muscles.hill_curves import parameter_at
 from myomorph.rigid.kernels import inner
 
 FLOOR, TONE = 1e-3, 5e-4
@@ -32,7 +33,7 @@ TAKEN_UP = 0.02
 
 @inner
 def curve_jet(C, i, x):
-    """Value, slope and curvature of curve i at x; `hill_curves.curve_value` has the search for u."""
+    """Value, slope and curvature of curve i at x."""
     low, high = C.first[i], C.first[i + 1] - 1
     if not x >= C.start[low]:
         return C.pieces[low, 1, 0] + C.left[i] * (x - C.start[low]), C.left[i], 0.0
@@ -41,42 +42,9 @@ def curve_jet(C, i, x):
     while high > low and x < C.start[high]:
         high -= 1
     P = C.pieces
-    a0, a1, a2, a3, a4, a5 = (
-        P[high, 0, 0],
-        P[high, 0, 1],
-        P[high, 0, 2],
-        P[high, 0, 3],
-        P[high, 0, 4],
-        P[high, 0, 5],
-    )
-    u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
-    below, above = 0.0, 1.0
-    for _ in range(60):
-        error = a0 + u * (a1 + u * (a2 + u * (a3 + u * (a4 + u * a5)))) - x
-        if error == 0.0:
-            break
-        if error > 0.0:
-            above = u
-        else:
-            below = u
-        slope = a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5)))
-        step = error / slope if slope > 0.0 else 2.0
-        if below < u - step < above:
-            u -= step
-            if abs(step) < 1e-9:  # Newton doubles the digits: the next step would be 1e-16
-                break
-        else:
-            u = 0.5 * (below + above)
-            if above - below < 1e-13:
-                break
-    b0, b1, b2, b3, b4, b5 = (
-        P[high, 1, 0],
-        P[high, 1, 1],
-        P[high, 1, 2],
-        P[high, 1, 3],
-        P[high, 1, 4],
-        P[high, 1, 5],
-    )
+    u = parameter_at(P, high, x)
+    a1, a2, a3, a4, a5 = P[high, 0, 1], P[high, 0, 2], P[high, 0, 3], P[high, 0, 4], P[high, 0, 5]
+    b0, b1, b2, b3, b4, b5 = P[high, 1, 0], P[high, 1, 1], P[high, 1, 2], P[high, 1, 3], P[high, 1, 4], P[high, 1, 5]
     x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
     x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
     y0 = b0 + u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))
