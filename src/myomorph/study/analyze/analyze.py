@@ -130,7 +130,7 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
     if still and moving:
         static = max(still, key=lambda one: len(one.found.sites))
         return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
-    beside = static_beside(looked[0].path, request.table) if moving else None
+    beside = static_beside(looked[0], request.table) if moving else None
     if beside is not None:
         return beside, moving, f"{beside.path.name} beside the recording is the static trial: nobody moves in it."
     return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
@@ -142,6 +142,8 @@ def _check_markers(one: Recording) -> None:
     lacking = [name for name in NEEDED if name not in segments]
     if len(one.found.sites) >= MIN_MARKERS and not lacking:
         return
+    if not one.found.sites and not one.found.unknown:
+        raise BadData(f"{one.path}: holds no marker that is ever seen: give the recording of the markers")
     unknown = ", ".join(f"'{name}'" for name in one.found.unknown[:5]) + (", ..." if len(one.found.unknown) > 5 else "")
     raise BadData(
         f"{one.path}: {len(one.found.sites)} of {len(one.found.sites) + len(one.found.unknown)} labels are those of a "

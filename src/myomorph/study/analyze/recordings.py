@@ -24,6 +24,13 @@ STILL = 0.03
 STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
 FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 TABLES = (".mot", ".sto", ".csv", ".txt")
+SHARED, ALIKE = 0.6, 0.08
+"""A static trial of the same body has at least this share of the markers, and its distances differ by less than this."""
+RIGID = (
+    (("pelvis.asis", "right"), ("pelvis.asis", "left")),
+    (("thigh.lateral_epicondyle", "right"), ("shank.lateral_malleolus", "right")),
+    (("thigh.lateral_epicondyle", "left"), ("shank.lateral_malleolus", "left")),
+)
 FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
 RIGHT_ANGLE = 20.0
 """A laboratory's axes are taken to be along the walk where they are by less [degrees]."""
@@ -221,8 +228,9 @@ def emg_beside(path: Path) -> Path | None:
     return named[0] if alone and len(named) == 1 else None
 
 
-def static_beside(path: Path, table: ProtocolTable | None = None) -> Recording | None:
-    """A recording beside another one, by its name of somebody who stands still, with markers that the other has."""
+def static_beside(one: Recording, table: ProtocolTable | None = None) -> Recording | None:
+    """A recording beside another one, by its name of standing still, with the same markers on the same body."""
+    path = one.path
     homes = [path.parent]
     if path.parent.parent.is_dir():
         homes += [
@@ -231,17 +239,38 @@ def static_beside(path: Path, table: ProtocolTable | None = None) -> Recording |
             if one.is_dir() and one != path.parent and any(word in one.name.lower() for word in STATIC_WORDS)
         ]
     for home in homes:
-        for one in sorted(home.iterdir()):
-            named = home != path.parent or any(word in one.stem.lower() for word in STATIC_WORDS)
-            if not named or one == path or not one.is_file() or trial_format(one) is None:
+        for other in sorted(home.iterdir()):
+            named = home != path.parent or any(word in other.stem.lower() for word in STATIC_WORDS)
+            if not named or other == path or not other.is_file() or trial_format(other) is None:
                 continue
             try:
-                found = look_at(one, table=table)
+                found = look_at(other, table=table)
             except MyomorphError:
                 continue
-            if found.still and len(found.found.sites) >= 6:
+            if found.still and same_body(found, one):
                 return found
     return None
+
+
+def same_body(one: Recording, other: Recording) -> bool:
+    """Whether two recordings share most of their markers, and distances on pelvis and shanks agree."""
+    mine, theirs = ({site: label for label, site in each.found.sites.items()} for each in (one, other))
+    shared = mine.keys() & theirs.keys()
+    if len(shared) < 6 or len(shared) < SHARED * len(theirs):
+        return False
+    assert one.trial.markers is not None
+    assert other.trial.markers is not None
+    for first, second in RIGID:
+        ends = [next((site for site in shared if (site.key, site.side) == end), None) for end in (first, second)]
+        if None in ends:
+            continue
+        lengths = [
+            np.nanmedian(np.linalg.norm(markers[names[ends[0]]] - markers[names[ends[1]]], axis=1))
+            for markers, names in ((one.trial.markers, mine), (other.trial.markers, theirs))
+        ]
+        if abs(lengths[0] / lengths[1] - 1.0) > ALIKE:
+            return False
+    return True
 
 
 def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
