@@ -34,6 +34,8 @@ STUDY, GENERIC = "study.toml", "generic.osim"
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")
+EMG_SAMPLES, EMG_RATE = 300, 100.0
+"""Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
 HEIGHT_TOLERANCE = 0.1
 """A height that the markers show lies within this share of the true one."""
 
@@ -260,6 +262,8 @@ def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | 
     sideless = [] if request.emg_side else list(muscles_of_channels(analog.names, model, "right"))
     lost = [name for name in sideless if name not in used]
     texts = []
+    if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
+        return None, [f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."]
     if alive:
         texts.append(f"EMG of {len(alive)} analog channels: {_list(alive)}.")
     if used and len(alive) < len(used):

@@ -25,7 +25,7 @@ STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", 
 FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 TABLES = (".mot", ".sto", ".csv", ".txt")
 SHARED, ALIKE = 0.6, 0.08
-"""A static trial of the same body has at least this share of the markers, and its distances differ by less than this."""
+"""A static trial of the same body has this share of the markers, and distances that differ by less than this."""
 RIGID = (
     (("pelvis.asis", "right"), ("pelvis.asis", "left")),
     (("thigh.lateral_epicondyle", "right"), ("shank.lateral_malleolus", "right")),
