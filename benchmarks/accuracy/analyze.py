@@ -1,7 +1,7 @@
 """`myomorph analyze` on recordings of many laboratories: what it took, and joint moments beside each set's own.
 
-Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic model (myo-sim's legs
-and trunk) is another one than those of the references, so the moments are those of other bodies with other axes.
+Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic model (myo-sim's
+legs and trunk) is another one than those of the references, so the moments are those of other bodies with other axes.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Case:
     files : as typed, below the collection
     options : as typed besides `--mass`; a text that ends in .c3d, .trc or .osim is a file of the collection
     trial : whose results are compared, as its folder is called
-    reference : the set's own moments, positive as OpenSim's of Rajagopal's model, on the recording's clock; None for none
+    reference : the set's own moments, positive as those of OpenSim's Rajagopal model; None for none
     source : of that reference, in words
     restarts : whether the reference's times begin at 0 with the recording's first frame
     """
@@ -117,11 +117,11 @@ def own_dynamics(model: str, motion: str, loads: str) -> Reference:
 GAIT, KNEE = "c3d-gait-plugingait", "knee-implant-walk"
 CASES = (
     Case(
-        "Plug-in Gait, child", (f"{GAIT}/HC030A/Straight/HC030A05.c3d",), 45.8, "HC030A05",
+        "Plug-in Gait, first person", (f"{GAIT}/HC030A/Straight/HC030A05.c3d",), 45.8, "HC030A05",
         reference=plug_in_gait(f"{GAIT}/HC030A/Straight/HC030A05.c3d"), source="Plug-in Gait's, in the file",
     ),
     Case(
-        "Plug-in Gait, adult", (f"{GAIT}/HC002D/Straight/HC002D06.c3d",), 0.0, "HC002D06",
+        "Plug-in Gait, second person", (f"{GAIT}/HC002D/Straight/HC002D06.c3d",), 0.0, "HC002D06",
         reference=plug_in_gait(f"{GAIT}/HC002D/Straight/HC002D06.c3d"), source="Plug-in Gait's, in the file",
     ),
     Case(

@@ -16,6 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.motion.protocols import ProtocolTable, labels_between
 from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,
@@ -244,6 +245,15 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     elif feet_of(model):
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
+    if loads is not None and feet_of(model):
+        bare_share = uncovered_share(one, request.mass * float(np.linalg.norm(model.gravity)))
+        if bare_share > LASTS:
+            contacts = "auto"
+            texts.append(
+                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and the plates carry less than half "
+                "the weight (a foot beside them, a seat): muscle tensions estimate the forces under feet that nobody "
+                "measured; torques of inverse dynamics are wrong there."
+            )
     return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
 
 

@@ -96,9 +96,20 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     )
 
 
+def mean_place(one: Recording, *keys: str, side: str = "") -> Array | None:
+    """(frames, 3) mean of the markers of landmarks of a side ("" for both), None where there is none."""
+    assert one.trial.markers is not None
+    labels = [label for label, site in one.found.sites.items() if site.key in keys and side in ("", site.side)]
+    return _mean(one.found, {label: one.trial.markers[label] for label in labels}, *keys) if labels else None
+
+
 def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
-    """(frames, 3) mean of the markers of landmarks or segments, None where there is none."""
-    chosen = [places[label] for label, site in found.sites.items() if site.key in keys or site.segment in segments]
+    """(frames, 3) mean of the markers of landmarks or segments that have a place, None where there is none."""
+    chosen = [
+        places[label]
+        for label, site in found.sites.items()
+        if label in places and (site.key in keys or site.segment in segments)
+    ]
     if not chosen:
         return None
     with np.errstate(invalid="ignore"):
@@ -351,8 +362,7 @@ def standing_height(one: Recording) -> float | None:
     Source: Winter 2009, table 4.1 (after Drillis and Contini 1966): the acromion at 0.818 of the height, the ankle at
     0.039.
     """
-    places = {label: one.trial.markers[label] for label in one.found.sites} if one.trial.markers is not None else {}
-    high, low = (_mean(one.found, places, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
+    high, low = (mean_place(one, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
     if high is None or low is None:
         return None
     rise = ((high - low) @ one.laboratory.rotation.T)[:, 1]
