@@ -250,8 +250,8 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
         if bare_share > LASTS:
             contacts = "auto"
             texts.append(
-                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and the plates carry less than half "
-                "the weight (a foot beside them, a seat): muscle tensions estimate the forces under feet that nobody "
+                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates carry less than "
+                "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
                 "measured; torques of inverse dynamics are wrong there."
             )
     return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))

@@ -332,8 +332,8 @@ def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
         stem = path.stem
         stage = 0
         for number, mark in ((1, "_filt"), (2, "_LSTM")):
-            if mark in stem:
-                stem, stage = stem.split(mark)[0], max(stage, number)
+            if mark in path.stem:
+                stem, stage = stem.split(mark)[0], number
         key = path.with_name(stem)
         if key in kept:
             notes.append(f"{kept[key][1].name} and {path.name} are stages of one recording: the last is used")
