@@ -10,25 +10,9 @@ from myomorph.motion.measurements import default_markers
 from myomorph.motion.protocols import protocols
 from myomorph.study.analyze.generic_model import generic_model
 
-LABELS = tuple(
-    [
-        "LASI",
-        "RASI",
-        "LPSI",
-        "RPSI",
-        "LKNE",
-        "RKNE",
-        "LANK",
-        "RANK",
-        "LHEE",
-        "RHEE",
-        "LTOE",
-        "RTOE",
-        "C7",
-        "LSHO",
-        "RSHO",
-    ]
-)
+LABELS = (
+    "LASI", "RASI", "LPSI", "RPSI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "LTOE", "RTOE", "C7", "LSHO", "RSHO",
+)  # fmt: skip
 
 
 def standing(shift: float = 0.0) -> Markers:
