@@ -11,7 +11,8 @@ from myomorph.motion.protocols import protocols
 from myomorph.study.analyze.generic_model import generic_model
 
 LABELS = (
-    "LASI", "RASI", "LPSI", "RPSI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "LTOE", "RTOE", "C7", "LSHO", "RSHO",
+    "LASI", "RASI", "LPSI", "RPSI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "LTOE", "RTOE", "C7",
+    "LSHO", "RSHO",
 )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from myomorph.study.trial.load import TrialResult, load
 
 Row = dict[str, object]
 JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")
+NAMES = {"hip_flexion": "hip", "knee_angle": "knee", "ankle_angle": "ankle"}
 CUTOFF = 6.0
 """Of references that are computed here from a set's own angles and model [Hz]."""
 STANCE = 0.05
@@ -189,12 +190,14 @@ def measure(folder: Path) -> Iterator[Row]:
                 "typed": " ".join(Path(one).name if "/" in one else one for one in typed),
                 "protocol": _protocol(said.getvalue()),
                 "trials": len(results),
-                "markers_rms_mm": float("nan") if found is None or found.fit is None else 1e3 * _rms(found.fit.errors),
-                **{f"{joint}_r": agreement.get(joint, (float("nan"),) * 2)[0] for joint in JOINTS},
-                **{f"{joint}_rms": agreement.get(joint, (float("nan"),) * 2)[1] for joint in JOINTS},
+                "markers, RMS [mm]": float("nan")
+                if found is None or found.fit is None
+                else 1e3 * _rms(found.fit.errors),
+                **{f"{NAMES[joint]}, r": agreement.get(joint, (float("nan"),) * 2)[0] for joint in JOINTS},
+                **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, (float("nan"),) * 2)[1] for joint in JOINTS},
                 "reference": case.source,
-                "assumed": said.getvalue().count("\n  "),
-                "seconds": seconds,
+                "assumptions": said.getvalue().count("\n  "),
+                "time [s]": seconds,
             }
 
 
