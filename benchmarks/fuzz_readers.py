@@ -37,9 +37,8 @@ from myomorph.study.plan.measures import read_measures
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.subject.body_points import read_landmarks as read_skin
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.contact_file import read_contacts
+from myomorph.study.trial.contact_file import read_contacts, read_stairs
 from myomorph.study.trial.inputs import read_motion, read_recording
-from myomorph.study.trial.stairs_file import read_stairs
 from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
 

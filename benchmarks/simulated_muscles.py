@@ -30,6 +30,9 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.personal.personalize import PersonalTrial
 from myomorph.tension.terms.emg import EmgTarget
 
+REACH = 0.15
+"""Normalized fiber length by which a person's muscle may pass the range of the generic one."""
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -78,12 +81,15 @@ def person(model: Model, motions: Sequence[Motion], spread: Spread, rng: np.rand
         mean, low, high = (float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max()))
         base, side = split_side(muscle.name)
         alike = spread.sides if side else 0.0
+        # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths stretch too far
+        # would be drawn until it is that of nobody.
+        ends = min(0.4, (low - 1.02 * ls) / lo - REACH), max(1.55, (high - ls) / lo + REACH)
         for k in range(200):
             draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
             new = lo * np.exp(spread.fiber * draw[0])
             point = (mean - ls) / lo + spread.point * draw[1]
             slack = mean - point * new
-            if slack > 0.3 * ls and (low - 1.02 * slack) / new > 0.4 and (high - slack) / new < 1.55:
+            if slack > 0.3 * ls and ends[0] < (low - 1.02 * slack) / new and (high - slack) / new < ends[1]:
                 break
         else:
             new, slack = lo, ls
@@ -217,7 +223,7 @@ def recorded(
         forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
     else:
         forces = integrated_forces(person, motion, activations)
-    torques = np.einsum("fmc,fm->fc", moved.moment_arms, forces)
+    torques = muscle_torques(model, moved.moment_arms, forces)
     tree = compile_tree(model)
     torques = torques + joint_forces(tree, *rates_of(tree, motion))
     size = np.sqrt(np.mean(torques**2, axis=0))
@@ -245,3 +251,30 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
         values[:, j] = 0.5 * (high + low) + a * np.sin(w * time + p)
         speeds[:, j] = a * w * np.cos(w * time + p)
     return Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
+
+
+def muscle_torques(model: Model, arms: Array, forces: Array) -> Array:
+    """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow others [N m or N].
+
+    Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes through its patella.
+    """
+    torques = np.einsum("fmc,fm->fc", arms, forces)
+    torques[:, [model.coordinate_names.index(name) for name in model.dependent_coordinates]] = 0.0
+    return torques
+
+
+def resting_torques(model: Model, motion: Motion) -> Array:
+    """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one has none."""
+    moved = muscle_kinematics(model, motion)
+    rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
+    forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
+    for m in range(len(model.muscles)):
+        state = equilibrium(model, m, moved.lengths[:, m], zero, rest)
+        known = np.isfinite(state)
+        found = fibers_of(model, m, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
+        forces[:, m] = found.tendon_force
+        whole &= known
+    tree = compile_tree(model)
+    torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
+    torques[~whole] = np.nan
+    return torques

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from myomorph.demo.arm import example_files
-from myomorph.io.c3d.ezc3d import write_c3d
+from myomorph.io.c3d.write import write_c3d
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import read_trc
 

@@ -11,11 +11,10 @@ from myomorph.analysis.joint_loads import stride_loads
 from myomorph.analysis.strides import Stride, Strides
 from myomorph.io.sto import read_sto
 from myomorph.model.series import Motion, Series
-from myomorph.store.joint_contact_store import get_joint_contacts
+from myomorph.store.contact_store import get_joint_contacts
 from myomorph.store.results import read_result
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.inputs import coupled_motion, open_model
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, lift_off_notes
-from myomorph.study.trial.trial_files import coupled_motion
 from myomorph.tension.joint_contact import JointContactForces
 
 POINTS = """

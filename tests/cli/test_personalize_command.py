@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 
+import numpy as np
 import pytest
 
 from identified_arm import put_on_plate
 from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import read_sto, write_sto
+from myomorph.model.series import Table
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.subject.personalizing import read_passive
 
 
 @pytest.fixture
@@ -35,13 +38,14 @@ def test_muscles_from_torques_of_loads(plate, command):
         *("personalized_muscles.csv", "fiber_lengths.csv", "notes.txt", "report.html", "provenance.json"),
     }
     rows = list(csv.DictReader((folder / "personalized_muscles.csv").read_text().splitlines()))
-    lengths = [row for row in rows if row["parameter"] == "optimal_fiber_length"]
+    lengths = [row for row in rows if row["parameter"] == "optimal fiber length"]
     assert [row["of"] for row in lengths] == list(before.muscle_names)
     for row, muscle in zip(lengths, after.muscles, strict=True):
         assert float(row["person"]) == pytest.approx(muscle.optimal_fiber_length, rel=1e-5)
         assert float(row["low"]) < float(row["person"]) < float(row["high"])
         assert row["identifiable"] in ("yes", "partly", "no")
-    assert "identify" in told.err
+    assert "of the lengths, which are what was assumed before" in "".join(told.err.splitlines()[:2])
+    assert all("_" not in name for name in rows[0])
     assert "Normalized fiber length" in (folder / "report.html").read_text()
 
 
@@ -57,6 +61,40 @@ def test_torques_of_a_table_give_the_same_as_loads(plate, command):
     second = read_osim(plate.folder / "own.osim")
     for one, other in zip(first.muscles, second.muscles, strict=True):
         assert one.tendon_slack_length == pytest.approx(other.tendon_slack_length, rel=1e-4)
+
+
+def passive_table(plate, names, *, missing=False):
+    """Twelve poses, each with the torque of one joint only."""
+    angles = np.column_stack([np.linspace(-30.0, 60.0, 12), np.linspace(10.0, 110.0, 12)])
+    torques = np.where(np.arange(12)[:, None] % 2 == [0, 1], -0.1 * (angles - 40.0), np.nan)
+    if missing:
+        angles[3, 1] = np.nan
+    path = plate.folder / "passive.sto"
+    names = ("shoulder_flexion", "elbow_flexion", *names)
+    write_sto(Table(np.arange(12.0), names, np.hstack([angles, torques]), in_degrees=True), path)
+    return path
+
+
+def test_measured_passive_torques_alone_serve(plate, command):
+    path = passive_table(plate, ("shoulder_flexion_moment", "elbow_flexion_moment"))
+    read = read_passive(path, read_model(plate.model))
+    assert read.torques.names == ("shoulder_flexion", "elbow_flexion")
+    assert np.isnan(read.torques.values).sum() == 12
+    np.testing.assert_allclose(read.motion.values[0], np.radians([-30.0, 10.0]))
+    told = command(*given(plate, "--passive", path))
+    assert told.status == 0, told.err
+    assert "12 frames" in told.out
+    assert (plate.folder / "own.osim").exists()
+
+
+def test_passive_tables_that_cannot_serve(plate, command):
+    told = command(*given(plate, "--passive", passive_table(plate, ("torque_a", "torque_b"))))
+    assert told.status == 2
+    assert "no column is a torque: name them as 'shoulder_flexion_moment'" in " ".join(told.err.split())
+    names = ("shoulder_flexion_moment", "elbow_flexion_moment")
+    told = command(*given(plate, "--passive", passive_table(plate, names, missing=True)))
+    assert told.status == 2
+    assert "'elbow_flexion' has no value in row 4" in " ".join(told.err.split())
 
 
 def test_the_generic_model_alone_serves(plate, command):

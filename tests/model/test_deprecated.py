@@ -29,14 +29,14 @@ from myomorph.store.study_file import _keys
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.plan.subject_tables import study_tables
 from myomorph.study.subject.species_morphing import BONE_KEYS
-from myomorph.study.trial import contact_file, stairs_file
+from myomorph.study.trial import contact_file
 from myomorph.viscosity.study.plan import viscosity_tables
 
 FILES: dict[str, type[BaseModel]] = {
     "study file": study_tables(),
     "viscosity study": viscosity_tables(),
-    "contact file": contact_file._File,
-    "stairs file": stairs_file._File,
+    "contact file": contact_file._ContactFile,
+    "stairs file": contact_file._StairsFile,
 }
 SITE = '[[site]]\nname = "hand"\nbody = "fore"\npoints = [[0.0, -0.28, 0.0]]\n'
 

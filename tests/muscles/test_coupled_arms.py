@@ -16,10 +16,10 @@ from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.muscles.reported_arms import arms_as_reported, crossings
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.steps.muscles import arms_as_reported, crossings
 
 SHOULDERS = (
     "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_2kgWeight.osim",

@@ -9,7 +9,7 @@ import pytest
 from swung_specimen import arm_specimen, swing
 
 from myomorph.contact.plate_placements import MarkedWeight
-from myomorph.io.c3d.ezc3d import write_c3d
+from myomorph.io.c3d.write import write_c3d
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc

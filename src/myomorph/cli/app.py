@@ -40,6 +40,11 @@ COMMANDS = {
     "info": Command(
         "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
     ),
+    "convert": Command(
+        "convert",
+        "A recording as other files: C3D to TRC, MOT with external loads and STO, and back.",
+        "myomorph convert walk1.c3d --out walk1",
+    ),
     "calibrate": Command(
         "calibrate",
         "Link lengths and marker positions of the body that recordings show.",

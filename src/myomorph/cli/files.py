@@ -9,12 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from myomorph.cli.options import Threads, use_threads
 from myomorph.cli.output import said, warn
+
+if TYPE_CHECKING:
+    from myomorph.model.model import Model
 
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
@@ -42,14 +45,13 @@ def report_command(
 ) -> int:
     """Make report.html of a folder of results."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.demo.jump import demo_model
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
 
     if (folder / STORE).is_file():
         paths = [remake_report(folder)]
     else:
-        paths = report_folder(folder, preset=preset, times=times, demo_model=demo_model)
+        paths = report_folder(folder, preset=preset, times=times, demo_model=_demo_model)
     for path in paths:
         said(f"wrote {path}")
     return 0
@@ -86,7 +88,6 @@ def view_command(
 ) -> int:
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.demo.jump import demo_model
     from myomorph.study.trial.viewing import open_replay
 
     def served(opened: int) -> None:
@@ -96,13 +97,20 @@ def view_command(
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     with _ended_by_ctrl_c() as ended:
-        replay = open_replay(folders, port, served, demo_model)
+        replay = open_replay(folders, port, served, _demo_model)
         try:
             while not ended.wait(0.5):
                 pass
         finally:
             replay.close()
     return 0
+
+
+def _demo_model(name: str) -> Model:
+    # Only results of a demo need it: others are shown sooner without.
+    from myomorph.demo.jump import demo_model
+
+    return demo_model(name)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,9 +23,10 @@ from myomorph.cli.output import said, warn
 from myomorph.identify.recordings import RecordingOptions
 from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.live.identification import LiveOptions
+from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
 
-IdentifySettings = options_class(RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+IdentifySettings = options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
 
 Motions = Annotated[
     tuple[Path, ...],
@@ -84,11 +86,13 @@ def identify_command(
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
     named = bodies_of(bodies, plates)
+    own = [one.name for one in fields(ForceOptions)]
+    forces = with_settings(ForceOptions(), {name: settings.pop(name) for name in own if name in settings})
     if live:
         motions = live_motions(scaled, motion, loads, mass, time, settings)
     else:
-        motions = identifying.open_motions(scaled, motion, loads, time, named=named)
-    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True, named=named)
+        motions = identifying.open_motions(scaled, motion, loads, time, named=named, forces=forces)
+    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True, named=named, forces=forces)
     sources = identifying.input_sources(model, (*motion, *check_motion), (*loads, *check_loads), shape)
     chosen = identifying.IdentifyOptions.of(settings)
     identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)

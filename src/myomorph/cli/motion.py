@@ -47,7 +47,7 @@ def ik_command(
     trial = open_trial(files, {"ik": settings_dict(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
-    warn(trial.warnings)
+    warn((*poses.notes, *trial.warnings))
     assert poses.fit is not None
     said(f"{poses.fit.summary}; wrote {out}")
     return 0
@@ -72,7 +72,7 @@ def id_command(
     trial, poses = open_motion_trial(files, {"id": settings_dict(options)})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))
-    warn((*trial.warnings, *results.notes))
+    warn((*results.notes, *trial.warnings))
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"

@@ -52,7 +52,7 @@ def muscles_command(
     trial, poses = open_motion_trial(files, {"muscles": settings_dict(options)})
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
-    warn((*trial.warnings, *results.notes))
+    warn((*results.notes, *trial.warnings))
     counts = f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames"
     said(f"{counts}{filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0

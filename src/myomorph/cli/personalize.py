@@ -20,10 +20,10 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, warn
-from myomorph.store.settings import Differentiation, Side
+from myomorph.store.settings import Differentiation, ForceOptions, Side
 from myomorph.study.subject import personalizing
 
-PersonalSettings = options_class(Differentiation, *personalizing.STEP.options)
+PersonalSettings = options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
 
 
 def personalize_command(
@@ -55,14 +55,11 @@ def personalize_command(
     ] = (),
     emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
     emg_muscles: EmgMuscles = (),
-    passive_motion: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Coordinates of poses in which passive torques were measured.", consume_multiple=True),
-    ] = (),
-    passive_torques: Annotated[
+    passive: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="What has to hold the joints in them (.sto): minus the measured passive torques of the muscles.",
+            help="Measured passive torques (.sto): a pose a row by its coordinates, and COORDINATE_moment that resting "
+            "muscles apply about them, blank where not measured.",
             consume_multiple=True,
         ),
     ] = (),
@@ -88,8 +85,7 @@ def personalize_command(
         torques,
         emg,
         emg_side,
-        passive_motion,
-        passive_torques,
+        passive,
         generic,
         time,
         bodies_of(bodies, plates),

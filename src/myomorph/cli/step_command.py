@@ -56,7 +56,7 @@ def step_command(name: str) -> Callable[..., int]:
             needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]
             for one in (*needed, step):
                 results = run_step(one, trial, results, StepOutput(writer, folder))
-        warn((*trial.warnings, *results.notes))
+        warn((*results.notes, *trial.warnings))
         said(f"{step.title}: {len(poses.recorded)} frames; wrote {out}")
         return 0
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.stairs import StairOptions, Step, StepLoads
 from myomorph.model.arrays import Array, read_only, runs
-from myomorph.model.contacts import SharedWrench, Site
+from myomorph.model.contacts import Contacts, SharedWrench, Site, Touch
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -297,3 +298,55 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
             sites = tuple(feet.sites[i].name for i in members)
             found.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
     return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Stairs:
+    """Loads of the steps of a recording, and who may stand on them.
+
+    Attributes
+    ----------
+    paws : contact sites of the model
+    recording : file of the channels
+    """
+
+    path: Path
+    loads: StepLoads
+    paws: tuple[Site, ...]
+    recording: Path
+    options: StairOptions
+    unmeasured: Unmeasured
+
+    def paws_in(self, model: Model, motion: Motion, sites: tuple[Site, ...] = ()) -> FeetOnSteps:
+        """Who stands where while the model moves."""
+        return feet_on_steps(model, motion, sites or self.paws, self.loads, self.options)
+
+
+def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
+    """Forces on bodies at the cells' times, as far as the motion reaches; what they leave open is in their notes."""
+    time = stairs.loads.time
+    inside = (time >= motion.time[0] - 1e-9) & (time <= motion.time[-1] + 1e-9)
+    if not inside.any():
+        raise BadData(
+            f"{stairs.recording}: runs from {time[0]:g} to {time[-1]:g} s, the motion from {motion.time[0]:g} to "
+            f"{motion.time[-1]:g} s: they have no time in common"
+        )
+    at = time[inside]
+    columns = [np.interp(at, motion.time, column) for column in motion.values.T]
+    moving = Motion(at, motion.names, np.array(columns).T)
+    wrenches, notes = stair_wrenches(stairs.paws_in(model, moving), stairs.unmeasured)
+    return replace(wrenches, notes=tuple(notes))
+
+
+def stairs_contacts(paws: FeetOnSteps) -> Contacts:
+    """Touches of the paws that stood on a step, as its cell tells."""
+    touches = []
+    for i, site in enumerate(paws.sites):
+        on = paws.standing[:, :, i]
+        for k, step in enumerate(paws.steps):
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], on[:, k], [False]]).astype(np.int8))).reshape(-1, 2)
+            touches += [
+                Touch(site.name, float(paws.time[a]), float(paws.time[b - 1]), source=f"step {step.name}")
+                for a, b in edges
+            ]
+    return Contacts(tuple(site.name for site in paws.sites), tuple(touches))

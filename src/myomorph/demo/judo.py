@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.contact.plan import ContactPlan
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -19,7 +20,6 @@ from myomorph.store.contact_store import get_contact_forces
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
-from myomorph.study.trial.contact_file import ContactPlan
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import large_variables
 from myomorph.study.trial.step_table import REPORT, STEPS

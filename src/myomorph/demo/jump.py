@@ -85,6 +85,11 @@ def demo_model(name: str) -> Model:
         from myomorph.demo.judo import judo_model
 
         return judo_model()
+    if name == "jump":
+        # Without the rest of its trial, as EMG.
+        from myomorph.simulate.jump import jump_study
+
+        return jump_study().model
     return demo_trial(name).model
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
@@ -140,6 +141,7 @@ class Wrenches(Labelled):
     forces, points, torques : (frames, wrenches, 3): force [N], its point of application [m] and the
         free torque about that point [N m]
     notes : what they leave open or assume, one line each
+    findings : what looks wrong with them, or was put right
     """
 
     time: Array
@@ -149,6 +151,7 @@ class Wrenches(Labelled):
     points: Array
     torques: Array
     notes: tuple[str, ...] = field(default=(), kw_only=True)
+    findings: tuple[Finding, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names), 3)

@@ -16,6 +16,7 @@ from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.root import floating_coordinates
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
@@ -54,6 +55,8 @@ class InverseKinematicsOptions:
     iterations : at most so many in a frame
     posture_weight : pull towards the default pose of coordinates that no marker shows, relative to the
         mean curvature of the marker cost; too small to be seen in the others
+    root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim does; by default
+        it may stand and turn anywhere in the laboratory
     """
 
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -63,6 +66,7 @@ class InverseKinematicsOptions:
     tolerance: float = 1e-6
     iterations: int = 100
     posture_weight: float = 1e-7
+    root_bounds: bool = False
 
 
 @read_only
@@ -154,7 +158,8 @@ def inverse_kinematics(
 
     over the coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
     their range, so that every loop stays closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's
-    `Assembler`), solved by damped Newton steps with analytic first and second derivatives.
+    `Assembler`), solved by damped Newton steps with analytic first and second derivatives. Unlike there the root of
+    a floating body has no bounds (`root_bounds`): where it stands and turns is a matter of the laboratory.
 
     Source: Lu and O'Connor 1999; Seth et al. 2018.
 
@@ -284,7 +289,9 @@ def marker_arrays(
         [j for j in tree.independent if not model.coordinates[j].locked and model.coordinates[j].prescribed is None],
         np.int64,
     )
-    limits = [model.coordinates[j].range if model.coordinates[j].clamped else (-np.inf, np.inf) for j in free]
+    floating = () if options.root_bounds else floating_coordinates(model)
+    bounded = [model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free]
+    limits = [model.coordinates[j].range if held else (-np.inf, np.inf) for j, held in zip(free, bounded, strict=True)]
     lower, upper = np.array(limits).reshape(-1, 2).T.copy()
     task_weight = np.zeros(len(model.coordinates))
     for name, task in options.coordinate_tasks.items():

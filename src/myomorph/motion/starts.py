@@ -10,6 +10,7 @@ from myomorph.model.arrays import Array
 from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
@@ -22,6 +23,9 @@ HEADINGS_TRIED = 4
 
 AT_BOUND = 1e-9
 """A coordinate that is nearer to its bound lies at it [rad]."""
+
+SAME_ROTATION = 1e-6
+"""Entries of rotation matrices that differ by less are those of one rotation."""
 
 
 def scout_poses(
@@ -65,8 +69,7 @@ def scout_poses(
                 others = [settle(markers, frame, start) for _, start in turned[:HEADINGS_TRIED]]
                 best, other = min(others, key=_cost)
                 if best < 0.999 * cost:
-                    other[turning] -= 2.0 * np.pi * np.round((other - tree.defaults)[turning] / (2.0 * np.pi))
-                    cost, pose = best, other
+                    cost, pose = best, nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
                 for joint in _at_bounds(tree, markers, pose):
                     others = [settle(markers, frame, start) for start in _within(tree, joint, pose)]
                     best, other = min(others, key=_cost)
@@ -136,6 +139,41 @@ def _turning(tree: Tree, markers: MarkerArrays, root: list[int]) -> list[int]:
     """Root coordinates that may turn all the way round."""
     free = set(markers.free[np.isinf(markers.lower) & np.isinf(markers.upper)])
     return [j for j in root if j in free and tree.model.coordinates[j].motion == "rotational"]
+
+
+def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array) -> Array:
+    """The same pose, of all angles of the root that give it those nearest to a reference.
+
+    Angles may be larger by a turn, and three in a row (a, b, c) about perpendicular axes give the same rotation as
+    (a + pi, pi - b, c + pi). Without bounds a search from several headings may end in either.
+
+    Parameters
+    ----------
+    turning : rotations of the root that may turn all the way round
+    pose, reference : (coordinates,) [rad or m]
+    """
+    found = _without_turns(pose, turning, reference)
+    names = tree.model.coordinate_names
+    for joint in tree.model.joints:
+        used = [name for axis in joint.axes if axis.kind == "rotation" for name in axis.coordinates]
+        own = [names.index(name) for name in dict.fromkeys(used)]
+        if len(own) != 3 or not set(own) <= set(turning):
+            continue
+        other = found.copy()
+        other[own] = found[own[0]] + np.pi, np.pi - found[own[1]], found[own[2]] + np.pi
+        other = _without_turns(other, own, reference)
+        poses = forward_kinematics(tree, np.array([found, other]))
+        same = np.allclose(poses.rotations[0], poses.rotations[1], atol=SAME_ROTATION)
+        if same and np.sum((other - reference)[own] ** 2) < np.sum((found - reference)[own] ** 2):
+            found = other
+    return found
+
+
+def _without_turns(pose: Array, turning: list[int], reference: Array) -> Array:
+    """The pose without whole turns away from a reference."""
+    found = pose.copy()
+    found[turning] -= 2.0 * np.pi * np.round((pose - reference)[turning] / (2.0 * np.pi))
+    return found
 
 
 def _headings(rest: Array, turning: list[int]) -> list[Array]:

@@ -17,6 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.online import LOST, OnlineKinematics
+from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.tree import compile_tree
 
 BLEND = 0.05
@@ -76,7 +77,10 @@ class SteadyKinematics:
         columns = [list(names).index(one) for one in self.marker_names]
         self._tracked = np.zeros(len(names), np.bool_)
         self._tracked[columns] = True
-        self._turning = np.array([one.motion == "rotational" and not one.clamped for one in model.coordinates])
+        floating = floating_coordinates(model)
+        self._turning = np.array(
+            [one.motion == "rotational" and (not one.clamped or one.name in floating) for one in model.coordinates]
+        )
         self._positions = np.full((len(names), 3), np.nan)
         self._seen = np.zeros(len(names), np.bool_)
         self._ever = np.zeros(len(names), np.bool_)

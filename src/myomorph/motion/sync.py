@@ -165,3 +165,28 @@ def _splined(time: Array, values: Array, at: Array) -> Array:
     last = int(np.searchsorted(time, at[-1])) + REACH
     time, values = time[first:last], values[first:last]
     return natural_spline(time, values, degree=3)(np.clip(at, time[0], time[-1]))
+
+
+def torques_at(torques: Series, motion: Motion) -> Series:
+    """Torques at the motion's times, by natural cubic splines where they are others.
+
+    Raises
+    ------
+    BadData
+        where the motion reaches beyond the torques
+    """
+    time, own = motion.time, torques.time
+    if len(own) == len(time) and np.max(np.abs(own - time), initial=0.0) <= 1e-6:
+        return Series(time, torques.names, torques.values)
+    slack = 1e-6 if len(own) < 2 else 0.5 * float(np.median(np.diff(own)))
+    if not len(own) or time[0] < own[0] - slack or time[-1] > own[-1] + slack:
+        span = f"from {own[0]:g} to {own[-1]:g} s" if len(own) else "over no time"
+        raise BadData(
+            f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END"
+        )
+    at = np.clip(time, own[0], own[-1])
+    if len(own) < 4:
+        values = np.column_stack([np.interp(at, own, column) for column in torques.values.T])
+    else:
+        values = natural_spline(own, torques.values, degree=3)(at)
+    return Series(time, torques.names, values)

@@ -307,7 +307,7 @@ def fill_hill_forces(
     opensim = convention == "opensim"
     _rigid_frames(H, lengths, speeds, opensim, passive_too, active, passive)
     # A kernel of its own, which models without these classes need not compile.
-    if opensim and np.isin(H.kind, (DEPRECATED_THELEN, SCHUTTE)).any():
+    if opensim and ((H.kind == DEPRECATED_THELEN) | (H.kind == SCHUTTE)).any():
         _elastic_frames(H, lengths, speeds, active, passive)
 
 

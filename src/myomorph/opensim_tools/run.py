@@ -63,7 +63,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     trial = inputs.fitted_to(model, inputs.read_recording(markers_path))
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
-    options = tasks_of_setup(InverseKinematicsOptions(), setup.tasks, setup.coordinates, model, source)
+    options = tasks_of_setup(InverseKinematicsOptions(root_bounds=True), setup.tasks, setup.coordinates, model, source)
     with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         fit = inverse_kinematics(model, markers, options, advance)
     tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}

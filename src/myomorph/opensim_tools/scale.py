@@ -125,7 +125,7 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     notes: list[str] = []
     trial = _markers(setup.markers, model, notes)
     # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is millimetres off.
-    exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500)
+    exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500, root_bounds=True)
     options = tasks_of_setup(exact, setup.tasks, setup.coordinates, model, source)
     with inputs.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)

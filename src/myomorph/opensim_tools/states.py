@@ -26,6 +26,7 @@ from myomorph.opensim_tools.outputs import needed
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.store.settings import ForceOptions
 from myomorph.study.trial import inputs
 from myomorph.study.trial.external_forces import read_loads
 from myomorph.tension.reaction import caused_motion
@@ -35,6 +36,9 @@ TWIN = 1e-6
 
 MAX_FRAMES = 100_000
 """Frames that OpenSim makes of uneven ones at most, those it adds before and after included."""
+
+AS_GIVEN = ForceOptions(force_checks="report")
+"""External forces of a setup act as OpenSim takes them."""
 
 States = Mapping[tuple[str, str], Array]
 
@@ -300,4 +304,4 @@ def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, 
 
 def loads_at(path: Path | None, model: Model, recorded: Motion, motion: Motion) -> Wrenches | None:
     """External forces at the motion's times, not filtered."""
-    return None if path is None else resample_wrenches(read_loads(path, model, recorded), motion.time)
+    return None if path is None else resample_wrenches(read_loads(path, model, recorded, options=AS_GIVEN), motion.time)

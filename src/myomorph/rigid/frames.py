@@ -32,7 +32,8 @@ def over_frames(
     chunk : frames a call
     """
     parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
-    threads = min(thread_count(), len(parts))
+    # A single chunk, as of a live frame, does not ask the system for its cores.
+    threads = min(thread_count(), len(parts)) if len(parts) > 1 else 1
     if threads <= 1:
         for start, stop in parts:
             task(start, stop)

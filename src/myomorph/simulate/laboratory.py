@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from myomorph.io.c3d.ezc3d import write_c3d
+from myomorph.io.c3d.write import write_c3d
 from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc

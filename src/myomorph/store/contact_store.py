@@ -1,19 +1,34 @@
-"""Contacts and their forces in result files."""
+"""Contacts and their forces in result files: of sites, and at contact points of joints."""
 
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.series import Series
-from myomorph.report.trial.given import Situation
+from myomorph.report.trial.given import ForceIntervals, InfeasibleContact, Situation
 from myomorph.store.results import ResultWriter, Stored
+from myomorph.tension.joint_contact import JointContactForces
+
+if TYPE_CHECKING:
+    from myomorph.tension.certificates import ContactIntervals
+    from myomorph.tension.relaxation import Relaxation
 
 SITES, CHECKED, WARNINGS = "contact_sites", "contact_sites_checked", "contact_warnings"
 SITUATION = "contact_situation"
+
+JOINT_MEANINGS = {
+    "joint_contact_force": "force at a contact point of a joint, along its normal",
+    "joint_contact_total": "size of the joint's whole force",
+    "joint_contact_shear": "force across the mean normal, which the contact points do not carry",
+    "joint_contact_unbalanced_force": "force along the mean normal that would pull",
+    "joint_contact_unbalanced_moment": "moment that is left where contact points have lifted off",
+}
+JOINT_WEIGHT = "joint_contact_body_weight"
 
 INTERVAL_NUMBERS = (
     ("start", "s", "when a site begins to touch"),
@@ -87,6 +102,78 @@ def get_situation(stored: Stored) -> Situation:
     """How the forces of contacts came to be known; "" where none were estimated."""
     told: Situation = stored.facts.get(SITUATION, "")  # type: ignore[assignment]
     return told
+
+
+def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], infeasible: Sequence[Relaxation]) -> None:
+    """Intervals and frames that could not be carried, in a result file."""
+    writer.sizes("infeasible_contact", len(infeasible))
+    times = np.array([one.time for one in infeasible], dtype=np.float64)
+    writer.put("infeasible_contact_time", ("infeasible_contact",), times, "s", "frame whose contacts are infeasible")
+    writer.texts("infeasible_contact_relaxation", "infeasible_contact", [one.sentence for one in infeasible])
+    if not intervals:
+        return
+    writer.names("contact_group", intervals[0].groups)
+    writer.names("axis", ("x", "y", "z"))
+    time = np.concatenate([one.time for one in intervals])
+    writer.sizes("interval_time", len(time))
+    writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
+    writer.texts("max_interval_direction", "interval_time", [text for one in intervals for text in one.sentences])
+    three = ("interval_time", "contact_group", "axis")
+    for name, meaning in (
+        ("low", "least force that the data allow"),
+        ("high", "greatest force that the data allow"),
+        ("near_low", "least force among solutions near the optimum"),
+        ("near_high", "greatest force among solutions near the optimum"),
+    ):
+        values = np.concatenate([getattr(one, name) for one in intervals])
+        writer.put(f"interval_{name}", three, values, "N", meaning)
+
+
+def get_intervals(stored: Stored) -> ForceIntervals | None:
+    """Intervals of contact forces of a result, or None."""
+    values = stored.values
+    if "interval_low" not in values:
+        return None
+    names = stored.names["contact_group"]
+    return ForceIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
+
+
+def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
+    """Frames of a result that its contacts cannot carry."""
+    times = stored.values.get("infeasible_contact_time", ())
+    texts = stored.names.get("infeasible_contact_relaxation", ())
+    return tuple(InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True))
+
+
+def put_joint_contacts(writer: ResultWriter, found: JointContactForces) -> None:
+    """Forces at contact points, those of their joints, and what the points do not carry."""
+    writer.time(found.time)
+    writer.names("joint_contact", found.point_columns)
+    writer.names("contact_joint", found.joints)
+    writer.texts("joint_contact_point", "joint_contact", found.points)
+    writer.texts("joint_contact_joint", "joint_contact", found.joint_of)
+    writer.fact(JOINT_WEIGHT, repr(found.weight))
+    for name, one in found.variables().items():
+        writer.put(name, one.dimensions, one.values, one.unit, JOINT_MEANINGS[name])
+
+
+def get_joint_contacts(stored: Stored) -> JointContactForces | None:
+    """What `put_joint_contacts` wrote, or None."""
+    values, names = stored.values, stored.names
+    if "joint_contact_force" not in values:
+        return None
+    return JointContactForces(
+        time=stored.time,
+        joints=names["contact_joint"],
+        points=names["joint_contact_point"],
+        joint_of=names["joint_contact_joint"],
+        forces=values["joint_contact_force"],
+        totals=values["joint_contact_total"],
+        shear=values["joint_contact_shear"],
+        unbalanced_forces=values["joint_contact_unbalanced_force"],
+        unbalanced_moments=values["joint_contact_unbalanced_moment"],
+        weight=float(stored.facts[JOINT_WEIGHT]),
+    )
 
 
 def _plain_site(site: Site) -> dict[str, Any]:

@@ -61,6 +61,24 @@ class Differentiation:
 
 
 @dataclass(frozen=True)
+class ForceOptions:
+    """What is done with external forces before they act.
+
+    Attributes
+    ----------
+    force_checks : hold them against the motion: mend what is wrong and safe to mend, report it only, or none
+    force_shift : what is added to their times, where their clock is not the motion's [s]
+    """
+
+    force_checks: Literal["mend", "report", "none"] = "mend"
+    force_shift: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not abs(self.force_shift) < float("inf"):
+            raise BadData(f"force shift {self.force_shift} s: expected a number of seconds")
+
+
+@dataclass(frozen=True)
 class TorqueTable:
     """What the table of inverse dynamics holds.
 

@@ -11,13 +11,26 @@ import numpy as np
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.store.fiber_store import get_fibers, put_fibers
 from myomorph.store.results import ResultWriter, Stored, coordinate_units
+from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 
 if TYPE_CHECKING:
     from myomorph.tension.solve import Tension, TensionOptions
 
 XYZ = ("x", "y", "z")
+FIBER_MEANINGS = {
+    "fiber_length": "length of the muscle's fibers",
+    "fiber_velocity": "lengthening velocity of the fibers",
+    "tendon_strain": "tendon length over slack length, less 1",
+    "fiber_power": "power of the fibers, positive where they do work",
+    "tendon_power": "power of the tendon, positive where it gives work back",
+    "transient": "1 near an end, where what lies beyond it can be felt",
+    "bridged": "1 where torques or coordinates were interpolated",
+}
+"""Of the variables of fibers and tendons over time."""
+
+CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
+"""Fields of `Certificate`."""
 
 
 def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
@@ -284,3 +297,47 @@ def get_markers(stored: Stored) -> Markers | None:
     """Markers of a result, or None."""
     found = stored.values.get("recorded_marker_position")
     return None if found is None else Markers(stored.time, stored.names["recorded_marker"], found)
+
+
+def put_fibers(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -> None:
+    """Fibers and tendons; time and muscles are there already."""
+    for name, one in fibers.variables().items():
+        writer.put(name, one.dimensions, one.values, one.unit or "1", FIBER_MEANINGS[name])
+    rigid = np.array([name in fibers.rigid for name in muscles], bool)
+    writer.put("muscle_rigid_tendon", ("muscle",), rigid, "1", "1 where the tendon was taken as rigid")
+    frames, worst = np.full(len(muscles), -1, np.int32), np.full(len(muscles), np.nan)
+    for missed in fibers.unreachable:
+        place = muscles.index(missed.muscle)
+        frames[place], worst[place] = missed.frame, missed.worst
+    writer.put("unreachable_frame", ("muscle",), frames, "1", "first frame that the fibers cannot reach, -1 for none")
+    writer.put("unreachable_length", ("muscle",), worst, "1", "normalized fiber length furthest out of reach")
+    writer.names("elastic_certificate", CERTIFICATE)
+    values = np.array([getattr(fibers.certificate, name) for name in CERTIFICATE], np.float64)
+    writer.put("elastic_certificate_value", ("elastic_certificate",), values, "1", "how sure the elastic solution is")
+
+
+def get_fibers(stored: Stored) -> Fibers | None:
+    """What `put_fibers` wrote, or None."""
+    values, names = stored.values, stored.names
+    if "tendon_strain" not in values:
+        return None
+    muscles = names["muscle"]
+    frames, worst = values["unreachable_frame"], values["unreachable_length"]
+    told = dict(zip(names["elastic_certificate"], values["elastic_certificate_value"].tolist(), strict=True))
+    steps = int(told.pop("steps"))
+    return Fibers(
+        lengths=values["fiber_length"],
+        velocities=values["fiber_velocity"],
+        tendon_strains=values["tendon_strain"],
+        fiber_powers=values["fiber_power"],
+        tendon_powers=values["tendon_power"],
+        transient=values["transient"] != 0,
+        bridged=values["bridged"] != 0,
+        rigid=tuple(name for name, one in zip(muscles, values["muscle_rigid_tendon"], strict=True) if one),
+        unreachable=tuple(
+            Unreachable(name, int(frame), float(length))
+            for name, frame, length in zip(muscles, frames, worst, strict=True)
+            if frame >= 0
+        ),
+        certificate=Certificate(**told, steps=steps),
+    )

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.ezc3d import read_c3d_ezc3d, write_c3d
+from myomorph.io.c3d.ezc3d import read_c3d_ezc3d
 from myomorph.io.c3d.plain import RawC3d, read_c3d_plain
 from myomorph.io.c3d.read import emg_channels, read_c3d
+from myomorph.io.c3d.write import write_c3d
 from myomorph.io.parsing.guard import run_guarded
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Event, Markers

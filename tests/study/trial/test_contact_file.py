@@ -10,7 +10,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadFile
 from myomorph.study.trial.contact_file import contact_files, read_contacts
-from myomorph.study.trial.contact_step import unreported_feet
+from myomorph.tension.contact_setting import unreported_feet
 
 SITE = """
 [[site]]

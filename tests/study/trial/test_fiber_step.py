@@ -21,8 +21,15 @@ from myomorph.report.trial.prepared import prepare
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import get_tension, put_tension
-from myomorph.study.trial.fiber_step import LARGE_STRAIN, WORK, fiber_notes, fiber_numbers, fiber_signals, write_fibers
-from myomorph.study.trial.fiber_work import fiber_work
+from myomorph.study.trial.fiber_step import (
+    LARGE_STRAIN,
+    WORK,
+    fiber_notes,
+    fiber_numbers,
+    fiber_signals,
+    fiber_work,
+    write_fibers,
+)
 from myomorph.study.trial.step import StepOutput
 from myomorph.tension.dual import STALLED
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from myomorph.contact.plan import ContactPlan
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.inertia import free_object
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.study.trial.contact_file import ContactPlan
-from myomorph.study.trial.contact_step import Measurements, set_contacts
+from myomorph.tension.contact_setting import Measurements, set_contacts
 from myomorph.tension.terms.contacts import ContactOptions
 
 

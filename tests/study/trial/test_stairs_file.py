@@ -20,9 +20,8 @@ from myomorph.store.results import read_result
 from myomorph.store.stored import get_wrenches
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
-from myomorph.study.trial.contact_file import contact_files, read_contacts
+from myomorph.study.trial.contact_file import contact_files, read_contacts, read_stairs
 from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.stairs_file import read_stairs
 
 MASS = 0.025
 WEIGHT = MASS * 9.80665
@@ -152,7 +151,7 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
 
 def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     from myomorph.rigid.dynamics import inverse_dynamics
-    from myomorph.study.trial.contact_step import Measurements, set_contacts
+    from myomorph.tension.contact_setting import Measurements, set_contacts
     from myomorph.tension.solve import TensionOptions, solve_tension
     from myomorph.tension.terms.contacts import ContactOptions
 

@@ -1,14 +1,9 @@
-"""C3D by the ezc3d library, in a child process: it hangs on some broken files and crashes on others.
-
-In one process with OpenSim's Python module, whose wrapper shares names with its own, ezc3d cannot write either.
-"""
+"""C3D by the ezc3d library, in a child process: it hangs on some broken files and crashes on others."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
-import os
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -16,11 +11,6 @@ import numpy as np
 
 from myomorph.io.c3d.plain import RawC3d, Value
 from myomorph.io.parsing.guard import GIGABYTE, run_guarded, seconds_for
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Markers, PlateRecording
-
-WRITING = 120.0
-"""Time that writing may take [s]."""
 
 
 def has_ezc3d() -> bool:
@@ -100,73 +90,3 @@ def _save_arrays(source: str, target: str) -> None:
     residuals = samples["meta_points"]["residuals"][0].T
     analog = samples["analogs"][0].T
     np.savez(target, about=np.array(json.dumps(about)), points=points, residuals=residuals, analog=analog)
-
-
-def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None) -> None:
-    """Write markers [mm] and a plate of type 2, forces [N] and moments [N mm], a whole number of samples a frame.
-
-    Raises
-    ------
-    BadData
-        The plate is of another type, or has fewer samples than frames.
-    BadFile
-        The file cannot be written.
-    """
-    if not has_ezc3d():
-        raise BadFile(path, "cannot be written without ezc3d", "install it, where it exists for the system")
-    arrays = {
-        "names": np.array(markers.names),
-        "rate": np.array(round(1.0 / float(np.median(np.diff(markers.time))), 3)),
-        "points": 1000.0 * markers.values,
-    }
-    if plate is not None:
-        every = len(plate.channels) // len(markers)
-        if plate.kind != 2 or every < 1:
-            raise BadData(
-                f"plate '{plate.name}' of type {plate.kind} has {len(plate.channels)} samples for {len(markers)} "
-                "frames: plates of type 2 with a sample a frame or more can be written"
-            )
-        arrays["channels"] = plate.channels[: every * len(markers)] * ([1.0] * 3 + [1000.0] * 3)
-        arrays |= {"every": np.array(every), "corners": 1000.0 * plate.corners, "origin": 1000.0 * plate.origin}
-    with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
-        source, made = Path(folder) / "recording.npz", Path(folder) / "recording.c3d"
-        np.savez(source, **arrays)  # type: ignore[arg-type]
-        outcome = run_guarded(f"{__name__}:_save_c3d", [source, made], WRITING)
-        if outcome.status != "done":
-            raise BadFile(path, f"cannot be written ({outcome.message})")
-        try:
-            shutil.move(made, path)
-        except OSError as error:
-            raise BadFile(path, f"cannot be written ({error.strerror or error})") from None
-
-
-def _save_c3d(source: str, target: str) -> None:
-    """The child's side of writing: plain arrays as a C3D file."""
-    # Loaded only where such a file is read or written.
-    import ezc3d
-
-    file = ezc3d.c3d()
-    parameters = file["parameters"]
-    with np.load(source) as given:
-        frames, names = len(given["points"]), given["names"].tolist()
-        points = np.ones((4, len(names), frames))
-        points[:3] = given["points"].transpose(2, 1, 0)
-        for name, value in (("UNITS", ["mm"]), ("RATE", [float(given["rate"])]), ("LABELS", names)):
-            parameters["POINT"][name]["value"] = value
-        file["data"]["points"] = points
-        if "channels" in given:
-            labels, units = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], ["N"] * 3 + ["Nmm"] * 3
-            rate = float(given["every"] * given["rate"])
-            for name, value in (("UNITS", units), ("RATE", [rate]), ("LABELS", labels)):
-                parameters["ANALOG"][name]["value"] = value
-            file["data"]["analogs"] = given["channels"].T[None]
-            for name, value in (
-                ("USED", [1]),
-                ("TYPE", [2]),
-                ("ZERO", [1, 0]),
-                ("CORNERS", given["corners"].T[:, :, None]),
-                ("ORIGIN", given["origin"][:, None]),
-                ("CHANNEL", np.arange(1.0, 7.0)[:, None]),
-            ):
-                file.add_parameter("FORCE_PLATFORM", name, value)
-    file.write(target)

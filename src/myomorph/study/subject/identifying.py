@@ -26,7 +26,7 @@ from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.identified import identification_input
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import SettingGroup
+from myomorph.store.settings import ForceOptions, SettingGroup
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.subject_files import (
     BodyOptions,
@@ -90,12 +90,14 @@ def open_motions(
     time: tuple[float, float] | None = None,
     held_out: bool = False,
     named: NamedBodies = NEAREST,
+    forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
     """Motions and their forces, in pairs in the order given.
 
     Parameters
     ----------
     named : bodies that forces act on, where they are not the nearest feet
+    forces : whether forces are checked and mended, and their clock
 
     Raises
     ------
@@ -111,7 +113,7 @@ def open_motions(
     for motion_path, loads_path in zip(motions, loads, strict=True):
         motion = inputs.read_motion(motion_path, model)
         cut_to = inputs.cut_to(time, motion, motion_path)
-        wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates)
+        wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates, options=forces)
         found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return found
 
@@ -169,7 +171,7 @@ def identify_subject(
             recording=options.recording,
             advance=advance,
         )
-    found = replace(found, notes=(*told, *_option_warnings(options), *found.notes))
+    found = replace(found, notes=(*_force_notes(motions), *told, *_option_warnings(options), *found.notes))
     models = {name: with_inertial_parameters(model, found.parameters[name]) for name in (found.chosen, SHAPE, GENERIC)}
     validation = {
         one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)
@@ -178,6 +180,10 @@ def identify_subject(
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(found, FrozenMap(validation), made)
+
+
+def _force_notes(motions: Sequence[SubjectMotion]) -> tuple[str, ...]:
+    return tuple(f"{one.name}: {text}" for one in motions for text in one.wrenches.notes)
 
 
 def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
@@ -300,7 +306,7 @@ def _run(
     for trial in prepared.trials(files, settings):
         if trial.loads is None:
             continue
-        motion = solve_kinematics(trial).motion
+        motion = solve_kinematics(trial).fit.motion
         motions.append(SubjectMotion(trial.name, motion, trial.loads(motion)))
     if not motions:
         raise BadData(

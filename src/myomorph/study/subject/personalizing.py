@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from myomorph import __version__
-from myomorph.io.sto import read_sto
+from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -22,7 +22,7 @@ from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import Differentiation, Side, plain_settings, with_settings
+from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
@@ -55,8 +55,7 @@ class PersonalFiles:
     torques: tuple[Path, ...] = ()
     emg: tuple[Path, ...] = ()
     emg_side: Side = ""
-    passive_motion: tuple[Path, ...] = ()
-    passive_torques: tuple[Path, ...] = ()
+    passive: tuple[Path, ...] = ()
     generic: Path | None = None
     time: tuple[float, float] | None = None
     named: NamedBodies = NEAREST
@@ -65,9 +64,9 @@ class PersonalFiles:
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
         found = [file_source("model", self.model)]
-        for role in ("motion", "loads", "torques", "emg", "passive_motion", "passive_torques"):
+        for role in ("motion", "loads", "torques", "emg", "passive"):
             for path in getattr(self, role):
-                found.append(file_source(role.replace("_", " "), path))
+                found.append(file_source("passive torques" if role == "passive" else role, path))
                 found += load_tables(path) if role == "loads" else []
         return (*found, *(() if self.generic is None else (file_source("generic model", self.generic),)))
 
@@ -84,10 +83,6 @@ class PersonalFiles:
                 )
         if self.motion and not (self.loads or self.torques):
             raise BadData("motions without torques: give --loads, or --torques of inverse dynamics")
-        if len(self.passive_motion) != len(self.passive_torques):
-            raise BadData(
-                f"{len(self.passive_motion)} passive motions but {len(self.passive_torques)} files of passive torques"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +106,7 @@ def personalize_files(
     """
     files.check()
     model = inputs.open_model(files.model) if model is None else model
-    own = {one.name for one in fields(Differentiation)}
+    own = {one.name for kind in (Differentiation, ForceOptions) for one in fields(kind)}
     options = with_settings(PersonalizeOptions(), {k: v for k, v in settings.items() if k not in own})
     cutoff = {k: v for k, v in settings.items() if k in own and v is not None}
     warnings = list(model.warnings)
@@ -132,8 +127,7 @@ def personalize_files(
         warnings += [text for text in trial.warnings if text not in warnings]
         table = files.torques[k] if files.torques else None
         trials.append(_trial(trial, poses.recorded, motion.stem, table))
-    for motion, table in zip(files.passive_motion, files.passive_torques, strict=True):
-        trials.append(_passive(model, motion, table))
+    trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else inputs.open_model(files.generic)
     with inputs.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         found = personalize(model, trials, options, generic=generic, advance=advance)
@@ -155,7 +149,7 @@ def _torques(path: Path, motion: Motion) -> Series:
     """Torques of a table at a motion's times."""
     with inputs.about(path):
         read = read_sto(path)
-        names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in read.names)
+        names = tuple(_coordinate(name) for name in read.names)
         start, stop = read.time[0], read.time[-1]
         inside = (motion.time >= start - 1e-6) & (motion.time <= stop + 1e-6)
         if not inside.any():
@@ -177,11 +171,39 @@ def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
     return emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, options)
 
 
-def _passive(model: Model, motion_path: Path, table: Path) -> PersonalTrial:
-    """Poses and the torques that hold the joints in them, muscles at rest."""
-    motion = inputs.read_motion(motion_path, model)
-    still = replace(motion, velocities=np.zeros_like(motion.values), accelerations=np.zeros_like(motion.values))
-    return PersonalTrial(motion_path.stem, still, _torques(table, still), passive=True)
+def read_passive(path: Path, model: Model) -> PersonalTrial:
+    """Torques of resting muscles, measured in poses: a table of a pose a row.
+
+    Columns named as coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the torque that muscles
+    and joints apply about the coordinate, which turns it up where positive [N m or N], blank where it was not measured.
+
+    Raises
+    ------
+    BadFile, BadData
+        where the table cannot be read, or has no coordinate or no torque
+    """
+    with inputs.about(path):
+        table = read_sto(path)
+        poses = motion_from_table(table, model)
+        missing = np.isnan(poses.values)
+        if missing.any():
+            row, column = np.argwhere(missing)[0]
+            raise BadData(
+                f"coordinate '{poses.names[column]}' has no value in row {row + 1}: a pose needs all coordinates that "
+                "have a column"
+            )
+        names = {name: _coordinate(name) for name in table.names if _coordinate(name) in model.coordinate_names}
+        columns = [k for k, name in enumerate(table.names) if names.get(name, name) != name]
+        if not columns:
+            raise BadData(f"no column is a torque: name them as '{poses.names[0]}_moment'")
+        torques = Series(table.time, tuple(names[table.names[k]] for k in columns), table.values[:, columns])
+        still = np.zeros_like(poses.values)
+        return PersonalTrial(path.stem, replace(poses, velocities=still, accelerations=still), torques, passive=True)
+
+
+def _coordinate(name: str) -> str:
+    """Of a column of torques, as `id` writes it."""
+    return name.removesuffix("_moment").removesuffix("_force")
 
 
 def tables_folder(out: Path) -> Path:
@@ -237,15 +259,15 @@ def estimate_rows(found: Personalized) -> list[dict[str, object]]:
     return [
         {
             "of": one.of,
-            "parameter": one.parameter,
+            "parameter": one.parameter.replace("_", " "),
             "generic": one.generic,
             "person": one.person,
             "low": one.low,
             "high": one.high,
-            "variance_ratio": one.variance_ratio,
+            "variance ratio": one.variance_ratio,
             "identifiable": one.identifiable,
             "bound": one.bound,
-            "kept_generic": one.kept,
+            "generic kept": one.kept,
         }
         for one in found.estimates
     ]
@@ -256,10 +278,10 @@ def fiber_rows(found: Personalized) -> list[dict[str, object]]:
     return [
         {
             "muscle": name,
-            "least_generic": found.before[m, 0],
-            "greatest_generic": found.before[m, 1],
-            "least_person": found.after[m, 0],
-            "greatest_person": found.after[m, 1],
+            "least, generic": found.before[m, 0],
+            "greatest, generic": found.before[m, 1],
+            "least, person": found.after[m, 0],
+            "greatest, person": found.after[m, 1],
         }
         for m, name in enumerate(found.model.muscle_names)
     ]
@@ -269,7 +291,7 @@ def held_out_rows(found: Personalized) -> list[dict[str, object]]:
     """A row for every coordinate: torque that generic and personal muscles leave in what was held out."""
     assert found.held_out is not None
     return [
-        {"coordinate": name, "left_generic": before, "left_person": after}
+        {"coordinate": name, "left, generic [N m or N]": before, "left, person [N m or N]": after}
         for name, before, after in zip(found.coordinates, found.held_out.left_generic, found.held_out.left, strict=True)
     ]
 
@@ -321,7 +343,7 @@ def _run(
     for trial in prepared.trials(files, settings):
         if trial.loads is None:
             continue
-        motion = solve_kinematics(trial).motion
+        motion = solve_kinematics(trial).fit.motion
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
     if not trials:

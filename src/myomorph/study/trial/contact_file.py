@@ -1,68 +1,38 @@
-"""What a user says of contacts: `auto`, a table of touches (.csv), or a contact file (.toml) with sites and sources."""
+"""Files of contacts (.toml, .csv), read into a `ContactPlan`: sites, contact intervals, stairs of load cells, sound."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, FiniteFloat
 
-from myomorph.contact.sites import body_sites
+from myomorph.contact.feet_on_steps import Stairs, Unmeasured
+from myomorph.contact.heard import Impulse, SoundPlan
+from myomorph.contact.plan import FOREVER, ContactPlan, When
+from myomorph.contact.sites import body_sites, foot_sites
+from myomorph.contact.sound import Instrument, speed_of_sound
+from myomorph.contact.stairs import StairOptions, Step, step_loads
+from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
+from myomorph.io.wav import read_wav
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Contacts, Site, Touch
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
-from myomorph.report.trial.given import Situation
+from myomorph.model.series import Z_UP_TO_Y_UP
+from myomorph.model.spatial import Transform
 from myomorph.store.settings import Measured
-from myomorph.store.study_file import Strict, checked, existing, read_tables, refuse
-from myomorph.study.trial.sound_plan import InstrumentTable, SoundPlan, SoundTable, sound_plan
-from myomorph.study.trial.stairs_file import Stairs, old_stairs_names, read_stairs, recording_of
+from myomorph.store.study_file import Strict, checked, existing, read_tables, read_toml, refuse
 
 AUTO = "auto"
 Vector: TypeAlias = tuple[float, float, float]
-When: TypeAlias = Literal["always", "motion", "file"]
-
-FOREVER = 1e9
-"""End of a touch that always lasts [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactPlan:
-    """What is known of the contacts of a recording before anything is computed.
-
-    Attributes
-    ----------
-    feet : whether the soles of the model's feet are sites
-    sites : beside the soles
-    when : of each of `sites` what tells when it touches: "always", the "motion", or the "file" of its intervals
-    surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
-    reported : contact intervals of a file; of the soles too where it names them
-    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
-    stairs : load cells of steps that tell who stands on them and, together, what force they carry
-    measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
-        none was measured; "shared": each is known for the sites on it together; "hidden": not at all
-    """
-
-    feet: bool = True
-    sites: tuple[Site, ...] = ()
-    when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
-    surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
-    reported: Contacts | None = None
-    sound: SoundPlan | None = None
-    measured: Measured = "exact"
-    stairs: Stairs | None = None
-
-    @property
-    def situation(self) -> Situation:
-        """Which of the situations of [D] chapter 4 it is."""
-        if self.sound is not None:
-            return "sound"
-        return "shared" if self.measured == "shared" else "unknown"
+FiniteVector: TypeAlias = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+WORDS = ("stairs", "steps", "cells", "ladder")
+"""With which the name of a table of load cells ends that lies beside a trial's markers."""
 
 
 class _Camera(Strict):
@@ -87,7 +57,28 @@ class _Site(Strict):
     rests: Literal["floor", "lowest"] | FiniteFloat = "floor"
 
 
-class _File(Strict):
+class _Instrument(Strict):
+    """The table `[[instrument]]` of a contact file."""
+
+    name: str
+    channel: str = "1"
+    distance: float = Field(default=0.0, ge=0.0)
+    sites: list[str] = Field(min_length=1)
+    direction: tuple[float, float, float] | None = None
+    known: list[tuple[float, float]] = Field(default_factory=list)
+
+
+class _Sound(Strict):
+    """The table `[sound]` of a contact file."""
+
+    file: str
+    start: float | Literal["auto"] = 0.0
+    celsius: float = 20.0
+    impulse: Impulse = "known"
+    pulse: float = Field(default=0.008, gt=0.0)
+
+
+class _ContactFile(Strict):
     feet: bool = True
     measured: Measured = "exact"
     intervals: str | None = None
@@ -95,8 +86,43 @@ class _File(Strict):
     site: list[_Site] = Field(default_factory=list)
     sites: list[str] = Field(default_factory=list)
     stairs: str | None = None
-    sound: SoundTable | None = None
-    instrument: list[InstrumentTable] = Field(default_factory=list)
+    sound: _Sound | None = None
+    instrument: list[_Instrument] = Field(default_factory=list)
+
+
+class _Stairs(Strict):
+    recording: str | None = None
+    up: Literal["model", "z"] = "model"
+    force_on: Literal["animal", "step"] = "animal"
+    unmeasured: Unmeasured = "unknown"
+    tare: Literal["quiet", "none"] = "quiet"
+    loaded: float = Field(default=0.04, gt=0.0, lt=1.0)
+    unloaded: float = Field(default=0.02, gt=0.0, lt=1.0)
+    search_range: float = Field(default=0.25, gt=0.0)
+
+
+class _Step(Strict):
+    name: str = Field(min_length=1)
+    position: FiniteVector
+    orientation: FiniteVector = (0.0, 0.0, 0.0)
+    size: tuple[float, float]
+    measures: list[str] = Field(min_length=1)
+    channels: list[str] = Field(min_length=1)
+    matrix: list[list[FiniteFloat]] | None = None
+    origin: FiniteVector = (0.0, 0.0, 0.0)
+
+
+class _Paw(Strict):
+    body: str
+    point: Vector = (0.0, 0.0, 0.0)
+    name: str = ""
+    friction: float = 0.8
+
+
+class _StairsFile(Strict):
+    stairs: _Stairs = Field(default_factory=_Stairs)
+    step: list[_Step] = Field(min_length=1)
+    paw: list[_Paw] = Field(default_factory=list)
 
 
 def read_contacts(source: str | Path, model: Model, measured: Measured | None = None) -> ContactPlan:
@@ -118,11 +144,11 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         return ContactPlan(measured=measured or "exact")
     path = Path(source)
     if path.suffix.lower() == ".csv":
-        return ContactPlan(reported=_touches(path, _Camera()), measured=measured or "exact")
+        return ContactPlan(reported=read_events(path), measured=measured or "exact")
     if path.suffix.lower() != ".toml":
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     raw, _, twice = read_tables(path, "contact file")
-    found, problems = checked(_File, raw)
+    found, problems = checked(_ContactFile, raw)
     problems = [*twice, *problems]
     table = None if found is None else existing(path.parent, found.intervals, "intervals", problems)
     steps = None if found is None else existing(path.parent, found.stairs, "stairs", problems)
@@ -140,13 +166,16 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         problems.append(f"sites: {error}")
     refuse(path, problems)
     assert found is not None
-    told = _all_reported(found.site, None if table is None else _touches(table, found.camera))
+    when: dict[str, When] = {
+        one.name: "file" if isinstance(one.intervals, list) else one.intervals for one in found.site
+    }
+    marked = None if table is None else read_events(table, found.camera.rate, found.camera.start)
     return ContactPlan(
         found.feet,
         tuple(sites),
-        FrozenMap({one.name: _when(one) for one in found.site}),
+        FrozenMap(when),
         FrozenMap(_surfaces(found)),
-        told,
+        _all_reported(found.site, marked),
         sound,
         measured or found.measured,
         None if steps is None else read_stairs(steps, model),
@@ -183,21 +212,21 @@ def old_names(path: Path) -> list[str]:
         return []
     try:
         raw, notices, _ = read_tables(path, "contact file")
+        stairs = raw.get("stairs")
+        if isinstance(stairs, str):
+            return [*notices, *old_names(path.parent / stairs)]
+        return read_tables(path, "stairs file")[1] if isinstance(stairs, dict) or "step" in raw else notices
     except BadFile:
         # It is refused where it is used.
         return []
-    stairs = raw.get("stairs")
-    if isinstance(stairs, str):
-        return [*notices, *old_stairs_names(path.parent / stairs)]
-    return old_stairs_names(path) if isinstance(stairs, dict) else notices
 
 
-def _sound(found: _File, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
+def _sound(found: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
     if found.sound is None:
         return None
     file = existing(folder, found.sound.file, "sound", problems)
     try:
-        return None if file is None else sound_plan(found.sound, found.instrument, file, up)
+        return None if file is None else _sound_plan(found.sound, found.instrument, file, up)
     except BadData as error:
         problems.append(str(error))
         return None
@@ -222,21 +251,13 @@ def _check_spans(given: _Site) -> None:
             raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
 
 
-def _surfaces(found: _File) -> dict[str, float | None]:
+def _surfaces(found: _ContactFile) -> dict[str, float | None]:
     """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of their own."""
     raised: dict[str, float | None] = dict.fromkeys(found.sites)
     for one in found.site:
         if one.rests != "floor":
             raised[one.name] = None if isinstance(one.rests, str) else one.rests
     return raised
-
-
-def _when(given: _Site) -> When:
-    return given.intervals if isinstance(given.intervals, str) else "file"
-
-
-def _touches(path: Path, camera: _Camera) -> Contacts:
-    return read_events(path, rate=camera.rate, start=camera.start)
 
 
 def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
@@ -253,3 +274,127 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
         names[one.name] = None
     warnings = () if read is None else read.warnings
     return Contacts(tuple(names), tuple(touches), warnings) if names else None
+
+
+def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array) -> SoundPlan:
+    """Read the recording that a contact file names.
+
+    Raises
+    ------
+    BadFile
+        where it is no WAV file
+    BadData
+        where no instrument is named, or loudness is to tell impulses and no stroke of known impulse is given
+    """
+    if not instruments:
+        raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
+    for one in instruments:
+        if table.impulse == "known" and not one.known:
+            raise BadData(
+                f"instrument '{one.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
+                "impulse = 'motion' to take effective mass times change of velocity"
+            )
+    return SoundPlan(
+        read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
+        tuple(Instrument(one.name, one.channel, one.distance, tuple(one.sites)) for one in instruments),
+        speed_of_sound(table.celsius),
+        table.start == "auto",
+        {one.name: [(float(time), float(impulse)) for time, impulse in one.known] for one in instruments},
+        {one.name: up if one.direction is None else np.array(one.direction) for one in instruments},
+        table.impulse,
+        table.pulse,
+    )
+
+
+def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> Stairs:
+    """Stairs of a file, with the loads that were recorded.
+
+    Parameters
+    ----------
+    trial : file of the markers; with it, `recording` may leave the file out (channels in a C3D file of markers, or a
+        table `STEM_stairs.csv` beside it) and `{trial}` in it stands for the stem
+
+    Raises
+    ------
+    BadFile : with a list of all that is wrong
+    """
+    path = Path(path)
+    raw, _, twice = read_tables(path, "stairs file")
+    found, problems = checked(_StairsFile, raw)
+    problems = [*twice, *problems]
+    steps: list[Step] = []
+    paws: list[Site] = []
+    for one in () if found is None else found.step:
+        try:
+            steps.append(_step(one, found.stairs))
+        except MyomorphError as error:
+            problems.append(str(error))
+    for one in () if found is None else found.paw:
+        if one.body not in model.body_names:
+            problems.append(str(UnknownName("body", one.body, model.body_names)))
+        else:
+            cone = Cone(direction=np.array(model.up), friction=one.friction)
+            paws.append(Site(one.name or one.body, one.body, np.array([one.point]), cone))
+    recording = None if found is None else _recording(found.stairs.recording, path, trial, problems)
+    refuse(path, problems)
+    assert found is not None
+    assert recording is not None
+    told, hint = found.stairs, ""
+    try:
+        options = StairOptions(told.loaded, told.unloaded, search_range=told.search_range, tare=told.tare)
+        loads = step_loads(steps, read_channels(recording), model.weight, options)
+        hint = "name paws ([[paw]] body, point)"
+        sites = tuple(paws) or foot_sites(model)
+    except BadFile:
+        raise
+    except MyomorphError as error:
+        raise BadFile(path, str(error), hint) from None
+    return Stairs(path, loads, sites, recording, options, told.unmeasured)
+
+
+def _step(one: _Step, stairs: _Stairs) -> Step:
+    pose = Transform.from_euler_xyz(np.radians(one.orientation), one.position)
+    matrix = None if one.matrix is None else _matrix(one)
+    step = Step(
+        one.name,
+        pose,
+        one.size,
+        tuple(name.lower() for name in one.measures),
+        tuple(one.channels),
+        matrix,
+        np.array(one.origin),
+        1 if stairs.force_on == "animal" else -1,
+    )
+    return step.rotated(Z_UP_TO_Y_UP) if stairs.up == "z" else step
+
+
+def _matrix(one: _Step) -> Array:
+    if len({len(row) for row in one.matrix or ()}) != 1:
+        raise BadData(f"the matrix of step '{one.name}' has rows of several lengths")
+    return np.array(one.matrix, dtype=np.float64)
+
+
+def _recording(given: str | None, path: Path, trial: Path | None, problems: list[str]) -> Path | None:
+    if given is not None:
+        if "{trial}" in given and trial is None:
+            problems.append(f"stairs: recording = '{given}': '{{trial}}' needs a trial of a study")
+            return None
+        stem = "" if trial is None else trial.stem
+        return existing(path.parent, given.replace("{trial}", stem), "stairs: recording", problems)
+    if trial is not None:
+        beside = [
+            trial.with_name(f"{trial.stem}_{word}{ending}") for word in WORDS for ending in (".csv", ".mot", ".sto")
+        ]
+        found = next((one for one in beside if one.is_file()), trial if trial.suffix.lower() == ".c3d" else None)
+        if found is not None:
+            return found
+    problems.append("stairs: 'recording' is missing: the file of the load cells' channels (.c3d, .csv, .mot, .sto)")
+    return None
+
+
+def recording_of(path: Path, trial: Path | None = None) -> tuple[Path, ...]:
+    """The file of the channels that a file of stairs names, () where it cannot be told."""
+    table = read_toml(path).get("stairs")
+    given = table.get("recording") if isinstance(table, dict) else None
+    found = _recording(given if isinstance(given, str) else None, path, trial, [])
+    return () if found is None else (found,)

@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.io.parsing.text import written
 from myomorph.model.model import Model
-from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.study.trial.step import StepOutput
-from myomorph.tension.emg_conflicts import conflict_line, emg_conflicts
+from myomorph.tension.emg_conflicts import conflict_line
+from myomorph.tension.task import EmgTargets
 from myomorph.tension.tension import Tension
-from myomorph.tension.terms.emg import EmgTarget
 
 EMG_TABLE, EMG_CONFLICTS = "emg_channels.csv", "emg_conflicts.csv"
-
-
-@dataclass(frozen=True, eq=False)
-class EmgTargets:
-    """What EMG tells of a recording.
-
-    Attributes
-    ----------
-    target : None where no channel tells of a muscle
-    """
-
-    target: EmgTarget | None
-    calibration: EmgCalibration | None
-    notes: tuple[str, ...] = ()
 
 
 def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
@@ -59,11 +43,11 @@ def _cell(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else ""
 
 
-def write_conflicts(model: Model, tension: Tension, target: EmgTarget | None, output: StepOutput) -> tuple[str, ...]:
+def write_conflicts(model: Model, tension: Tension, told: EmgTargets, output: StepOutput) -> tuple[str, ...]:
     """Where EMG and torques contradict each other, as a table and as a line."""
-    if target is None:
+    if told.target is None:
         return ()
-    found = emg_conflicts(model, tension, target)
+    found = told.conflicts(model, tension)
     with written(output.folder / EMG_CONFLICTS) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))

@@ -7,13 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from myomorph.contact.force_checks import checked_forces
 from myomorph.io.force_columns import table_wrenches
 from myomorph.io.formats import trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
+from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
@@ -50,6 +53,7 @@ def read_loads(
     trial: Path | None = None,
     plates: Sequence[str] = (),
     laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
 ) -> Wrenches:
     """External forces of an OpenSim external loads file, a table of forces, a recording's force plates, or stairs.
 
@@ -67,6 +71,7 @@ def read_loads(
     trial : for stairs: the file of the markers, which specifies the one of the load cells
     plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
     laboratory : how the axes that the forces are along stand to the model's
+    options : whether they are checked against the motion and mended, with a note of each finding; and their clock
 
     Returns
     -------
@@ -85,12 +90,51 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory)
+    with about(path):
+        return on_feet(wrenches, model, motion, options)
+
+
+def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None) -> Wrenches:
+    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only.
+
+    Raises
+    ------
+    BadData
+        where a body is not known and the model has no foot
+    """
+    options = options or ForceOptions()
+    findings: tuple[Finding, ...] = ()
+    if options.force_shift:
+        wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
+    if options.force_checks != "none":
+        found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
+        wrenches, findings = found.wrenches, found.findings
+    if not all(wrenches.bodies):
+        wrenches = nearest_feet(wrenches, model, motion)
+    texts = tuple(one.text for one in findings)
+    notes = (*texts, *(text for text in wrenches.notes if text not in texts))
+    return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
+
+
+def raw_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+) -> Wrenches:
+    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
+
+    Parameters and errors as in `read_loads`.
+    """
     ending = Path(path).suffix.lower()
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
             wrenches = laboratory.wrenches(force_table(path, bodies))
-            wrenches = wrenches if bodies else nearest_feet(wrenches, model, motion)
     elif ending == ".xml":
         # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
@@ -98,13 +142,14 @@ def read_loads(
         with about(path):
             wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
     elif ending == ".toml":
-        from myomorph.study.trial.stairs_file import read_stairs, stairs_wrenches
+        from myomorph.contact.feet_on_steps import stairs_wrenches
+        from myomorph.study.trial.contact_file import read_stairs
 
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:
         with about(path):
             recording = laboratory.trial(read_recording(path))
-            wrenches = recording_wrenches(upright(recording, model), model, motion, plates)
+            wrenches = plate_wrenches(upright(recording, model), plates)
     else:
         raise BadFile(
             path,
@@ -113,7 +158,7 @@ def read_loads(
             "force-measuring stairs",
         )
     for body in wrenches.bodies:
-        if body not in model.body_names and body != "ground":
+        if body and body not in model.body_names and body != "ground":
             raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
     return wrenches
 
@@ -139,7 +184,9 @@ def force_table(path: str | Path, bodies: Mapping[str, str] | None = None) -> Wr
     return table_wrenches(read_sto(path), bodies)
 
 
-def recording_wrenches(trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = ()) -> Wrenches:
+def recording_wrenches(
+    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), options: ForceOptions | None = None
+) -> Wrenches:
     """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest.
 
     Raises
@@ -147,12 +194,17 @@ def recording_wrenches(trial: Trial, model: Model, motion: Motion, plates: Seque
     BadData
         where there is no plate, more bodies than plates, or no foot to be found
     """
+    return on_feet(plate_wrenches(trial, plates), model, motion, options)
+
+
+def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
+    """Forces of a recording's plates on the bodies that are named, "" where none is."""
     if not trial.plates:
         why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
         raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
     if plates:
         return recorded_wrenches(trial, ["" if one.strip().lower() in NOBODY else one.strip() for one in plates])
-    return nearest_feet(recorded_wrenches(trial), model, motion)
+    return recorded_wrenches(trial)
 
 
 def upright(trial: Trial, model: Model) -> Trial:

@@ -19,6 +19,8 @@ from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Tria
 
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
+COUPLED = 0.1
+"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
 
 
 @contextmanager
@@ -236,6 +238,47 @@ def read_motion(path: str | Path, model: Model) -> Motion:
             "frames); fill the gap, or leave those frames out with --time START END"
         )
     return motion
+
+
+def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
+    if set(motion.names) == set(model.coordinate_names):
+        return motion, ()
+    # Brings Numba: loaded only where a table lacks coordinates.
+    from myomorph.rigid.tree import compile_tree
+
+    values = compile_tree(model).coordinates_of(motion)
+    known = (*motion.names, *model.dependent_coordinates)
+    lacking = tuple(name for name in model.coordinate_names if name not in known)
+    return Motion(motion.time, model.coordinate_names, values), lacking
+
+
+def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
+
+    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
+    column as it stands: one in degrees would be read as 57 times as much.
+    """
+    driven = [name for name in model.dependent_coordinates if name in motion.names]
+    if not driven or not len(motion):
+        return motion, ()
+    # Brings Numba: loaded only where a table has such coordinates.
+    from myomorph.rigid.tree import compile_tree
+
+    coupled = compile_tree(model).coordinates_of(motion)
+    values = np.array(motion.values)
+    notes = []
+    for name in driven:
+        own, right = values[:, motion.names.index(name)], coupled[:, model.coordinate_names.index(name)]
+        apart = np.abs(np.nan_to_num(own - right))
+        worst = int(np.argmax(apart))
+        if apart[worst] > COUPLED:
+            notes.append(
+                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
+                f"{right[worst]:.4g}: the coupler's value is taken throughout"
+            )
+        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
+    return replace(motion, values=values), tuple(notes)
 
 
 class PosesBy:

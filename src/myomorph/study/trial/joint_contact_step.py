@@ -1,9 +1,9 @@
-"""Forces at contact points of joints as part of the step `tension`: computed, written, told in notes and numbers."""
+"""Forces at contact points of joints as part of the step `tension`: written, and told in notes and numbers."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,15 +11,14 @@ from myomorph.analysis.joint_loads import stride_loads
 from myomorph.analysis.strides import Strides, walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.store.joint_contact_store import get_joint_contacts, put_joint_contacts
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.store.contact_store import get_joint_contacts, put_joint_contacts
 from myomorph.store.results import Stored
 from myomorph.study.trial.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.study.trial.trial_strides import TrialStrides
-from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
-from myomorph.tension.tension import Tension
+from myomorph.tension.joint_contact import JointContactForces, JointPoints
 
 TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
 COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
@@ -31,17 +30,10 @@ LEFT = 0.25
 ENDING = " contact force"
 
 
-def solve_joint_contacts(
-    model: Model,
-    motion: Motion,
-    tension: Tension,
-    wrenches: Wrenches | None,
-    points: JointPoints,
-    actuators: Sequence[Actuator],
-    output: StepOutput,
+def write_joint_contacts(
+    found: JointContactForces, points: JointPoints, model: Model, motion: Motion, output: StepOutput
 ) -> tuple[str, ...]:
-    """Compute the forces at contact points, write them, and return what is to be known of them, one line each."""
-    found = joint_contact_forces(model, motion, tension, wrenches, points.points, actuators=actuators)
+    """Write forces at contact points, and return what is to be known of them, one line each."""
     put_joint_contacts(output.writer, found)
     write_sto(found.table(), output.folder / TABLE)
     strides = walking_strides(model, motion)

@@ -10,10 +10,14 @@ import numpy as np
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy
+
+NOISE = 0.03
+"""Share of the weight that a foot on a plate puts down at least."""
 
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
@@ -69,15 +73,29 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    found = assign_bodies(wrenches, places)
+    found = assign_bodies(_without_noise(wrenches, model), places)
     return _carried(found.wrenches, found.warnings)
+
+
+def _without_noise(wrenches: Wrenches, model: Model) -> Wrenches:
+    """Forces with zeros for those that never reach what a foot puts down: noise of a plate that nobody steps on."""
+    size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
+    noise = (size.max(axis=0, initial=0.0) < NOISE * model.weight)[None, :, None]
+    return replace(
+        wrenches, forces=np.where(noise, 0.0, wrenches.forces), torques=np.where(noise, 0.0, wrenches.torques)
+    )
 
 
 def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
     """The forces that act on a body, with a note on those that never act."""
     kept = [k for k, body in enumerate(wrenches.bodies) if body]
     idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
-    notes = (*wrenches.notes, *warnings, *((f"nobody steps on {idle} during the motion: left out",) if idle else ()))
+    findings = wrenches.findings
+    if idle:
+        text = f"nobody steps on {idle} during the motion: left out"
+        findings = (*findings, Finding("idle plate", idle, text, mended=True))
+        warnings = (*warnings, text)
+    notes = (*wrenches.notes, *warnings)
     chosen = {name: getattr(wrenches, name)[:, kept] for name in ("forces", "points", "torques")}
     names, bodies = (tuple(one[k] for k in kept) for one in (wrenches.names, wrenches.bodies))
-    return replace(wrenches, names=names, bodies=bodies, notes=notes, **chosen)
+    return replace(wrenches, names=names, bodies=bodies, notes=notes, findings=findings, **chosen)

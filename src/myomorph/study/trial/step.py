@@ -175,6 +175,7 @@ def run_step(step: Step[Any], trial: TrialInputs, results: StepResults, output: 
     with about(trial.name):
         found = step.run(trial, output, *(results.get(kind) for kind in (*step.needs, *step.uses)))
     results = results.having(found)
-    replace(trial, warnings=tuple(dict.fromkeys((*trial.warnings, *results.notes)))).put(output.writer)
+    # What the checks found comes first: it may change what is believed of the whole result.
+    replace(trial, warnings=tuple(dict.fromkeys((*results.notes, *trial.warnings)))).put(output.writer)
     output.writer.provenance(step_provenance(step, trial))
     return results

@@ -1,4 +1,4 @@
-"""Generalized forces from elsewhere: a table as inverse dynamics writes it, at the times of a motion."""
+"""Generalized forces from elsewhere: a table as inverse dynamics writes it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import natural_spline
+from myomorph.model.series import Series
 from myomorph.study.trial import inputs
 
 MOMENT, FORCE = "_moment", "_force"
@@ -73,31 +72,6 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
                 )
             return name
     return None
-
-
-def torques_at(torques: Series, motion: Motion) -> Series:
-    """Torques at the motion's times, by natural cubic splines where they are others.
-
-    Raises
-    ------
-    BadData
-        where the motion reaches beyond the torques
-    """
-    time, own = motion.time, torques.time
-    if len(own) == len(time) and np.max(np.abs(own - time), initial=0.0) <= 1e-6:
-        return Series(time, torques.names, torques.values)
-    slack = 1e-6 if len(own) < 2 else 0.5 * float(np.median(np.diff(own)))
-    if not len(own) or time[0] < own[0] - slack or time[-1] > own[-1] + slack:
-        span = f"from {own[0]:g} to {own[-1]:g} s" if len(own) else "over no time"
-        raise BadData(
-            f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END"
-        )
-    at = np.clip(time, own[0], own[-1])
-    if len(own) < 4:
-        values = np.column_stack([np.interp(at, own, column) for column in torques.values.T])
-    else:
-        values = natural_spline(own, torques.values, degree=3)(at)
-    return Series(time, torques.names, values)
 
 
 def given_torques(

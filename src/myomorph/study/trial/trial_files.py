@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
@@ -18,13 +16,19 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
-from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import file_source, value_source
-from myomorph.store.settings import Measured, ReportOptions, Side, TensionTables, plain_settings, with_settings
+from myomorph.store.settings import (
+    ForceOptions,
+    Measured,
+    ReportOptions,
+    Side,
+    TensionTables,
+    plain_settings,
+    with_settings,
+)
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
@@ -36,16 +40,12 @@ from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
+    from myomorph.contact.plan import ContactPlan
     from myomorph.io.osim.setup_parts import IkTasks
-    from myomorph.study.trial.contact_file import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
-
-
-COUPLED = 0.1
-"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
 
 
 @dataclass(frozen=True)
@@ -142,15 +142,21 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         ),
     )
     assumed: tuple[str, ...] = ()
-    if files.torques is not None:
-        pass  # Whatever acts from outside is in the torques.
-    elif files.loads is None and (files.plates or (recording.plates and feet_of(model))):
-        assumed = (
-            ()
-            if files.plates
-            else ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+    # Torques of a file hold whatever acts from outside.
+    recorded_loads = files.torques is None and files.loads is None
+    if recorded_loads and (files.plates or (recording.plates and feet_of(model))):
+        if not files.plates:
+            assumed = ("The force of each plate acts on the foot that is nearest to its center of pressure.",)
+        trial = replace(
+            trial,
+            loads=partial(
+                recording_wrenches,
+                recording,
+                model,
+                plates=files.plates,
+                options=_force_options(trial.options, trial.contacts),
+            ),
         )
-        trial = replace(trial, loads=partial(recording_wrenches, recording, model, plates=files.plates))
     notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
 
@@ -162,8 +168,8 @@ def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None
         raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
     model = inputs.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
-    recorded, lacking = whole_motion(inputs.read_motion(files.motion, model), model)
-    recorded, apart = coupled_motion(recorded, model)
+    recorded, lacking = inputs.whole_motion(inputs.read_motion(files.motion, model), model)
+    recorded, apart = inputs.coupled_motion(recorded, model)
     warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
     warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
@@ -201,41 +207,6 @@ def _rate_warnings(trial: TrialInputs, time: Array) -> tuple[str, ...]:
     return (text,) if text else ()
 
 
-def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
-    if set(motion.names) == set(model.coordinate_names):
-        return motion, ()
-    values = compile_tree(model).coordinates_of(motion)
-    given = (*motion.names, *model.dependent_coordinates)
-    lacking = tuple(name for name in model.coordinate_names if name not in given)
-    return Motion(motion.time, model.coordinate_names, values), lacking
-
-
-def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
-
-    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
-    column as it stands: one in degrees would be read as 57 times as much.
-    """
-    driven = [name for name in model.dependent_coordinates if name in motion.names]
-    if not driven or not len(motion):
-        return motion, ()
-    told = compile_tree(model).coordinates_of(motion)
-    values = np.array(motion.values)
-    notes = []
-    for name in driven:
-        own, right = values[:, motion.names.index(name)], told[:, model.coordinate_names.index(name)]
-        apart = np.abs(np.nan_to_num(own - right))
-        worst = int(np.argmax(apart))
-        if apart[worst] > COUPLED:
-            notes.append(
-                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
-                f"{right[worst]:.4g}: the coupler's value is taken throughout"
-            )
-        values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
-    return replace(motion, values=values), tuple(notes)
-
-
 def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     used = (
         ("model", files.model),
@@ -259,7 +230,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
     options = options_of(settings)
     reactions = bool(files.contact_points) or options[TensionTables].reactions != "none"
     torques, unused = given_torques(files.torques, model, files.loads, files.contacts, reactions)
-    points = _contact_points(files, model)
+    points, plan = _contact_points(files, model), contact_plan(files, model)
     if points is not None:
         sources.append(value_source("contact points", files.contact_points, points.points))
     found = None
@@ -290,13 +261,14 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             trial=files.markers,
             plates=files.plates,
             laboratory=files.laboratory,
+            options=_force_options(options, plan),
         ),
         torques=torques,
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
         mass=files.mass,
-        contacts=contact_plan(files, model),
+        contacts=plan,
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
@@ -307,6 +279,12 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
             *unused,
         ),
     )
+
+
+def _force_options(options: OptionSet, plan: ContactPlan | None) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and stay as they are."""
+    given = options[ForceOptions]
+    return replace(given, force_checks="none") if plan is not None and plan.measured == "shared" else given
 
 
 def contact_sources(files: TrialFiles) -> list[Source]:
@@ -324,7 +302,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.study.trial.stairs_file import recording_of
+        from myomorph.study.trial.contact_file import recording_of
 
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
@@ -340,7 +318,6 @@ def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, mod
     """Options of inverse kinematics with those of a task set, where there is one."""
     if files.tasks is None:
         return options
-
     with inputs.about(files.tasks):
         tasks = read_ik_tasks(files.tasks)
     return with_tasks(options, tasks, model, str(files.tasks))

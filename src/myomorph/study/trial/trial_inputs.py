@@ -19,7 +19,7 @@ from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
 
 if TYPE_CHECKING:
-    from myomorph.study.trial.contact_file import ContactPlan
+    from myomorph.contact.plan import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
 Held = TypeVar("Held")

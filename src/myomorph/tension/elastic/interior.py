@@ -16,8 +16,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.tension.elastic.band import BandSystem
+from myomorph.tension.elastic.bounds import NEAR, Box
 from myomorph.tension.elastic.elements import elements
 from myomorph.tension.elastic.program import LEAST, MOST, SMOOTH, Point, Program
+from myomorph.tension.elastic.starts import integrated, possible
 
 SLACK = 1e-6
 """Slack of the balance per multiplier: where no activation can balance, torques are missed least."""
@@ -32,8 +34,11 @@ ENOUGH = 50.0
 """Residual, in units of the barrier parameter, at which that is made smaller."""
 
 STEPS = 300
-NEAR = 1e-2
-"""How far from its bounds, in shares of their distance, an unknown begins at least."""
+STUCK = 1.0
+"""Weight on keeping the forces from which on no step will be found: constraints contradict each other there."""
+
+RESTARTS = 6
+"""How often the solver begins anew from the forces that its activations lead to."""
 
 
 class Outcome(NamedTuple):
@@ -59,86 +64,6 @@ class Outcome(NamedTuple):
     fibers: Array
 
 
-class Box:
-    """Unknowns between bounds, which may be infinite, with multipliers.
-
-    Attributes
-    ----------
-    low, high : broadcast to the unknowns
-    z, w : multipliers of the lower and the upper bound, 0 of an infinite one
-    """
-
-    def __init__(self, low: Array, high: Array, v: Array, mu: float):
-        self.low, self.high = np.broadcast_to(low, v.shape), np.broadcast_to(high, v.shape)
-        self.below, self.above = np.isfinite(self.low), np.isfinite(self.high)
-        self.z = np.where(self.below, mu / self._down(v), 0.0)
-        self.w = np.where(self.above, mu / self._up(v), 0.0)
-
-    def _down(self, v: Array) -> Array:
-        return np.where(self.below, v - self.low, 1.0)
-
-    def _up(self, v: Array) -> Array:
-        return np.where(self.above, self.high - v, 1.0)
-
-    @staticmethod
-    def inside(low: Array, high: Array, v: Array, near: float = NEAR) -> Array:
-        """The values moved off their bounds."""
-        span = np.where(np.isfinite(high - low), high - low, 1.0)
-        gap = np.minimum(near * np.maximum(1.0, np.abs(v)), near * span)
-        return np.where(v - low < gap, low + gap, np.where(high - v < gap, high - gap, v))
-
-    def force(self) -> Array:
-        """What the bounds add to the gradient of the Lagrangian."""
-        return self.w - self.z
-
-    def barrier(self, v: Array, mu: float) -> tuple[Array, Array]:
-        """Gradient of the barrier, and the curvature of a primal-dual step."""
-        down, up = 1.0 / self._down(v), 1.0 / self._up(v)
-        return mu * (up * self.above - down * self.below), self.z * down + self.w * up
-
-    def logs(self, v: Array) -> float:
-        """Sum of the logarithms of the distances to the bounds."""
-        down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
-        if not (down > 0.0).all() or not (up > 0.0).all():
-            return -np.inf
-        return float(np.log(down).sum() + np.log(up).sum())
-
-    def complementarity(self, v: Array, mu: float) -> float:
-        """Greatest difference of a multiplier times its distance from the barrier parameter."""
-        one = np.abs(self.z * self._down(v) - mu) * self.below
-        other = np.abs(self.w * self._up(v) - mu) * self.above
-        return float(max(one.max(initial=0.0), other.max(initial=0.0)))
-
-    def changes(self, v: Array, dv: Array, mu: float) -> tuple[Array, Array]:
-        """Steps of the multipliers."""
-        down, up = self._down(v), self._up(v)
-        return np.where(self.below, (mu - self.z * dv) / down - self.z, 0.0), np.where(
-            self.above, (mu + self.w * dv) / up - self.w, 0.0
-        )
-
-    def reach(self, v: Array, dv: Array, share: float) -> float:
-        """Longest step that keeps a share of the distance to the bounds."""
-        worst = max(
-            float((-dv * self.below / self._down(v)).max(initial=0.0)),
-            float((dv * self.above / self._up(v)).max(initial=0.0)),
-        )
-        return min(1.0, share / worst) if worst > 0.0 else 1.0
-
-    def dual_reach(self, dz: Array, dw: Array, share: float) -> float:
-        """Longest step that keeps a share of the multipliers."""
-        worst = max(
-            float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
-            float((-dw / np.where(self.w > 0.0, self.w, 1.0)).max(initial=0.0)),
-        )
-        return min(1.0, share / worst) if worst > 0.0 else 1.0
-
-    def keep_near(self, v: Array, mu: float) -> None:
-        """Multipliers within a wide corridor of the barrier's own."""
-        down, up = mu / self._down(v), mu / self._up(v)
-        self.z = np.where(self.below, np.clip(self.z, down / 1e10, down * 1e10), 0.0)
-        self.w = np.where(self.above, np.clip(self.w, up / 1e10, up * 1e10), 0.0)
-
-
 @dataclass(eq=False)
 class Linearized:
     """The problem at a point: what a step is made of."""
@@ -160,28 +85,33 @@ class Solver:
 
     def __init__(self, program: Program, start: Point, y: Array):
         p = self.p = program
-        # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
-        effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
-        mu = FIRST * float(np.clip(effort, 1.0, 1e3))
         self.frames, self.muscles = start.f.shape
         self.second = p.rates is not None and self.frames > 2
+        self.between = 0.5 * (p.steps[1:] + p.steps[:-1])[:, None]
+        self.y = y.copy()
+        self._begin(start)
+        self.band = BandSystem(self.frames, self.muscles, self.second)
+        self.row_scale = 1.0 / np.maximum(np.abs(p.pulls).max(axis=(0, 2), initial=0.0), 1.0)
+        self.bent, self.taken = 0, 0.0
+
+    def _begin(self, start: Point) -> None:
+        """Go to a point, with multipliers of the barrier's own."""
+        p = self.p
+        # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
+        effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
+        mu = self.mu = FIRST * float(np.clip(effort, 1.0, 1e3))
         f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
         low, high = (np.broadcast_to(one, start.a.shape) for one in (p.activation.lower, p.activation.upper))
         a = Box.inside(low, high, start.a)
         low_x, high_x = (np.broadcast_to(one, start.x.shape) for one in (p.other.lower, p.other.upper))
         x = Box.inside(low_x, high_x, start.x)
-        self.mu, self.y = mu, y.copy()
         self.v = [f, a, x]
         self.boxes = [Box(np.asarray(LEAST), np.asarray(MOST), f, mu), Box(low, high, a, mu), Box(low_x, high_x, x, mu)]
-        self.between = 0.5 * (p.steps[1:] + p.steps[:-1])[:, None]
         if self.second:
             s = np.maximum(self._rates(a)[0], NEAR)
             self.v.append(s)
             self.boxes.append(Box(np.asarray(0.0), np.asarray(np.inf), s, mu))
-        self.band = BandSystem(self.frames, self.muscles, self.second)
-        self.row_scale = 1.0 / np.maximum(np.abs(p.pulls).max(axis=(0, 2), initial=0.0), 1.0)
         self.filter: list[tuple[float, float]] = []
-        self.bent, self.taken = 0, 0.0
 
     def _rates(self, a: Array) -> tuple[Array, Array]:
         """Room to the bounds of the rates (2, frames - 2, muscles), and its slopes (2, 2, ...) over both a."""
@@ -379,7 +309,7 @@ class Solver:
 
     def solve(self, log: Callable[[str], None] | None = None) -> Outcome:
         """Follow the barrier down to the solution."""
-        shift, steps, errors = 0.0, 0, (np.inf, np.inf, np.inf)
+        shift, steps, restarts, errors = 0.0, 0, 0, (np.inf, np.inf, np.inf)
         at = self.linearize(self.v, self.y)
         for steps in range(1, STEPS + 1):
             while True:
@@ -396,8 +326,13 @@ class Solver:
             there = None if found is None else self.advance(at, *found)
             if there is None:
                 shift = max(4.0 * shift, 1e-4)
-                if shift > 1e6:
+                if shift > STUCK and restarts == RESTARTS:
                     break
+                if shift > STUCK:
+                    # Equilibrium and rates of activation want different steps: both hold on the way that is integrated.
+                    shift, restarts, a = 0.0, restarts + 1, possible(self.p, self.v[1])
+                    self._begin(Point(integrated(self.p, a), a, self.v[2]))
+                    at = self.linearize(self.v, self.y)
                 continue
             shift = shift / 4.0 if shift > 1e-4 else 0.0
             at = there

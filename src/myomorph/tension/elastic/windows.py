@@ -8,15 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
-from myomorph.tension.elastic.elements import integrate
 from myomorph.tension.elastic.interior import Outcome, Solver
 from myomorph.tension.elastic.parts import Part
-from myomorph.tension.elastic.program import LEAST, MOST, Costs, Point, Program, Rates
+from myomorph.tension.elastic.program import Costs, Point, Program, Rates
+from myomorph.tension.elastic.starts import integrated, possible
 from myomorph.tension.elastic.term import ElasticMuscleTerm
 from myomorph.tension.separable import Links, Separable
-
-START_ROOM = 0.02
-"""How far from its bounds an activation begins at least, in shares of their distance."""
 
 SECOND_START = 0.3
 """Activation of all muscles at all times in a second start."""
@@ -176,31 +173,6 @@ def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array
     a = possible(program, 0.5 * (a[1:] + a[:-1]))
     point = Point(integrated(program, a), a, frames.x[:, part.others])
     return point, frames.y[:, part.rows] * program.other.share
-
-
-def possible(program: Program, a: Array) -> Array:
-    """Activations (frames - 1, muscles) well inside their bounds, and with rates that are possible."""
-    low, high = program.activation.lower, program.activation.upper
-    room = START_ROOM * (high - low)
-    a = np.clip(a, low + room, high - room)
-    if program.rates is None:
-        return a
-    between = 0.5 * (program.steps[1:] + program.steps[:-1])
-    for k, dt in enumerate(between):
-        up, _, down, _ = program.rates.bounds(a[k])
-        # Half of the rate at the beginning of the step, so that at its middle it is possible too.
-        a[k + 1] = np.clip(
-            a[k + 1], a[k] + 0.5 * np.maximum(dt * down, -a[k]), a[k] + 0.5 * np.minimum(dt * up, 1.0 - a[k])
-        )
-    return a
-
-
-def integrated(program: Program, a: Array) -> Array:
-    """Normalized tendon forces (frames, muscles) that activations lead to."""
-    f = np.empty((len(a) + 1, a.shape[1]))
-    given = (program.lengths, program.speeds, program.steps)
-    integrate(program.arrays, program.own, a, *given, 2.0 * LEAST, 0.5 * MOST, f)
-    return f
 
 
 def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Outcome, tuple[float, float]]:

@@ -47,7 +47,7 @@ def split(windows: Sequence[Windows]) -> tuple[list[Windows], list[Windows]]:
     moving = [one for one in windows if np.isfinite(one.step)]
     rest = [one for one in windows if not np.isfinite(one.step)]
     if not moving:
-        return rest, []
+        return (rest[:-1], rest[-1:]) if len(rest) > 1 else (rest, [])
     if len(moving) > 1:
         return [*moving[:-1], *rest], [moving[-1]]
     one = moving[0]

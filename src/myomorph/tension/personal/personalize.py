@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from scipy.stats import norm, qmc
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, read_only
@@ -28,6 +29,8 @@ PARTLY, WELL = 0.5, 0.25
 CLOSE = {"optimal_fiber_length": 0.05, "tendon_slack_length": 0.03}
 """Half width of the interval of an identifiable parameter, as a share of its value."""
 OVERSTRETCHED = 1.8
+_NORMAL = norm.ppf(qmc.Halton(2, scramble=False).random(2001)[1:])
+"""Two independent normal numbers, spread evenly: for intervals of what is not linear in the parameters."""
 FIBER, SLACK, FORCE, STRAIN, GAIN = (
     "optimal_fiber_length", "tendon_slack_length", "strength", "passive_strain", "emg_gain",
 )  # fmt: skip
@@ -354,13 +357,35 @@ def _estimate(
     level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
     bound = next(("high" if p[k] > 0.0 else "low" for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
     low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
-    if parameter == SLACK:
-        # Linear in the shift that people vary in; of a short tendon a logarithm would not be.
-        low, high = max(values[1] * (1.0 - spread), 0.0) if free else np.nan, values[1] * (1.0 + spread)
+    if parameter == SLACK and free:
+        low, high = _slack_interval(prior, p, before if kept else fitted.covariance, at)
     return Estimate(
         of, parameter, float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio,
         "no" if kept else level, bound, kept,
     )  # fmt: skip
+
+
+def _slack_interval(prior: Prior, p: Array, covariance: Array, at: Sequence[int]) -> tuple[float, float]:
+    """Ends of a slack length's interval: a product of two parameters, which of a short tendon is far from normal."""
+    m = at[0]
+    spread = np.linalg.cholesky(covariance[np.ix_(at, at)] + 1e-14 * np.eye(2))
+    fiber, point = p[list(at)][:, None] + spread @ _NORMAL.T
+    slack = prior.reference[m] - (prior.point[m] + point) * prior.start.fiber[m] * np.exp(fiber)
+    low, high = np.quantile(slack, (0.05, 0.95))
+    return max(float(low), 0.0), float(high)
+
+
+def known_by_prior(estimates: Sequence[Estimate]) -> str:
+    """One line: the share of lengths that only what was assumed before knows."""
+    levels = {name: [one.identifiable for one in estimates if one.parameter == name] for name in (FIBER, SLACK)}
+    every = [level for those in levels.values() for level in those]
+    share = 100.0 * every.count("no") / max(len(every), 1)
+    what = "; ".join(
+        f"of {len(those)} {name.replace('_', ' ')}s they identify {those.count('yes')}, {those.count('partly')} partly"
+        for name, those in levels.items()
+    )
+    before = f"{share:.0f} % of the lengths, which are what was assumed before"
+    return f"the recordings say little or nothing of {before}: {what}"
 
 
 def _notes(
@@ -371,7 +396,7 @@ def _notes(
     seen: Sequence[Windows],
 ) -> list[str]:
     """What may not be believed, worst first."""
-    notes = []
+    notes = [known_by_prior(estimates)]
     if checked is not None and checked.kept:
         what = ", ".join(checked.kept)
         notes.append(
@@ -380,16 +405,7 @@ def _notes(
             if options.keep_generic
             else f"generic muscles explain {', '.join(checked.recordings)} better than the fitted ones: {what}"
         )
-    lengths = [one for one in estimates if one.parameter in (FIBER, SLACK)]
-    for parameter in (FIBER, SLACK):
-        those = [one for one in lengths if one.parameter == parameter]
-        known = sum(one.identifiable == "yes" for one in those)
-        some = sum(one.identifiable == "partly" for one in those)
-        notes.append(
-            f"{parameter.replace('_', ' ')}s: the recordings identify {known} of {len(those)}, {some} partly; the "
-            "others are what was assumed before"
-        )
-    bounds = [f"{one.of} {one.parameter}" for one in estimates if one.bound]
+    bounds = [f"{one.of} {one.parameter.replace('_', ' ')}" for one in estimates if one.bound]
     if bounds:
         notes.append(
             f"{len(bounds)} parameters stand at a bound: {', '.join(bounds[:5])}" + (" ..." if bounds[5:] else "")

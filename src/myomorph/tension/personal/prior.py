@@ -36,6 +36,8 @@ LEAST_SLACK = 0.3
 """Of the tendon slack length of the model that personalization begins with."""
 PHYSIOLOGICAL = (0.5, 1.4)
 """Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese et al. 2016)."""
+LEVEL_SPREAD = 0.7
+"""Standard deviation of the logarithm of the mean activation of a muscle without EMG; an assumption."""
 OUTSIDE = 0.05
 """Standard deviation of how far a muscle passes them, or the range it had before."""
 
@@ -72,7 +74,7 @@ class PriorOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Parameters p = (log fiber, shift of the operating point, log strength, log passive strain, log gains).
+    """Parameters p = (log fiber, shift of the operating point, log strength, log passive strain, log gains and levels).
 
     Attributes
     ----------
@@ -82,8 +84,9 @@ class Prior:
     reference : (muscles,) path length there [m]
     groups : names of muscle groups
     group : (muscles,) each muscle's
-    gain : (muscles,) number of the gain of each muscle's EMG, -1 for none
+    gain : (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has no EMG
     gains : names of the muscles that share each gain
+    levels : number of muscles without EMG, whose mean activation is a parameter; none without a recording in motion
     deviation : (parameters,) prior standard deviation
     precision : (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed parameter
     bound : (parameters,) farthest from 0
@@ -97,6 +100,7 @@ class Prior:
     group: NDArray[np.int64]
     gain: NDArray[np.int64]
     gains: tuple[str, ...]
+    levels: int
     deviation: Array
     precision: Array
     bound: Array
@@ -104,7 +108,8 @@ class Prior:
     @property
     def parts(self) -> tuple[slice, slice, slice, slice, slice]:
         """Where the five kinds of parameters lie."""
-        sizes = (len(self.names), len(self.names), len(self.groups), len(self.groups), len(self.gains))
+        muscles, groups = len(self.names), len(self.groups)
+        sizes = (muscles, muscles, groups, groups, len(self.gains) + self.levels)
         ends = np.cumsum([0, *sizes]).tolist()
         return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
 
@@ -117,7 +122,7 @@ class Prior:
         return MuscleSizes(lo, slack, self.start.force * rise, self.start.strain * np.exp(p[strain])[self.group])
 
     def gains_of(self, p: Array) -> Array:
-        """(muscles,) gain of each muscle's EMG, 1 where it has none."""
+        """(muscles,) gain of each muscle's EMG, of a muscle without it the factor on its mean activation."""
         every = np.append(np.exp(p[self.parts[4]]), 1.0)
         return every[self.gain]
 
@@ -160,21 +165,25 @@ def prior_of(
     groups, group = muscle_groups(model, windows, rows)
     gains, gain = _shared_emg(model.muscle_names, windows)
     muscles = len(model.muscles)
-    counts = (muscles, muscles, len(groups), len(groups), len(gains))
+    # The mean activation of a muscle without EMG lasts: as an error of each frame it would look known.
+    levels = np.flatnonzero(gain < 0) if any(np.isfinite(one.step) for one in windows) else np.zeros(0, np.int64)
+    gain[levels] = len(gains) + np.arange(len(levels))
+    counts = (muscles, muscles, len(groups), len(groups), len(gains), len(levels))
     spreads = (
         options.fiber_spread,
         options.point_spread,
         options.strength_spread,
         options.passive_spread,
         options.gain_spread,
+        LEVEL_SPREAD,
     )
-    bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND)
+    bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND, GAIN_BOUND)
     deviation = np.repeat(spreads, counts)
     for part in range(2):
         deviation[part * muscles : (part + 1) * muscles][fixed] = 0.0
     precision = _precision(deviation, _pairs(model.muscle_names), muscles, options.sides)
     return Prior(
-        model.muscle_names, start, point, reference, groups, group, gain, gains, deviation, precision,
+        model.muscle_names, start, point, reference, groups, group, gain, gains, len(levels), deviation, precision,
         np.repeat(bounds, counts),
     )  # fmt: skip
 

@@ -23,6 +23,10 @@ FRAME = 0.01
 """Between the frames at which fibers are followed [s]."""
 WINDOW, LEAD = 1.2, 0.15
 """Fibers are followed in windows so long [s]; of each the first part only lets them find their lengths."""
+FEWEST = 6
+"""Frames of a recording."""
+LEAST_ERROR, LEAST_SHARE = 0.1, 0.01
+"""Least errors of torques: a share of the reserves' strength, and of the torques' root mean square."""
 LEAST_ARM = 1e-3
 """Coordinates about which no muscle has a moment arm of this share of the longest say nothing of muscles."""
 
@@ -37,7 +41,8 @@ class PersonalTrial:
     motion : with velocities
     torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
     emg : activations that EMG tells, at the motion's times, before gains; None for none
-    passive : whether muscles were at rest and every frame held still, as where passive torques were measured
+    passive : whether muscles were at rest and every frame held still, as where passive torques were measured; torques
+        are then those that muscles and joints apply, NaN or without a column where nothing was measured
     """
 
     name: str
@@ -57,7 +62,7 @@ class Windows:
     time : (windows, frames) [s]
     lengths, speeds : (windows, frames, muscles) of the paths [m], [m/s]
     arms : (windows, frames, rows, muscles) [m/rad or m/m]
-    torques : (windows, frames, rows) that muscles have to give [N m or N]
+    torques : (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
     emg : (windows, frames, muscles) NaN where unknown
     counted : (windows, frames) whether the frame is compared
     step : between frames [s], infinite where every frame is held still
@@ -104,7 +109,8 @@ class _Read:
         self.lengths, self.speeds = np.array(moved.lengths), np.array(moved.velocities)
         # With a force of F0 at any length, columns of A are moment arms times F0: couplers and loops are folded in.
         options = TensionOptions(curves="constant", passive=False)
-        problem, _ = tension_problem(model, motion, trial.torques, options)
+        torques, measured = (trial.torques, None) if not trial.passive else _measured(model, trial)
+        problem, _ = tension_problem(model, motion, torques, options)
         given = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
         self.rows = problem.assembly.rows
@@ -117,6 +123,8 @@ class _Read:
             here = slice(shape.start[m], shape.start[m + 1])
             dense[:, place[shape.row[here]], m] = given.values[:, here] / force[m]
         self.arms, self.torques = dense, np.array(given.torques)
+        if measured is not None:
+            self.torques[~measured[:, [model.coordinate_names.index(name) for name in self.rows]]] = np.nan
         self.emg = np.full(self.lengths.shape, np.nan)
         if trial.passive:
             self.emg[:] = 0.0
@@ -127,9 +135,13 @@ class _Read:
     def windows(self, kept: np.ndarray) -> Windows:
         """Cut at even times."""
         parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
-        good = np.all([np.isfinite(one.reshape(len(one), -1)).all(axis=1) for one in parts], axis=0)
-        if good.sum() < 6:
-            raise BadData(f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected 6")
+        whole = parts[:3] if self.trial.passive else parts
+        good = np.all([np.isfinite(one.reshape(len(one), -1)).all(axis=1) for one in whole], axis=0)
+        good &= np.isfinite(parts[3]).any(axis=1)
+        if good.sum() < FEWEST:
+            raise BadData(
+                f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected {FEWEST}"
+            )
         if self.trial.passive:
             lengths, speeds, arms, torques = (part[good][None] for part in parts)
             counted, at_rest = np.ones((1, int(good.sum())), bool), self.emg[good][None]
@@ -154,6 +166,18 @@ class _Read:
         )  # fmt: skip
 
 
+def _measured(model: Model, trial: PersonalTrial) -> tuple[Series, np.ndarray]:
+    """Passive torques of all coordinates, 0 where not measured, and (frames, coordinates) where they were."""
+    values = np.full((len(trial.motion), len(model.coordinates)), np.nan)
+    known = [name for name in trial.torques.names if name in model.coordinate_names]
+    if not known:
+        raise BadData(f"'{trial.name}': no column is the torque of a coordinate of model '{model.name}'")
+    for name in known:
+        values[:, model.coordinate_names.index(name)] = trial.torques[name]
+    measured = np.isfinite(values)
+    return Series(trial.motion.time, model.coordinate_names, np.where(measured, values, 0.0)), measured
+
+
 def _known_at(time: Array, own: Array, values: Array) -> Array:
     """Values at other times, NaN beside gaps."""
     known = np.isfinite(values)
@@ -171,8 +195,10 @@ def _gap(own: Array, time: Array) -> Array:
 
 
 def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
-    """(rows,) least error of the torques: 1 N m on a body of human size, and 3 % of what is carried [N m or N]."""
+    """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is carried [N m or N]."""
     size = {one.coordinate: one.optimal_force for one in default_reserves(model) if hasattr(one, "coordinate")}
     least = np.array([size.get(name, 1.0) for name in names])
-    carried = np.sqrt(np.mean(np.concatenate([one.torques[one.counted] for one in windows]) ** 2, axis=0))
-    return np.maximum(least, 0.03 * carried)
+    every = np.concatenate([one.torques[one.counted] for one in windows])
+    counts = np.maximum(np.isfinite(every).sum(axis=0), 1)
+    carried = np.sqrt(np.nansum(every**2, axis=0) / counts)
+    return np.maximum(LEAST_ERROR * least, LEAST_SHARE * carried)

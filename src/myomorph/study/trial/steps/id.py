@@ -14,18 +14,17 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, TorqueTable
+from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.torque_file import torques_at
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
     wrenches = None
     if trial.loads is not None:
         wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))
-        notes = (*notes, *wrenches.notes)
+        notes = (*wrenches.notes, *notes)
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 
 
@@ -175,7 +174,7 @@ STEP = Step(
     title="inverse dynamics",
     gives=Torques,
     needs=(Poses,),
-    options=(Differentiation, TorqueTable),
+    options=(Differentiation, ForceOptions, TorqueTable),
     run=_run,
     read=_read,
     show=_show,

@@ -10,13 +10,16 @@ import numpy as np
 
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table
 from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.given import Kinematics, ReportInput
 from myomorph.store import stored as store
+from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
@@ -27,6 +30,9 @@ if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
 
 
+FINDINGS = "ik_findings"
+
+
 @dataclass(frozen=True, eq=False)
 class Poses:
     """Coordinates over time, as inverse kinematics or a file gave them.
@@ -34,20 +40,25 @@ class Poses:
     Attributes
     ----------
     fit : of the markers, None where the coordinates are those of a file
+    notes : what may not be believed, one line each
+    findings : of the checks of markers, which the notes tell
     """
 
     recorded: Motion
     fit: KinematicsFit | None = None
     notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
-def solve_kinematics(trial: TrialInputs) -> KinematicsFit:
-    """Inverse kinematics of the part of a recording that is used."""
+def solve_kinematics(trial: TrialInputs) -> CheckedFit:
+    """Inverse kinematics of the part of a recording that is used, its labels checked."""
     if trial.markers is None:
         raise BadData(f"{trial.name}: holds no markers")
     markers = used_markers(trial, trial.markers)
     with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
-        return inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions], advance)
+        options = trial.options
+        told = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
+        return checked_kinematics(trial.model, markers, *told, advance)
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
@@ -80,14 +91,18 @@ def error_table(fit: KinematicsFit) -> Table:
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     if trial.motion is not None:
         return _given(trial, trial.motion, output)
-    fit, writer = solve_kinematics(trial), output.writer
+    checked, writer = solve_kinematics(trial), output.writer
+    fit = checked.fit
     write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
     write_sto(error_table(fit), output.folder / "marker_errors.sto")
     store.put_fit(writer, fit, trial.model)
     if trial.markers is not None:
         kept = np.isin(trial.markers.time, fit.motion.time)
-        store.put_markers(writer, replace(trial.markers, time=fit.motion.time, values=trial.markers.values[kept]))
-    return Poses(fit.motion, fit)
+        shown = replace(trial.markers, time=fit.motion.time, values=trial.markers.values[kept])
+        mended = any(one.mended for one in checked.findings)
+        store.put_markers(writer, checked.markers if mended else shown)
+    put_findings(writer, FINDINGS, checked.findings)
+    return Poses(fit.motion, fit, tuple(map(str, checked.findings)), checked.findings)
 
 
 def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
@@ -100,14 +115,16 @@ def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
 
 def _read(stored: Stored, options: OptionSet) -> Poses | None:
     fit = store.get_fit(stored)
-    if fit is not None:
-        return Poses(fit.motion, fit)
-    return Poses(store.get_motion(stored)) if "coordinate_value" in stored.values else None
+    if fit is None:
+        return Poses(store.get_motion(stored)) if "coordinate_value" in stored.values else None
+    findings = get_findings(stored, FINDINGS)
+    return Poses(fit.motion, fit, tuple(map(str, findings)), findings)
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     crossed = trial.options[CrossingOptions]
-    return trial.options[InverseKinematicsOptions], *((crossed,) if crossed.only else ())
+    options = trial.options
+    return options[InverseKinematicsOptions], options[MarkerCheckOptions], *((crossed,) if crossed.only else ())
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
@@ -159,7 +176,7 @@ STEP = Step(
     name="ik",
     title="inverse kinematics",
     gives=Poses,
-    options=(InverseKinematicsOptions, CrossingOptions),
+    options=(InverseKinematicsOptions, MarkerCheckOptions, CrossingOptions),
     not_settings=("only_weighted",),
     roles=("model", "markers", "tasks", "motion"),
     hashed=_hashed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,50 +13,43 @@ from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.model.model import Model
+from myomorph.model.series import Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.frames import over_frames
+from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
 from myomorph.store import stored as store
-from myomorph.store.joint_contact_store import get_joint_contacts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.store.settings import Differentiation, EmgUse, TensionTables
-from myomorph.study.trial.contact_step import ContactSetting, Measurements, all_loads, during, set_contacts
-from myomorph.study.trial.contact_warnings import (
-    contact_warnings,
-    get_infeasible_contacts,
-    get_intervals,
-    interval_table,
-    put_warnings,
-)
-from myomorph.study.trial.emg_tables import EMG_TABLE, EmgTargets, write_calibration, write_conflicts
+from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
+from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
     joint_contact_numbers,
     joint_contact_signals,
-    solve_joint_contacts,
+    write_joint_contacts,
 )
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
-from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
-from myomorph.tension.passive_share import LARGE, passive_notes
-from myomorph.tension.problem import TensionProblem, tension_problem
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
-from myomorph.tension.terms.actuators import default_reserves
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.contact_setting import Measurements, during
+from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.passive_share import LARGE
+from myomorph.tension.problem import TensionProblem
+from myomorph.tension.solve import Tension, TensionOptions
+from myomorph.tension.task import (
+    EmgRecording,
+    TensionTask,
+    added_reserves,
+    contact_warnings,
+    evenly_spaced,
+    tension_task,
+)
+from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
-
-OBJECT_RESIDUAL = 0.01
-"""Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 
@@ -79,41 +72,6 @@ class Tensions:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class TensionTask:
-    """The tension problem of a recording.
-
-    Attributes
-    ----------
-    torques : of those external forces alone that are known exactly
-    actuators : beside the model's own
-    setting : contacts, where their forces are asked for
-    emg : what EMG tells, where it takes part
-    """
-
-    model: Model
-    motion: Motion
-    torques: Series
-    options: TensionOptions
-    actuators: tuple[Actuator, ...]
-    setting: ContactSetting | None
-    emg: EmgTargets | None
-
-    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
-        """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
-        contacts = None if self.setting is None else self.setting.task
-        emg = None if self.emg is None else self.emg.target
-        told = (self.model, self.motion, self.torques, self.options, self.actuators)
-        elastic = self.options.tendons == "elastic"
-        # What contacts leave open is asked of the power criterion alone.
-        closed = elastic or self.options.recruitment == "minmax"
-        if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return solve_tension(*told, advance, contacts=contacts, emg=emg), None
-        problem, names = tension_problem(*told, contacts=contacts, emg=emg)
-        over_frames(problem.solve, len(self.motion), advance, problem.window)
-        return problem.result(names), problem
-
-
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
     """Solve for muscle tensions, and for contact forces where they are asked for; write what was found."""
     notes: tuple[str, ...] = ()
@@ -124,25 +82,21 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     task = _task(trial, poses, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, problem = task.solved(advance)
-    notes = (*passive_notes(tension), *notes)
-    if task.setting is not None and tension.options.recruitment == "minmax":
-        notes += ("recruitment minmax: no intervals of the contact forces, and no list of contacts that cannot carry",)
-    _write_tension(trial, tension, task.actuators, output)
+    notes = (*task.notes(tension), *notes)
+    _write_tension(tension, task, output)
     notes += write_fibers(tension, trial.model, task.motion, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
-        notes = (*write_conflicts(trial.model, tension, task.emg.target, output), *task.emg.notes, *notes)
-    known = torques.wrenches if task.setting is None else task.setting.exact
+        notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
-        reactions = joint_reactions(trial.model, task.motion, tension, known, frame=frame, actuators=task.actuators)
-        write_sto(reactions.table(), output.folder / "joint_reactions.sto")
+        write_sto(task.reactions(tension, frame), output.folder / "joint_reactions.sto")
     if trial.contact_points is not None:
-        told = (tension, known, trial.contact_points, task.actuators, output)
-        notes += solve_joint_contacts(trial.model, task.motion, *told)
-    if task.setting is None:
+        forces = task.joint_contacts(tension, trial.contact_points)
+        notes += write_joint_contacts(forces, trial.contact_points, trial.model, task.motion, output)
+    if task.setting is None or trial.contacts is None:
         return Tensions(tension, notes=notes)
-    loads, carried = _write_contacts(trial, task.motion, tension, task.setting, output)
+    loads, carried = _write_contacts(task, tension, trial.contacts.situation, output)
     notes += task.setting.notes
     if problem is not None:
         notes += _write_warnings(trial, problem, tension, output)
@@ -150,69 +104,37 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
 
 
 def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
-    options = trial.options[TensionOptions]
-    actuators, motion, torques, setting = added_actuators(trial, options), found.motion, found.torques, None
-    if trial.contacts is not None:
-        cutoff = cutoff_of(trial, poses.recorded)
-        known = Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff)
-        setting = set_contacts(trial.contacts, trial.model, motion, known, trial.options[ContactOptions])
-        if setting.exact is not found.wrenches:
-            torques = inverse_dynamics(trial.model, motion, setting.exact)
-    emg = None
-    if emg_takes_part(trial):
-        emg = emg_targets_of(trial, motion, torques, options, actuators, None if setting is None else setting.task)
-    return TensionTask(trial.model, motion, torques, options, actuators, setting, emg)
-
-
-def emg_takes_part(trial: TrialInputs) -> bool:
-    """Whether EMG was given to take part in the tensions, rather than to be shown."""
-    options = trial.options
-    return trial.emg is not None and options.get(EmgOptions) is not None and not options[EmgUse].emg_display_only
-
-
-def emg_targets_of(
-    trial: TrialInputs,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions,
-    actuators: Sequence[Actuator],
-    contacts: ContactTask | None,
-) -> EmgTargets:
-    """Targets of activations, with delay and gains that this recording tells (see `calibrate_emg`).
-
-    Parameters
-    ----------
-    torques, options, actuators, contacts : as for the tensions that EMG is to take part in
-    """
-    assert trial.emg is not None
-    chosen = trial.options[EmgOptions]
-    if not trial.emg_muscles:
-        names = ", ".join(trial.emg.names)
-        note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
-        return EmgTargets(None, None, (note,))
-    recorded = EmgTrial(motion, torques, trial.emg, contacts)
-    maxima = {name: one for name, one in trial.emg_maxima.items() if name in trial.emg_muscles}
-    calibration = calibrate_emg(trial.model, [recorded], trial.emg_muscles, chosen, options, actuators, maxima)
-    target = emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, chosen, calibration)
-    return EmgTargets(target, calibration, calibration.warnings)
-
-
-def added_actuators(trial: TrialInputs, options: TensionOptions) -> tuple[Actuator, ...]:
-    """Actuators beside the model's own: those of a file, or a weak reserve for every free coordinate.
-
-    What holds an object is weaker still: nothing but its contacts does.
-    """
-    if trial.actuators is not None:
-        return trial.actuators
-    objects = {f"{name}_{name}" for name, told in trial.parts.items() if isinstance(told, dict)}
-    return tuple(
-        replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
-        for one in default_reserves(trial.model, options.reserve, options.residual)
+    options, tension = trial.options, trial.options[TensionOptions]
+    cutoff = None if trial.contacts is None else cutoff_of(trial, poses.recorded)
+    return tension_task(
+        trial.model,
+        found.motion,
+        found.torques,
+        tension,
+        # Those of a file take the place of reserves.
+        added_reserves(trial.model, tension, _objects(trial)) if trial.actuators is None else trial.actuators,
+        Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
+        trial.contacts,
+        options[ContactOptions],
+        _emg_that_takes_part(trial),
     )
 
 
-def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, ...], output: StepOutput) -> None:
-    by_name = {one.name: one.coordinate for one in (*trial.model.actuators, *added)}
+def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
+    """EMG that was given to take part in the tensions, rather than to be shown."""
+    chosen = trial.options.get(EmgOptions)
+    if trial.emg is None or chosen is None or trial.options[EmgUse].emg_display_only:
+        return None
+    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen)
+
+
+def _objects(trial: TrialInputs) -> set[str]:
+    """Bodies of the objects of a recording that joins several models."""
+    return {f"{name}_{name}" for name, part in trial.parts.items() if isinstance(part, dict)}
+
+
+def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
+    by_name = {one.name: one.coordinate for one in (*task.model.actuators, *task.actuators)}
     store.put_tension(output.writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
     tables = (
         ("activations", tension.muscles, tension.activations),
@@ -225,31 +147,33 @@ def _write_tension(trial: TrialInputs, tension: Tension, added: tuple[Actuator, 
 
 
 def _write_contacts(
-    trial: TrialInputs, motion: Motion, tension: Tension, setting: ContactSetting, output: StepOutput
+    task: TensionTask, tension: Tension, situation: Situation, output: StepOutput
 ) -> tuple[Wrenches, Series]:
-    """Contact forces as external loads, touches as a table; returns all loads, and the torques that they leave."""
-    assert trial.contacts is not None
+    """Contact forces as external loads, intervals as a table; returns all loads, and the torques that they leave."""
+    assert task.setting is not None
     assert tension.contacts is not None
-    writer, folder = output.writer, output.folder
-    loads = all_loads(setting.exact, tension.contacts)
-    torques = inverse_dynamics(trial.model, motion, loads)
+    writer, folder, contacts = output.writer, output.folder, task.setting.contacts
+    start, stop = float(task.motion.time[0]), float(task.motion.time[-1])
+    loads, carried = task.loads(tension)
     contact_store.put_contact_forces(writer, tension.contacts)
-    contact_store.put_contacts(writer, setting.contacts, trial.contacts.situation)
-    contact_store.put_forces_with_contacts(writer, torques)
+    contact_store.put_contacts(writer, contacts, situation)
+    contact_store.put_forces_with_contacts(writer, carried)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
-    write_sto(torque_table(torques, trial.model), folder / ALL_TORQUES)
-    write_events(during(setting.contacts, float(motion.time[0]), float(motion.time[-1])), folder / CONTACTS)
-    return loads, torques
+    write_sto(torque_table(carried, task.model), folder / ALL_TORQUES)
+    write_events(during(contacts, start, stop), folder / CONTACTS)
+    return loads, carried
 
 
 def _write_warnings(
     trial: TrialInputs, problem: TensionProblem, tension: Tension, output: StepOutput
 ) -> tuple[str, ...]:
     """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
-    warnings = contact_warnings(problem, tension, trial.options[TensionTables].intervals, trial.name)
-    put_warnings(output.writer, warnings)
+    frames = evenly_spaced(trial.options[TensionTables].intervals, len(tension))
+    with progress(f"{trial.name}: what is left open", len(frames)) as advance:
+        warnings = contact_warnings(problem, tension, frames, advance)
+    contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals:
-        write_sto(interval_table(warnings.intervals), output.folder / "contact_intervals.sto")
+        write_sto(warnings.table(), output.folder / "contact_intervals.sto")
     return warnings.lines
 
 
@@ -277,9 +201,9 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
     contacts = EstimatedContacts(
         contact_store.get_contacts(stored),
         forces,
-        get_intervals(stored),
+        contact_store.get_intervals(stored),
         None if forces is None else _residuals(tension),
-        get_infeasible_contacts(stored),
+        contact_store.get_infeasible_contacts(stored),
         contact_store.get_situation(stored),
     )
     shown = None
@@ -296,7 +220,7 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
             tension.fibers,
         )
-    return replace(given, contacts=contacts, tension=shown, joint_contacts=get_joint_contacts(stored))
+    return replace(given, contacts=contacts, tension=shown, joint_contacts=contact_store.get_joint_contacts(stored))
 
 
 def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
@@ -352,7 +276,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, TensionOptions, ContactOptions, EmgOptions),
+        *(Differentiation, ForceOptions, TensionOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
     grows_with="muscles",

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.feet_on_steps import shared_stairs
+from myomorph.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
+from myomorph.contact.heard import heard_contacts
 from myomorph.contact.held_objects import find_holds, raised_contacts
+from myomorph.contact.plan import FOREVER, ContactPlan
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
@@ -24,9 +26,6 @@ from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
-from myomorph.study.trial.contact_file import FOREVER, ContactPlan
-from myomorph.study.trial.sound_plan import heard_contacts
-from myomorph.study.trial.stairs_file import Stairs, stairs_contacts
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"

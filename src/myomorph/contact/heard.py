@@ -1,18 +1,16 @@
-"""Contacts told by sound: microphones and instruments of a contact file, to touches and short forces."""
+"""Contacts that microphones heard: strokes on instruments as contact intervals and short forces on what strikes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from myomorph.contact.clocks import sound_clock
 from myomorph.contact.onsets import SoundOptions
-from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes, speed_of_sound
+from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes
 from myomorph.contact.strokes import (
     Impact,
     calibration_pairs,
@@ -24,33 +22,10 @@ from myomorph.contact.strokes import (
 )
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts, Site
-from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Sound, Wrenches
-from myomorph.store.study_file import Strict
 
 Impulse = Literal["known", "motion"]
-
-
-class InstrumentTable(Strict):
-    """The table `[[instrument]]` of a contact file."""
-
-    name: str
-    channel: str = "1"
-    distance: float = Field(default=0.0, ge=0.0)
-    sites: list[str] = Field(min_length=1)
-    direction: tuple[float, float, float] | None = None
-    known: list[tuple[float, float]] = Field(default_factory=list)
-
-
-class SoundTable(Strict):
-    """The table `[sound]` of a contact file."""
-
-    file: str
-    start: float | Literal["auto"] = 0.0
-    celsius: float = 20.0
-    impulse: Impulse = "known"
-    pulse: float = Field(default=0.008, gt=0.0)
 
 
 @read_only
@@ -92,39 +67,6 @@ class Heard:
     contacts: Contacts
     impacts: Wrenches
     sites: tuple[str, ...]
-
-
-def sound_plan(table: SoundTable, instruments: Sequence[InstrumentTable], path: Path, up: Array) -> SoundPlan:
-    """Read the recording that a contact file names.
-
-    Raises
-    ------
-    BadFile
-        where it is no WAV file
-    BadData
-        where no instrument is named, or loudness is to tell impulses and no stroke of known impulse is given
-    """
-    # Most trials start without: loaded where a trial has such input.
-    from myomorph.io.wav import read_wav
-
-    if not instruments:
-        raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
-    for one in instruments:
-        if table.impulse == "known" and not one.known:
-            raise BadData(
-                f"instrument '{one.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
-                "impulse = 'motion' to take effective mass times change of velocity"
-            )
-    return SoundPlan(
-        read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
-        tuple(Instrument(one.name, one.channel, one.distance, tuple(one.sites)) for one in instruments),
-        speed_of_sound(table.celsius),
-        table.start == "auto",
-        {one.name: [(float(time), float(impulse)) for time, impulse in one.known] for one in instruments},
-        {one.name: up if one.direction is None else np.array(one.direction) for one in instruments},
-        table.impulse,
-        table.pulse,
-    )
 
 
 def heard_contacts(

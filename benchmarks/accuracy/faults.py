@@ -1,0 +1,378 @@
+"""Faults that recordings have, put into clean ones: found, mended or missed, and what is called on clean ones.
+
+Each fault is a function from a trial's inputs to faulty ones, in a table: `FORCE_FAULTS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.findings import Finding
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.store.settings import ForceOptions
+from myomorph.study.trial.external_forces import on_feet, raw_loads
+from myomorph.study.trial.inputs import open_model, read_motion, read_recording
+
+Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Inputs of a trial, any of which a fault may change.
+
+    Attributes
+    ----------
+    markers : None where only forces are looked at
+    """
+
+    name: str
+    model: Model
+    motion: Motion
+    wrenches: Wrenches
+    markers: Markers | None = None
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault and what finds it.
+
+    Attributes
+    ----------
+    kinds : of findings that name it
+    change : from clean inputs to faulty ones; None where the recording cannot have it
+    """
+
+    name: str
+    kinds: tuple[str, ...]
+    change: Callable[[Recorded], Recorded | None]
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Files of a recording with forces: model, motion and forces, below the data collection.
+
+    Attributes
+    ----------
+    time : start and end [s], None for all
+    mass : what its plates carry, where the model weighs something else [kg]
+    """
+
+    name: str
+    model: str
+    motion: str
+    loads: str
+    time: tuple[float, float] | None = None
+    mass: float | None = None
+
+
+OPENCAP = "opencap-subject4-multitask"
+CLEAN = (
+    Walk(
+        "gait2354 walk",
+        "opensim-gait-subject01/ref_id/subject01.osim",
+        "opensim-gait-subject01/ref_id/subject01_walk1_ik.mot",
+        "opensim-gait-subject01/ref_id/subject01_walk1_grf.xml",
+        (0.5, 2.5),
+    ),
+    Walk(
+        "Rajagopal walk",
+        "rajagopal-walk-emg/subject_walk_scaled.osim",
+        "rajagopal-walk-emg/coordinates.sto",
+        "rajagopal-walk-emg/grf_walk.xml",
+    ),
+    Walk(
+        "OpenCap walk",
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
+        f"{OPENCAP}/grf/walking1_grf.mot",
+    ),
+    Walk(
+        "OpenCap drop jump",
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/DJ1_ik.mot",
+        f"{OPENCAP}/grf/DJ1_grf.mot",
+    ),
+    Walk(
+        "OpenCap sit-to-stand",
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/STS1_ik.mot",
+        f"{OPENCAP}/grf/STS1_grf.mot",
+    ),
+    Walk(
+        "treadmill walk",
+        "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
+        "walk-so-jointload-emg/results_ik.sto",
+        "walk-so-jointload-emg/walking_baseline1_forces.mot",
+        (10.0, 18.0),
+    ),
+    Walk(
+        "knee implant, stride 1",
+        "knee-implant-walk/scaled.osim",
+        "knee-implant-walk/walk1_ik.mot",
+        "knee-implant-walk/walk1_grf.mot",
+        mass=83.0,
+    ),
+    Walk(
+        "knee implant, stride 3",
+        "knee-implant-walk/scaled.osim",
+        "knee-implant-walk/walk3_ik.mot",
+        "knee-implant-walk/walk3_grf.mot",
+        mass=83.0,
+    ),
+    Walk(
+        "gait10dof18musc walk",
+        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
+        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
+        "opensim-gait-subject01/ref_id/subject01_walk1_grf.mot",
+    ),
+    Walk(
+        "CEINMS walk (generic model)",
+        "ceinms-emg-walk/model/gait2392.osim",
+        "ceinms-emg-walk/walk36/ik.sto",
+        "ceinms-emg-walk/walk36/XLD.mot",
+        (10.0, 20.0),
+        58.1,
+    ),
+    Walk(
+        "Hamner run, 2 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run200/markers.trc",
+        "hamner-run-subject04/run200/grf.mot",
+        mass=82.0,
+    ),
+    Walk(
+        "Hamner run, 5 m/s (unscaled model)",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run500/markers.trc",
+        "hamner-run-subject04/run500/grf.mot",
+        mass=82.0,
+    ),
+    Walk(
+        "Lenhart walk",
+        "lenhart-knee-contact-walk/lenhart2015.osim",
+        "lenhart-knee-contact-walk/reference_comak/overground_17_ik.mot",
+        "lenhart-knee-contact-walk/motion/overground_17_grf.mot",
+        mass=73.2,
+    ),
+)
+
+
+@cache
+def recorded(folder: Path, walk: Walk) -> Recorded:
+    """Inputs of a recording, forces on the feet that carry them."""
+    model = open_model(folder / walk.model)
+    if walk.motion.endswith(".trc"):
+        markers = read_recording(folder / walk.motion).markers
+        assert markers is not None
+        motion = inverse_kinematics(model, markers).motion
+    else:
+        motion = read_motion(folder / walk.motion, model)
+    wrenches = raw_loads(folder / walk.loads, model, motion)
+    if walk.time is not None:
+        motion = cut(motion, *walk.time)
+    wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))
+    inside = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
+    motion = Motion(motion.time[inside], motion.names, motion.values[inside])
+    return Recorded(walk.name, model, motion, wrenches)
+
+
+def of_its_mass(folder: Path, walk: Walk) -> Recorded:
+    """The same, the model as heavy as what the plates carry."""
+    one = recorded(folder, walk)
+    return one if walk.mass is None else scaled_mass(walk.mass / one.model.mass)(one)
+
+
+def _with(one: Recorded, **parts: object) -> Recorded:
+    return replace(one, wrenches=replace(one.wrenches, **parts))
+
+
+def wrong_foot(one: Recorded) -> Recorded | None:
+    """Right and left exchanged."""
+    names = sorted(set(one.wrenches.bodies))
+    if len(names) != 2:
+        return None
+    other = dict(zip(names, reversed(names), strict=True))
+    return _with(one, bodies=tuple(other[body] for body in one.wrenches.bodies))
+
+
+def one_foot(one: Recorded) -> Recorded | None:
+    """All forces on the first foot."""
+    return _with(one, bodies=(one.wrenches.bodies[0],) * len(one.wrenches.bodies))
+
+
+def mirrored(one: Recorded) -> Recorded | None:
+    """The axis to the side mirrored, in forces, points and moments."""
+    sign = np.array([1.0, 1.0, -1.0])
+    wrenches = one.wrenches
+    return _with(one, forces=wrenches.forces * sign, points=wrenches.points * sign, torques=-wrenches.torques * sign)
+
+
+def turned(one: Recorded) -> Recorded | None:
+    """Forces in axes turned by 90 degrees about the vertical."""
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    return _with(one, **{part: getattr(one.wrenches, part) @ turn.T for part in ("forces", "points", "torques")})
+
+
+def millimetres(one: Recorded) -> Recorded | None:
+    """Points and moments in mm."""
+    return _with(one, points=1e3 * one.wrenches.points, torques=1e3 * one.wrenches.torques)
+
+
+def about_the_origin(one: Recorded) -> Recorded | None:
+    """Moments about the ground's origin beside centers of pressure."""
+    wrenches = one.wrenches
+    points = np.nan_to_num(wrenches.points)
+    return _with(one, torques=wrenches.torques + np.cross(points, wrenches.forces))
+
+
+def about_a_plate(one: Recorded) -> Recorded | None:
+    """Moments about the middle of each plate, beside centers of pressure in ground."""
+    wrenches = one.wrenches
+    loaded = np.linalg.norm(wrenches.forces, axis=2) > 0.1 * one.model.weight
+    torques = np.array(wrenches.torques)
+    for k in range(len(wrenches.names)):
+        if loaded[:, k].any():
+            middle = np.mean(wrenches.points[loaded[:, k], k], axis=0) + [0.3, 0.0, 0.2]
+            torques[:, k] += np.cross(np.nan_to_num(wrenches.points[:, k]) - middle, wrenches.forces[:, k])
+    return _with(one, torques=torques)
+
+
+def idle_plate(one: Recorded) -> Recorded | None:
+    """A further plate that nobody steps on and that reads noise, on a body that nobody named."""
+    wrenches = one.wrenches
+    noise = np.random.default_rng(3).normal(0.0, 2.0, (len(wrenches), 1, 3))
+    still = np.tile([0.4, 0.0, 0.9], (len(wrenches), 1, 1))
+    return _with(
+        one,
+        names=(*wrenches.names, "idle"),
+        bodies=(*wrenches.bodies, ""),
+        forces=np.concatenate([wrenches.forces, noise], axis=1),
+        points=np.concatenate([wrenches.points, still], axis=1),
+        torques=np.concatenate([wrenches.torques, 0.0 * noise], axis=1),
+    )
+
+
+def scaled_mass(factor: float) -> Callable[[Recorded], Recorded]:
+    """A model of another mass."""
+
+    def change(one: Recorded) -> Recorded:
+        return replace(one, model=with_inertial_parameters(one.model, factor * inertial_parameters(one.model)))
+
+    return change
+
+
+def late(shift: float) -> Callable[[Recorded], Recorded]:
+    """Forces on a clock that is late [s]."""
+
+    def change(one: Recorded) -> Recorded:
+        return _with(one, time=one.wrenches.time + shift)
+
+    return change
+
+
+def swapped_sign(one: Recorded) -> Recorded | None:
+    """The force of the foot on the plate, not of the plate on the foot."""
+    return _with(one, forces=-one.wrenches.forces, torques=-one.wrenches.torques)
+
+
+def one_plate(one: Recorded) -> Recorded | None:
+    """Both feet on one plate: a single force with the center of pressure of all."""
+    wrenches = one.wrenches
+    force = wrenches.forces.sum(axis=1, keepdims=True)
+    moment = (wrenches.torques + np.cross(np.nan_to_num(wrenches.points), wrenches.forces)).sum(axis=1, keepdims=True)
+    lift = force[..., 1:2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = np.cross(np.array([0.0, 1.0, 0.0]), moment) / lift
+    usable = np.abs(lift) > 20.0
+    point = np.where(usable, point, 0.0)
+    force = np.where(usable, force, 0.0)
+    both = (np.linalg.norm(wrenches.forces, axis=2) > 0.1 * one.model.weight).sum(axis=1) > 1
+    if both.sum() * float(np.median(np.diff(wrenches.time))) < 0.15:
+        return None
+    torque = np.where(usable, moment - np.cross(point, force), 0.0)
+    return _with(one, names=("plate",), bodies=("",), forces=force, points=point, torques=torque)
+
+
+FORCE_FAULTS = (
+    Fault("feet exchanged", ("wrong foot",), wrong_foot),
+    Fault("all forces on one foot", ("wrong foot",), one_foot),
+    Fault("axis to the side mirrored", ("mirrored axis",), mirrored),
+    Fault("axes of forces turned by 90 degrees", ("walking direction",), turned),
+    Fault("mm for m", ("mm for m",), millimetres),
+    Fault("moments about the ground's origin", ("moments about another origin",), about_the_origin),
+    Fault("moments about a plate", ("moments about another origin",), about_a_plate),
+    Fault("plate that nobody steps on", ("idle plate",), idle_plate),
+    Fault("model 20 % too heavy", ("mass",), scaled_mass(1.2)),
+    Fault("model 20 % too light", ("mass",), scaled_mass(0.8)),
+    Fault("forces 40 ms late", ("clock",), late(0.04)),
+    Fault("forces 40 ms early", ("clock",), late(-0.04)),
+    Fault("sign of forces swapped", ("swapped sign",), swapped_sign),
+    Fault("two feet on one plate", ("two feet on one plate",), one_plate),
+)
+"""What may be wrong with forces."""
+
+
+def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
+    """Mended, found or missed; kinds that were found besides follow in brackets."""
+    named = [one for one in findings if one.kind in fault.kinds]
+    besides = sorted({one.kind for one in findings if one.kind not in fault.kinds})
+    word = "missed" if not named else "mended" if all(one.mended for one in named) else "found"
+    return word + (f" ({', '.join(besides)})" if besides else "")
+
+
+def torque_error(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.ndarray) -> float:
+    """Largest difference of a joint torque from that of the clean forces [N m]."""
+    found = inverse_dynamics(clean.model, motion, resample_wrenches(wrenches, motion.time, 6.0)).values
+    return float(np.nanmax(np.abs(found - torques)))
+
+
+def injected_force_faults(folder: Path) -> Iterator[Row]:
+    """Faults of forces put into clean recordings: what becomes of each."""
+    for fault in FORCE_FAULTS:
+        row: Row = {"fault": fault.name}
+        for walk in CLEAN:
+            clean = of_its_mass(folder, walk)
+            faulty = fault.change(clean)
+            if faulty is None:
+                row[walk.name] = "none"
+                continue
+            row[walk.name] = verdict(fault, on_feet(faulty.wrenches, faulty.model, faulty.motion).findings)
+        yield row
+
+
+def clean_forces(folder: Path) -> Iterator[Row]:
+    """What is called on the same recordings as they are."""
+    for walk in CLEAN:
+        clean = recorded(folder, walk)
+        found = on_feet(clean.wrenches, clean.model, clean.motion).findings
+        yield {"recording": walk.name, "findings": "; ".join(one.text for one in found) or "none"}
+
+
+def mended_torques(folder: Path) -> Iterator[Row]:
+    """Joint torques with forces put right, against those with the clean forces."""
+    for walk in CLEAN[:4]:
+        clean = recorded(folder, walk)
+        motion = differentiate(clean.motion, 6.0)
+        torques = inverse_dynamics(clean.model, motion, resample_wrenches(clean.wrenches, motion.time, 6.0)).values
+        for fault in FORCE_FAULTS:
+            faulty = fault.change(clean)
+            if faulty is None:
+                continue
+            found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
+            if any(one.mended for one in found.findings):
+                yield {
+                    "recording": walk.name,
+                    "fault": fault.name,
+                    "largest error, mended [N m]": torque_error(clean, found, motion, torques),
+                }

@@ -1,0 +1,127 @@
+"""Muscles fitted to measured passive torques: curves of healthy adults (Silder et al. 2007), some of them held out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat
+
+from benchmarks.simulated_muscles import resting_torques
+from myomorph.io.formats import read_model
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
+from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
+
+Row = dict[str, object]
+
+STUDY = "passive-joint-moments"
+JOINTS = {"hip": "hip_flexion_r", "knee": "knee_angle_r", "ankle": "ankle_angle_r"}
+COLUMNS = (0, 2, 3)
+"""Of the three angles in the file."""
+WALKING = {"hip": (-15.0, 40.0), "knee": (0.0, 75.0), "ankle": (-30.0, 30.0)}
+"""Angles that the published calibration was made for (Uhlrich et al. 2022) [degrees]."""
+EVERY = 4
+"""Curves were digitized at every degree; neighbours tell the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The passive torque of one joint over its angle, the others held.
+
+    Attributes
+    ----------
+    joint : "hip", "knee" or "ankle"
+    angles : (poses, 3) of hip, knee and ankle [degrees]
+    torques : (poses,) about the joint [N m]
+    """
+
+    joint: str
+    angles: Array
+    torques: Array
+
+    def motion(self, model: Model) -> Motion:
+        """Its poses, other coordinates at their defaults."""
+        values = np.tile([one.default for one in model.coordinates], (len(self.angles), 1))
+        for k, name in enumerate(JOINTS.values()):
+            values[:, model.coordinate_names.index(name)] = np.radians(self.angles[:, k])
+        still = np.zeros_like(values)
+        return Motion(np.arange(float(len(values))), model.coordinate_names, values, still, still)
+
+
+def curves(folder: Path) -> tuple[Curve, ...]:
+    """Four of each joint."""
+    read = loadmat(folder / STUDY / "DigitizedPassiveMoments_Silder2007.mat")
+    found = []
+    for j, joint in enumerate(JOINTS):
+        angles = np.asarray(read["JAngles"][0, j], dtype=np.float64)[:, COLUMNS]
+        torques = np.asarray(read["PassiveM"][0, j], dtype=np.float64).ravel()
+        held = np.delete(angles, j, axis=1)
+        for key in dict.fromkeys(map(tuple, held)):
+            here = np.flatnonzero((held == key).all(axis=1))[::EVERY]
+            found.append(Curve(joint, angles[here], torques[here]))
+    return tuple(found)
+
+
+def recording(model: Model, some: Sequence[Curve]) -> PersonalTrial:
+    """Curves as one recording, each pose with the torque of one joint."""
+    motions = [one.motion(model) for one in some]
+    values = np.vstack([one.values for one in motions])
+    still = np.zeros_like(values)
+    time = np.arange(float(len(values)))
+    torques = np.full((len(values), len(JOINTS)), np.nan)
+    row = 0
+    for one in some:
+        torques[row : row + len(one.torques), list(JOINTS).index(one.joint)] = one.torques
+        row += len(one.torques)
+    motion = Motion(time, model.coordinate_names, values, still, still)
+    return PersonalTrial("passive", motion, Series(time, tuple(JOINTS.values()), torques), passive=True)
+
+
+def errors(model: Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
+    """Of each joint the torque that the model's resting muscles miss, and whether it counts as walking."""
+    found: dict[str, list[tuple[Array, Array]]] = {}
+    for one in some:
+        given = resting_torques(model, one.motion(model))[:, model.coordinate_names.index(JOINTS[one.joint])]
+        within = [
+            (low <= one.angles[:, k]) & (one.angles[:, k] <= high) for k, (low, high) in enumerate(WALKING.values())
+        ]
+        found.setdefault(one.joint, []).append((given - one.torques, np.all(within, axis=0)))
+    return {joint: tuple(map(np.concatenate, zip(*parts, strict=True))) for joint, parts in found.items()}  # type: ignore[misc]
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Torque missed by generic muscles, by a published calibration, by ours fitted to all, and by ours held out."""
+    every = curves(folder)
+    generic = read_model(folder / STUDY / "Rajagopal_modifiedAbductors.osim")
+    published = read_model(folder / STUDY / "Rajagopal_abductorsModified_PassiveCalibration.osim")
+    models = {"generic": generic, "Uhlrich et al. 2022": published}
+    for tendons in ("elastic", "rigid"):
+        options = PersonalizeOptions(tendons=tendons, hold_out=False)  # type: ignore[arg-type]
+        fitted = personalize(generic, [recording(generic, every)], options).model
+        models[f"fitted to all, {tendons} tendons"] = fitted
+    rows = {name: errors(model, every) for name, model in models.items()}
+    parts = []
+    for fold in range(4):
+        # One curve of each joint is left out at a time.
+        unseen = [one for k, one in enumerate(every) if k % 4 == fold]
+        seen = [one for k, one in enumerate(every) if k % 4 != fold]
+        options = PersonalizeOptions(hold_out=False)
+        parts.append(errors(personalize(generic, [recording(generic, seen)], options).model, unseen))
+    rows["held out, elastic tendons"] = {
+        joint: tuple(map(np.concatenate, zip(*(part[joint] for part in parts), strict=True)))  # type: ignore[misc]
+        for joint in JOINTS
+    }
+    for name, found in rows.items():
+        yield {
+            "muscles": name,
+            **{f"{joint} [N m]": _rms(found[joint][0]) for joint in JOINTS},
+            **{f"{joint}, walking [N m]": _rms(found[joint][0][found[joint][1]]) for joint in JOINTS},
+        }
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))

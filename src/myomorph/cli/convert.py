@@ -1,0 +1,61 @@
+"""`convert`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from myomorph.cli.options import PlateBodies, Time
+from myomorph.cli.output import said, warn
+
+
+def convert_command(
+    files: Annotated[
+        list[Path],
+        Parameter(
+            help="Recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of them."
+        ),
+    ],
+    /,
+    *,
+    out: Annotated[
+        Path,
+        Parameter(
+            help="File to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside it, .sto "
+            "or .csv EMG or a table, .c3d all of it; or a folder for all that there is."
+        ),
+    ],
+    up: Annotated[
+        Literal["", "y", "z", "keep"],
+        Parameter(help="Axis that points up: y by default, as OpenSim has it; kept where a C3D file is written."),
+    ] = "",
+    forward: Annotated[
+        Literal["", "x", "-x", "y", "-y", "z", "-z"],
+        Parameter(help="Axis that the walk goes along, by right angles; kept by default."),
+    ] = "",
+    axes: Annotated[
+        str, Parameter(help="Instead of both, the new axes in the old frame: x,z,-y turns z up to y up.")
+    ] = "",
+    units: Annotated[Literal["mm", "cm", "m"], Parameter(help="Of lengths in a TRC file.")] = "mm",
+    labels: Annotated[
+        Path | None,
+        Parameter(help="Table of names (.csv: label, new name; an empty new name drops the marker or channel)."),
+    ] = None,
+    plates: PlateBodies = "",
+    time: Time = None,
+) -> int:
+    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back."""
+    # Imported by the command that needs it: --help and the others start without.
+    from myomorph.io.label_table import read_label_table
+    from myomorph.study.convert.convert import ConvertOptions, convert
+    from myomorph.study.trial.external_forces import plates_of_text
+
+    names = {} if labels is None else read_label_table(labels)
+    options = ConvertOptions(up, forward, axes, units, names, plates_of_text(plates), time)
+    made = convert(files, out, options)
+    warn(made.notes, "'myomorph info FILE' lists those of the file")
+    for path, held in made.files:
+        said(f"wrote {path}: {held}")
+    return 0

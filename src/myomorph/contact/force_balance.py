@@ -1,0 +1,329 @@
+"""Checks of external forces against the center of mass and the standing feet: directions, mass and clock."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.contact.foot_poses import FootPoses
+from myomorph.contact.force_inspection import Inspection
+from myomorph.contact.force_placement import FITS, MARKED, NEAR
+from myomorph.contact.force_samples import Change, ForceSamples
+from myomorph.model.arrays import Array
+from myomorph.motion.filters import lowpass
+
+CUTOFF = 6.0
+"""Low-pass filter of the compared forces, of a human body [Hz]."""
+
+MASS = 0.07
+"""Part by which plates and model may differ in weight."""
+
+SHARP_MASS, SHARP_FEET = 0.7, 0.4
+"""Part of the disagreement at no lag that may be left at the lag found: of the center of mass, and of standing feet."""
+
+STEPS = 4
+"""Steps from which standing feet alone are believed about the clock."""
+
+SPREAD = 0.35
+"""How far that part may differ from frame to frame, where all of the weight is measured."""
+
+CLOCK, SLACK = 0.022, 0.1
+"""Lag of the plates that is named, and the largest that is looked for [s]."""
+
+
+class Turn(NamedTuple):
+    """A horizontal turn or reflection of the axes of forces."""
+
+    kind: str
+    text: str
+    matrix: Array
+
+
+def balance(inspection: Inspection) -> tuple[Array, Array] | None:
+    """Measured and needed force (frames, 3), filtered alike [N]; None where the motion is too short or has gaps."""
+    feet = inspection.feet
+    steps = np.diff(feet.time)
+    if len(feet.time) < 20 or steps.max() > 1.5 * steps.min() or not np.isfinite(feet.needed).all():
+        return None
+    if float(np.mean(steps)) > 0.03 or len(feet.feet) > 2:
+        return None
+    rate, cutoff = 1.0 / float(np.mean(steps)), CUTOFF / np.sqrt(feet.unit)
+    if rate < 2.5 * cutoff:
+        return None
+    measured = inspection.samples.forces.sum(axis=1)
+    return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(lowpass(feet.needed, rate, cutoff))
+
+
+def covered(inspection: Inspection, measured: Array, needed: Array) -> Array:
+    """Frames (frames,) in which the plates carry about what the center of mass needs."""
+    up, weight = inspection.feet.up, inspection.feet.model.weight
+    carried, wanted = measured @ up, needed @ up
+    inside = np.zeros(len(carried), bool)
+    margin = max(2, len(carried) // 25)
+    inside[margin:-margin] = True
+    return np.asarray(inside & (np.abs(carried - wanted) < 0.25 * weight) & (wanted > 0.4 * weight))
+
+
+def turns(up: Array) -> list[Turn]:
+    """Turns about the vertical by right angles and reflections of horizontal axes, the one that does nothing first."""
+    across = np.eye(3)[np.argsort(np.abs(up))[:2]]
+    a, b = across
+    both = np.outer(up, up)
+    names = ["xyz"[int(np.argmax(np.abs(one)))] for one in (a, b)]
+
+    def made(x: Array, y: Array) -> Array:
+        return np.asarray(np.outer(x, a) + np.outer(y, b) + both)
+
+    return [
+        Turn("", "", np.eye(3)),
+        Turn("walking direction", "turned by 180 degrees", made(-a, -b)),
+        Turn("walking direction", "turned by 90 degrees", made(b, -a)),
+        Turn("walking direction", "turned by -90 degrees", made(-b, a)),
+        Turn("mirrored axis", f"mirrored along {names[0]}", made(-a, b)),
+        Turn("mirrored axis", f"mirrored along {names[1]}", made(a, -b)),
+        Turn("mirrored axis", f"{names[0]} and {names[1]} exchanged", made(b, a)),
+        Turn("mirrored axis", f"{names[0]} and {names[1]} exchanged and reversed", made(-b, -a)),
+    ]
+
+
+def check_directions(inspection: Inspection) -> None:
+    """Horizontal axes of forces and points that are turned or mirrored against those of the motion."""
+    choices = turns(inspection.feet.up)
+    forces = _turn_of_forces(inspection, choices)
+    points = _turn_of_points(inspection, choices, forces)
+    if forces == points == 0:
+        return
+    what = "forces and points" if forces == points else "forces" if points == 0 else "points"
+    turn = choices[forces or points]
+    for k in map(int, inspection.numbers):
+        inspection.change(k, _changed(choices[forces].matrix, choices[points].matrix))
+    inspection.found(
+        turn.kind,
+        ", ".join(inspection.name(int(k)) for k in inspection.numbers),
+        f"{what} of the plates are {turn.text} against the motion",
+        "they were put right",
+        "give them in the axes of the motion",
+    )
+
+
+def _changed(forces: Array, points: Array) -> Change:
+    """The change that turns forces and their moments, and points."""
+    sign = float(np.sign(np.linalg.det(forces)))
+    return lambda f, p, t: (f @ forces.T, p @ points.T, sign * t @ forces.T)
+
+
+def _turn_of_forces(inspection: Inspection, choices: list[Turn]) -> int:
+    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+    found = balance(inspection)
+    if found is None:
+        return 0
+    measured, needed = found
+    here = covered(inspection, measured, needed)
+    time = inspection.feet.time
+    if here.sum() < 15 or here.sum() * np.median(np.diff(time)) < 0.25:
+        return 0
+    level = np.eye(3) - np.outer(inspection.feet.up, inspection.feet.up)
+    measured, needed = measured[here] @ level, needed[here] @ level
+    if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
+        return 0
+    errors = [float(np.mean(np.sum((measured @ one.matrix.T - needed) ** 2, axis=1))) for one in choices]
+    best = int(np.argmin(errors))
+    if best:
+        # Forces to one side only may not tell a turn from a reflection: the points do.
+        alike = [k for k in range(1, len(choices)) if errors[k] < 1.5 * errors[best]]
+        best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
+    # As much as nothing explains: no turn makes sense of forces that the center of mass does not feel.
+    if best and errors[best] < 0.35 * errors[0] and errors[best] < 0.5 * float(np.mean(np.sum(needed**2, axis=1))):
+        return best
+    return 0
+
+
+def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
+    """Which turn brings the centers of pressure under the feet; 0 for none."""
+    unit = inspection.feet.unit
+    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    if not used:
+        return 0
+
+    def misfit(points: int) -> float:
+        return _turned_misfit(inspection, choices, forces, points)
+
+    before = misfit(0)
+    if forces:
+        # The same turn as the forces', unless the points are better as they are.
+        return forces if misfit(forces) < max(before, NEAR * unit) else 0
+    if before < NEAR * unit or any(inspection.misfit(k) < NEAR * unit for k in used):
+        return 0
+    left = [misfit(one) for one in range(len(choices))]
+    best, second = np.argsort(left)[:2]
+    clear = left[best] < min(FITS * unit, MARKED * before) and left[second] > 1.5 * left[best]
+    return int(best) if clear else 0
+
+
+def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, points: int) -> float:
+    """Mean distance of all centers of pressure to their feet with forces and points turned [m]."""
+    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    samples = inspection.samples
+    for k in used:
+        samples = samples.changed(k, _changed(choices[forces].matrix, choices[points].matrix))
+    return float(np.mean([_own_misfit(inspection, k, samples) for k in used])) if used else 0.0
+
+
+def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> float:
+    """Mean distance of the center of pressure to the foot that the force is put on, or to the nearest [m]."""
+    feet = inspection.feet
+    own = feet.owners.get(inspection.wrenches.bodies[number])
+    distances = np.nan_to_num(feet.distances(samples.centers(feet.up)[:, [number]])[:, 0])
+    chosen = distances.min(axis=1) if own is None else distances[:, own]
+    return float(np.average(chosen, weights=inspection.weights(number)))
+
+
+def check_mass(inspection: Inspection) -> None:
+    """The weight that the plates carry against that of the model, where all standing feet are on plates."""
+    found = balance(inspection)
+    if found is None:
+        return
+    up, model, time = inspection.feet.up, inspection.feet.model, inspection.feet.time
+    carried, wanted = found[0] @ up, found[1] @ up
+    steady = _supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
+    margin = max(2, len(time) // 25)
+    steady[:margin] = steady[-margin:] = False
+    if steady.sum() < 15 or steady.sum() * np.median(np.diff(time)) < 0.3:
+        return
+    ratios = carried[steady] / wanted[steady]
+    low, middle, high = np.percentile(ratios, [10, 50, 90])
+    ratio = float(carried[steady].sum() / wanted[steady].sum())
+    # A part of the weight that another contact carries changes; a wrong mass is the same in all frames.
+    if high - low > SPREAD * middle or abs(ratio - middle) > 0.05 or not 0.6 < ratio < 1.7 or abs(ratio - 1.0) < MASS:
+        return
+    inspection.found(
+        "mass",
+        model.name,
+        f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the model weighs "
+        f"{model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %)",
+        advice="scale the model to the subject's mass, or check the calibration of the plates",
+    )
+
+
+def _supported(inspection: Inspection) -> Array:
+    """Frames (frames,) in which every foot either carries a measured force or moves as one that does not stand."""
+    feet = inspection.feet
+    heels, tips = feet.soles
+    moving = []
+    for points in (heels, tips):
+        velocity = np.gradient(points, feet.time, axis=0)
+        moving.append(np.linalg.norm(velocity - _belt(inspection, velocity), axis=2))
+    swings = np.minimum(*moving) > 0.8 * np.sqrt(feet.unit)
+    distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
+    loaded = inspection.samples.loaded[:, inspection.numbers]
+    nearest = np.argmin(distances, axis=2)
+    carries = np.stack([(loaded & (nearest == one)).any(axis=1) for one in range(len(feet.feet))], axis=1)
+    return np.asarray((swings | carries).all(axis=1) & carries.any(axis=1))
+
+
+def _belt(inspection: Inspection, velocities: Array) -> Array:
+    """Velocity of the ground under loaded feet (3,), zero but on a treadmill [m/s]."""
+    loaded = inspection.samples.loaded[:, inspection.numbers].any(axis=1)
+    if not loaded.any():
+        return np.zeros(3)
+    speeds = np.linalg.norm(velocities, axis=2)
+    slow = velocities[np.arange(len(velocities)), np.argmin(speeds, axis=1)][loaded]
+    middle = np.median(slow, axis=0)
+    return np.asarray(middle if np.linalg.norm(middle) > 0.3 else np.zeros(3))
+
+
+def check_clock(inspection: Inspection) -> None:
+    """Plates that are late or early: by the feet that glide under load, and by what the center of mass needs."""
+    lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
+    found, lag, how = balance(inspection), 0.0, ""
+    if found is not None:
+        by_mass, left = _least(lags, _unbalanced(inspection, *found, lags))
+        if left < SHARP_MASS and abs(by_mass) > CLOCK:
+            lag, how = by_mass, "by the acceleration of the center of mass"
+    if not how:
+        gliding = _gliding(inspection, lags)
+        if gliding is None:
+            return
+        by_feet, left = _least(lags, gliding)
+        if left < SHARP_FEET and abs(by_feet) > 1.5 * CLOCK:
+            lag, how = by_feet, "by the feet that stand"
+    if not how:
+        return
+    word = "late" if lag > 0 else "early"
+    inspection.found(
+        "clock",
+        ", ".join(inspection.name(int(k)) for k in inspection.numbers),
+        f"the forces seem {1000.0 * abs(lag):.0f} ms {word} against the motion, {how}",
+        advice=f"shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings",
+    )
+
+
+def _least(lags: Array, values: Array) -> tuple[float, float]:
+    """The lag of the least value, by a parabola, and that value over the one at no lag."""
+    k = int(np.argmin(values))
+    lag = float(lags[k])
+    if 0 < k < len(lags) - 1:
+        a, b, c = values[k - 1 : k + 2]
+        lag += 0.5 * float(lags[1] - lags[0]) * float((a - c) / max(a - 2.0 * b + c, 1e-300))
+    return lag, float(values[k] / max(values[len(lags) // 2], 1e-300))
+
+
+def _unbalanced(inspection: Inspection, measured: Array, needed: Array, lags: Array) -> Array:
+    """What the center of mass lacks at each lag (lags,), offsets taken off [N]."""
+    time = inspection.feet.time
+    core = (time > time[0] + SLACK) & (time < time[-1] - SLACK)
+    if core.sum() < 10:
+        return np.ones(len(lags))
+    found = []
+    for lag in lags:
+        late = np.column_stack([np.interp(time + lag, time, column) for column in measured.T])
+        apart = (late - needed)[core]
+        found.append(float(np.sqrt(np.mean((apart - apart.mean(axis=0)) ** 2))))
+    return np.array(found)
+
+
+def _gliding(inspection: Inspection, lags: Array) -> Array | None:
+    """Mean square speed of the feet at the centers of pressure at each lag, weighted by force (lags,) [m^2/s^2].
+
+    A foot that stands does not glide: the material point at the center of pressure is at rest.
+    """
+    feet, samples = inspection.feet, inspection.samples
+    time = feet.time
+    centers = samples.centers(feet.up)
+    used = [int(k) for k in inspection.numbers if len(inspection.episodes(int(k)))]
+    steps = sum(len(inspection.episodes(k)) for k in used)
+    if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
+        return None
+    nearest = np.argmin(np.nan_to_num(feet.distances(centers), nan=9.0), axis=2)
+    fields = [[_field(feet, body) for body in dict.fromkeys((foot.heel, foot.toes))] for foot in feet.feet]
+    total, count = np.zeros(len(lags)), 0.0
+    for k in used:
+        weights = inspection.weights(k)
+        frames = np.flatnonzero((weights > 0.0) & (time > time[0] + SLACK) & (time < time[-1] - SLACK))
+        if not len(frames):
+            continue
+        speeds = np.empty((len(lags), len(frames), 3, 2))
+        for row, lag in enumerate(lags):
+            at = np.clip(np.searchsorted(time, time[frames] - lag), 0, len(time) - 1)
+            for number in range(len(feet.feet)):
+                mine = nearest[frames, k] == number
+                for part in range(2):
+                    origin, drift, spin = fields[number][min(part, len(fields[number]) - 1)]
+                    here, now = at[mine], centers[frames[mine], k]
+                    reach = np.einsum("fij,fj->fi", spin[here], now - origin[here])
+                    speeds[row, mine, :, part] = drift[here] + reach
+        firm = weights[frames] > 0.5 * inspection.feet.model.weight
+        belt = np.median(speeds[len(lags) // 2, firm, :, 0], axis=0) if firm.sum() > 5 else np.zeros(3)
+        belt = belt if np.linalg.norm(belt) > 0.3 else np.zeros(3)
+        glide = np.linalg.norm(speeds - belt[None, None, :, None], axis=2).min(axis=2)
+        total += (weights[frames] * np.minimum(glide, 1.5) ** 2).sum(axis=1)
+        count += float(weights[frames].sum())
+    return total / count if count else None
+
+
+def _field(feet: FootPoses, body: str) -> tuple[Array, Array, Array]:
+    """Origin, velocity of the origin and angular velocity (as a matrix) of a body in all frames."""
+    rotations, origins = feet.pose_of(body)
+    rates = np.gradient(rotations, feet.time, axis=0)
+    return origins, np.gradient(origins, feet.time, axis=0), np.einsum("fij,fkj->fik", rates, rotations)

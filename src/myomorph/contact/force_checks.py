@@ -1,0 +1,136 @@
+"""Whether external forces belong to the motion: signs, units, axes, feet, mass and clock; what is wrong is named.
+
+What the motion knows of its forces: a center of pressure lies under a foot that stands, the point of the foot at the
+center of pressure does not glide over the ground, and the forces accelerate the center of mass. Where they disagree,
+the faults that recordings usually have are tried one by one, and one that makes them agree is put right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.contact.foot_poses import foot_poses
+from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
+from myomorph.contact.force_inspection import Inspection
+from myomorph.contact.force_placement import check_feet, check_origins, check_shared_plates
+from myomorph.model.findings import Finding
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Wrenches
+from myomorph.motion.filters import lowpass
+
+LONGEST = 0.1
+"""Longest step between frames that are not taken for a gap [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedForces:
+    """External forces, put right where that was safe, and what was found.
+
+    Attributes
+    ----------
+    findings : with `mended` where `wrenches` have it put right
+    """
+
+    wrenches: Wrenches
+    findings: tuple[Finding, ...]
+
+
+def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Finding, ...]:
+    """What looks wrong with external forces, nothing put right; see `checked_forces`."""
+    return checked_forces(wrenches, model, motion, mend=False).findings
+
+
+def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True) -> CheckedForces:
+    """Hold external forces against the motion, put right what is safe and name the rest.
+
+    Looked for are forces that pull instead of push, turned axes or a mirrored one, other units, moments about another
+    point than the center of pressure, a wrong foot, two feet on one plate, forces under no foot, a mass that is not the
+    model's, and a clock that is not the motion's. Models without feet are not looked at.
+
+    Parameters
+    ----------
+    wrenches : in ground, at their own times; a body that is not known is ""
+    motion : (frames, coordinates) [rad or m]
+    mend : put right what is safe to put right
+
+    Returns
+    -------
+    the wrenches, as they were where nothing was mended, and the findings
+    """
+    inside = np.zeros(len(motion), bool)
+    if len(wrenches):
+        inside = (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
+    if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
+        return CheckedForces(wrenches, ())
+    feet = foot_poses(model, _smooth(motion, inside))
+    if feet is None:
+        return CheckedForces(wrenches, ())
+    inspection = Inspection(wrenches, feet, mend)
+    if not len(inspection.numbers):
+        return CheckedForces(wrenches, ())
+    for check in (
+        check_units,
+        check_signs,
+        check_origins,
+        check_directions,
+        check_feet,
+        check_shared_plates,
+        check_mass,
+        check_clock,
+    ):
+        check(inspection)
+    findings = tuple(inspection.findings)
+    changed = any(one.mended for one in findings)
+    return CheckedForces(inspection.wrenches if changed else wrenches, findings)
+
+
+def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
+    """The frames of a motion that are looked at, evenly spaced and low-pass filtered where it has no gaps."""
+    time, values = motion.time[inside], motion.values[inside]
+    steps = np.diff(time)
+    if len(time) <= 20 or steps.max() > LONGEST or not np.isfinite(values).all():
+        return Motion(time, motion.names, values)
+    if steps.max() > 1.2 * steps.min():
+        even = np.linspace(time[0], time[-1], len(time))
+        values = np.column_stack([np.interp(even, time, column) for column in values.T])
+        time = even
+    rate = 1.0 / float(np.mean(np.diff(time)))
+    return Motion(time, motion.names, lowpass(values, rate, CUTOFF) if rate > 2.5 * CUTOFF else values)
+
+
+def check_units(inspection: Inspection) -> None:
+    """Forces far too small for the model's weight: kilonewtons or body weights."""
+    weight = inspection.feet.model.weight
+    size = np.nan_to_num(np.linalg.norm(inspection.wrenches.forces[:, inspection.numbers], axis=2))
+    largest = float(size.max(initial=0.0))
+    if 0.0 < largest < 0.02 * weight and size.sum(axis=1).max() < 0.02 * weight:
+        inspection.found(
+            "unit of force",
+            inspection.wrenches.names[int(inspection.numbers[0])],
+            f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N",
+            advice="are the forces in kilonewtons or body weights? Give them in newtons",
+        )
+
+
+def check_signs(inspection: Inspection) -> None:
+    """Forces that pull a foot to the ground."""
+    up = inspection.feet.up
+    for k in inspection.numbers:
+        weights = inspection.weights(k)
+        if not weights.any():
+            continue
+        lift = float((inspection.samples.forces[:, k] @ up)[weights > 0.0].sum() / weights.sum())
+        if lift > -0.5:
+            continue
+        mean = float((inspection.samples.forces[:, k] @ up)[weights > 0.0].mean())
+        inspection.change(int(k), lambda force, point, torque: (-force, point, -torque))
+        inspection.found(
+            "swapped sign",
+            inspection.name(k),
+            f"force '{inspection.name(k)}' pulls the foot down (mean {mean:.0f} N upwards while loaded)",
+            "force and moment were reversed",
+            "reverse force and moment",
+        )

@@ -1,0 +1,51 @@
+"""What is known of the contacts of a recording before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from myomorph.contact.feet_on_steps import Stairs
+from myomorph.contact.heard import SoundPlan
+from myomorph.model.contacts import Contacts, Site
+from myomorph.model.frozen_map import FrozenMap
+
+When: TypeAlias = Literal["always", "motion", "file"]
+
+FOREVER = 1e9
+"""End of a contact interval that always lasts [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPlan:
+    """What is known of the contacts of a recording before anything is computed.
+
+    Attributes
+    ----------
+    feet : whether the soles of the model's feet are sites
+    sites : beside the soles
+    when : of each of `sites` what tells when it touches: "always", the "motion", or the "file" of its intervals
+    surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
+    reported : contact intervals of a file; of the soles too where it names them
+    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
+    stairs : load cells of steps that tell who stands on them and, together, what force they carry
+    measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
+        none was measured; "shared": each is known for the sites on it together; "hidden": not at all
+    """
+
+    feet: bool = True
+    sites: tuple[Site, ...] = ()
+    when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
+    surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
+    reported: Contacts | None = None
+    sound: SoundPlan | None = None
+    measured: Literal["exact", "shared", "hidden"] = "exact"
+    stairs: Stairs | None = None
+
+    @property
+    def situation(self) -> Literal["unknown", "shared", "sound"]:
+        """Which of the situations of [D] chapter 4 it is."""
+        if self.sound is not None:
+            return "sound"
+        return "shared" if self.measured == "shared" else "unknown"

@@ -1,0 +1,102 @@
+"""What each marker says against all others: where they would put it, and what no marker tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree
+
+STEP = 1e-6
+"""Of the differences that give the slopes of marker positions [rad or m]."""
+
+UNKNOWN = 0.15
+"""A direction of a marker of which the others tell a smaller share has no prediction."""
+
+BLIND = 1e-5
+"""A direction of the coordinates that moves the markers by a smaller share of the usual is not determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerFrames:
+    """Markers of some frames against a model's pose.
+
+    Attributes
+    ----------
+    errors : (frames, markers, 3) recorded less model [m] in ground, NaN where unseen
+    slopes : (frames, markers, 3, variables) of model positions [m per unit of the variables]
+    rotations : (frames, markers, 3, 3) of the markers' bodies in ground
+    held : (frames, variables) whether each lies at a bound, so that it has no slopes
+    """
+
+    errors: Array
+    slopes: Array
+    rotations: Array
+    held: Array
+
+
+def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Array) -> MarkerFrames:
+    """Errors and slopes at poses; variables that lie at a bound do not move.
+
+    Parameters
+    ----------
+    observed : (frames, markers, 3) [m]
+    values : (frames, coordinates) as inverse kinematics found them
+    """
+    frames, count = len(values), len(arrays.free)
+    stacked = np.repeat(values[:, None], count + 1, axis=1)
+    for i, j in enumerate(arrays.free):
+        stacked[:, i + 1, j] += STEP * arrays.unit[j]
+    flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
+    couple_frames(tree.arrays, flat)
+    poses = forward_kinematics(tree, flat)
+    points = poses.points(arrays.body, arrays.location).reshape(frames, count + 1, -1, 3)
+    slopes = (points[:, 1:] - points[:, :1]) / STEP
+    here = values[:, arrays.free]
+    held = (here <= arrays.lower + 1e-9) | (here >= arrays.upper - 1e-9)
+    slopes[held] = 0.0
+    rotations = poses.rotations.reshape(frames, count + 1, -1, 3, 3)[:, 0, arrays.body]
+    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
+
+
+def left_out(one: MarkerFrames, weight: Array) -> Array:
+    """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m].
+
+    By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly
+    tell; NaN where a marker is unseen or none is told.
+    """
+    frames, markers = one.errors.shape[:2]
+    found = np.full((frames, markers, 3), np.nan)
+    for f in range(frames):
+        seen = np.flatnonzero(np.isfinite(one.errors[f]).all(axis=1) & (weight > 0.0))
+        if len(seen) < 2:
+            continue
+        scale = np.sqrt(weight[seen])[:, None, None]
+        rows = (one.slopes[f, seen] * scale).reshape(3 * len(seen), -1)
+        basis, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+        basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)].reshape(len(seen), 3, -1)
+        rest = np.eye(3) - np.einsum("mik,mjk->mij", basis, basis)
+        told, axes = np.linalg.eigh(rest)
+        inverse = np.where(told > UNKNOWN, 1.0 / np.maximum(told, UNKNOWN), 0.0)
+        away = np.einsum("mij,mj,mkj,mk->mi", axes, inverse, axes, one.errors[f, seen])
+        away[(told <= UNKNOWN).sum(axis=1) > 1] = np.nan
+        found[f, seen] = np.einsum("mji,mj->mi", one.rotations[f, seen], away)
+    return found
+
+
+def undetermined(one: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tuple[int, ...]:
+    """Coordinates that take part in a motion that no marker of any of the frames shows."""
+    seen = np.isfinite(one.errors).all(axis=2) & (weight > 0.0)
+    rows = one.slopes[seen].reshape(-1, len(arrays.free))
+    sizes, directions = np.linalg.eigh(rows.T @ rows)
+    usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
+    blind = directions[:, sizes < BLIND**2 * usual]
+    part = np.abs(blind).max(axis=1, initial=0.0)
+    # A variable at its bound in all frames is told by the bound.
+    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not one.held[:, i].all()]
+    return tuple(int(arrays.free[i]) for i in own if arrays.task_weight[arrays.free[i]] == 0.0)

@@ -1,0 +1,206 @@
+"""Labels exchanged throughout, or for long: the exchange under which the body fits far better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import GROUND, Model
+from myomorph.model.sides import mirror_names
+
+SUSPECT = 0.02
+"""Root mean square of marker errors above which whole groups of labels are tried exchanged, on a human body [m]."""
+
+FAR = 0.025
+"""Errors of both markers above which a pair may be exchanged, on a human body [m]."""
+
+CROSSED = 0.4
+"""Share of a pair's squared errors that may be left when each is held against the other's place."""
+
+BETTER = 0.7
+"""Share of the root mean square that an exchange must leave at most to be believed."""
+
+MIRROR = np.array([1.0, 1.0, -1.0])
+"""Every mirrored recording is this one, turned."""
+
+SAMPLES = 6
+"""Frames on which an exchange is tried."""
+
+LEAST_GAIN = 0.005
+"""What an exchange must take off the root mean square, on a human body [m]."""
+
+CLEARLY = 0.75
+"""Of swapped sides and a mirrored axis the one that leaves so much less is told to be it."""
+
+SIDES = "left and right"
+FRONT = "front and back"
+MIRRORED = "mirrored"
+
+
+@dataclass(frozen=True)
+class Swap:
+    """An exchange of labels.
+
+    Attributes
+    ----------
+    name : what it is called
+    pairs : of markers by their names; none where the recording is mirrored instead
+    certain : whether no other explanation fits about as well
+    """
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+    certain: bool = True
+
+    def applied(self, observed: Array, columns: Sequence[int]) -> Array:
+        """The positions (frames, markers, 3) under the labels exchanged, or mirrored."""
+        return observed * MIRROR if self.name == MIRRORED else observed[:, columns]
+
+    def columns(self, names: Sequence[str]) -> list[int]:
+        """Where to take each marker from (markers,)."""
+        order = list(range(len(names)))
+        for one, other in self.pairs:
+            i, j = names.index(one), names.index(other)
+            order[i], order[j] = order[j], order[i]
+        return order
+
+
+Solve = Callable[[Array], Array]
+"""From positions (frames, markers, 3) [m] to errors (frames, markers) [m], each frame by itself."""
+
+
+def find_swap(
+    model: Model, names: Sequence[str], observed: Array, errors: Array, placed: Array, solve: Solve, unit: float
+) -> Swap | None:
+    """The exchange of labels under which the body fits best in most sampled frames; None where none is far better.
+
+    Parameters
+    ----------
+    names : of the markers used
+    observed : (frames, markers, 3) recorded positions [m]
+    errors, placed : (frames, markers) [m], (frames, markers, 3) [m], as inverse kinematics gave them
+    solve : see `Solve`
+    unit : see `length_unit`
+    """
+    rms = _rms(errors)
+    seen = np.flatnonzero(np.isfinite(rms))
+    if not len(seen):
+        return None
+    pairs = crossed_pairs(names, observed, errors, placed, unit)
+    found: list[tuple[float, Swap]] = []
+    given: dict[int, float] = {}
+    for swap, frames in _hypotheses(model, names, pairs, np.median(rms[seen]) > SUSPECT * unit, seen):
+        columns, ratios, gains = swap.columns(names), list[float](), list[float]()
+        for k in _spread(frames):
+            if k not in given:
+                given[k] = float(_rms(solve(observed[k : k + 1]))[0])
+            after = float(_rms(solve(swap.applied(observed[k : k + 1], columns)))[0])
+            ratios.append(after / given[k])
+            gains.append(given[k] - after)
+            # Most exchanges are wrong, which two frames tell.
+            if len(ratios) == 2 and min(ratios) > BETTER:
+                break
+        if np.mean(np.array(ratios) < BETTER) > 0.6 and np.median(gains) > LEAST_GAIN * unit:
+            found.append((float(np.median(ratios)), swap))
+    # Of exchanges that explain about as much, the one of fewest labels.
+    found.sort(key=lambda one: (round(4.0 * one[0]), len(one[1].pairs), one[0]))
+    whole = {swap.name: ratio for ratio, swap in found if swap.name in (SIDES, MIRRORED)}
+    if not found or len(whole) < 2 or found[0][1].name not in whole:
+        return found[0][1] if found else None
+    best = min(whole, key=lambda name: whole[name])
+    certain = whole[best] < CLEARLY * max(whole.values())
+    return next(replace(swap, certain=certain) for _, swap in found if swap.name == best)
+
+
+def _spread(frames: Array) -> list[int]:
+    """A few of the frames, the first two far from each other."""
+    order = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))
+    order = np.concatenate([order[1::3], order[2::3], order[::3]])
+    return [int(frames[k]) for k in order]
+
+
+def crossed_pairs(
+    names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
+) -> Mapping[tuple[str, str], Array]:
+    """Pairs that lie nearer to each other's places on the model than to their own, and the frames of that."""
+    far = errors > FAR * unit
+    found = {}
+    for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0), 2):
+        both = np.flatnonzero(far[:, i] & far[:, j])
+        if len(both):
+            own = errors[both, i] ** 2 + errors[both, j] ** 2
+            other = ((observed[both, i] - placed[both, j]) ** 2).sum(axis=1)
+            other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
+            frames = both[other < CROSSED * own]
+            if len(frames) > 1:
+                found[names[i], names[j]] = frames
+    return found
+
+
+def _hypotheses(
+    model: Model, names: Sequence[str], pairs: Mapping[tuple[str, str], Array], groups: bool, seen: Array
+) -> Iterable[tuple[Swap, Array]]:
+    """Exchanges to try, and the frames to try each on."""
+    for pair, frames in pairs.items():
+        yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), frames
+    if not groups:
+        return
+    sided = side_pairs(names)
+    if len(sided) > 1:
+        yield Swap(SIDES, sided), seen
+        for limb, own in limb_pairs(model, sided).items():
+            if 1 < len(own) < len(sided):
+                yield Swap(f"{SIDES} of {limb}", own), seen
+    if len(names) > 3:
+        yield Swap(MIRRORED, ()), seen
+    for pair in sided:
+        # The trunk turns with a pair that is exchanged, so that the pair itself does not look crossed.
+        if model.marker(pair[0]).body == model.marker(pair[1]).body and pair not in pairs:
+            yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), seen
+    front = front_pairs(model, sided)
+    if front:
+        yield Swap(f"{FRONT} of {model.marker(front[0][0]).body}", front), seen
+
+
+def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Markers of the two sides, each pair once."""
+    partner = mirror_names(names)
+    place = {name: i for i, name in enumerate(names)}
+    return tuple((one, partner[one]) for one in names if one in partner and place[one] < place[partner[one]])
+
+
+def limb_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Pairs of markers by the pair of limbs that they are on, named after the limb's first body; else by their body."""
+    parent = {joint.child: joint.parent for joint in model.joints}
+    bodies = mirror_names(model.body_names)
+    found: dict[str, list[tuple[str, str]]] = {}
+    for pair in sided:
+        body = model.marker(pair[0]).body
+        while body in bodies and parent.get(body, GROUND) in bodies:
+            body = parent[body]
+        found.setdefault(body, []).append(pair)
+    return {body: tuple(pairs) for body, pairs in found.items()}
+
+
+def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """The front and the back markers of the first body on each side, where it has both."""
+    first = next((joint.child for joint in model.joints if joint.parent == GROUND), "")
+    own = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
+    if len(own) < 2:
+        return ()
+    middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in own]
+    i, j = max(combinations(range(len(own)), 2), key=lambda ij: float(np.linalg.norm(middle[ij[0]] - middle[ij[1]])))
+    first_side = [model.marker(name).location for name in own[i]]
+    across = np.linalg.norm([model.marker(own[j][0]).location - one for one in first_side], axis=1)
+    other = own[j] if across[0] < across[1] else own[j][::-1]
+    return ((own[i][0], other[0]), (own[i][1], other[1]))
+
+
+def _rms(errors: Array) -> Array:
+    seen = np.isfinite(errors)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))

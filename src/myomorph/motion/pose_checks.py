@@ -1,0 +1,158 @@
+"""What the coordinates found say of themselves: held at a bound, shown by no marker, a body that lies on its side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array, runs
+from myomorph.model.errors import quoted
+from myomorph.model.findings import Finding
+from myomorph.model.model import GROUND, Model
+from myomorph.model.series import Markers
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.marker_influence import marker_frames, undetermined
+from myomorph.motion.root import floating_coordinates
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+HELD = 0.1
+"""Share of the frames in which a coordinate may lie at its bound without a word."""
+
+AT = 1e-9
+"""A coordinate nearer to its bound lies at it [rad or m]."""
+
+BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
+"""What the markers must ask for beyond a bound for the bound to matter [rad or m]."""
+
+SAMPLES = 24
+LIES, MOSTLY = 60.0, 0.8
+
+
+def pose_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, options: InverseKinematicsOptions
+) -> Iterator[Finding]:
+    """Findings about the coordinates of a fit.
+
+    Parameters
+    ----------
+    markers : that the fit is of
+    arrays : of `marker_arrays`, for the fit's markers
+    """
+    if not fit.seen.any():
+        return
+    yield from _bound_findings(model, markers, fit, arrays, options)
+    yield from _blind_findings(model, markers, fit, arrays)
+    yield from _upright_findings(model, fit)
+    yield from _convergence_findings(fit)
+
+
+def _bound_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, options: InverseKinematicsOptions
+) -> Iterator[Finding]:
+    """Coordinates at a bound for more than a tenth of the frames, and how far they would go without it."""
+    values = fit.motion.values[:, arrays.free]
+    with np.errstate(invalid="ignore"):
+        at = (values <= arrays.lower + AT) | (values >= arrays.upper - AT)
+    at &= np.asarray(arrays.lower < arrays.upper)
+    held = np.flatnonzero(at.sum(axis=0) > HELD * int(fit.seen.sum()))
+    if not len(held):
+        return
+    names = [model.coordinate_names[j] for j in arrays.free]
+    loose = {names[i] for i in held}
+    coordinates = tuple(replace(one, clamped=one.clamped and one.name not in loose) for one in model.coordinates)
+    without = replace(model, coordinates=coordinates)
+    some = np.flatnonzero(at[:, held].any(axis=1))
+    some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
+    freed = inverse_kinematics(without, replace(markers, time=markers.time[some], values=markers.values[some]), options)
+    for i in held:
+        coordinate = model.coordinate(names[i])
+        own = at[some, i]
+        lower, upper = float(arrays.lower[i]), float(arrays.upper[i])
+        reached = freed.motion[names[i]][own]
+        low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
+        bound = lower if low else upper
+        turns = coordinate.motion != "translational"
+        beyond = (bound - reached) if low else (reached - bound)
+        if turns:
+            # Freed, an angle may come out a turn further.
+            beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
+        usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
+        if usual < BEYOND.get(coordinate.motion, np.radians(1.0)):
+            continue
+        told = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
+        further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
+        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(at[:, i])]
+        first = f"from {spans[0][0]:.2f} s on" if len(spans) > 1 else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
+        text = (
+            f"coordinate '{names[i]}' is held at its bound of {told} in {int(at[:, i].sum())} of {len(fit.motion)} "
+            f"frames ({first}); the markers ask for about {further} more: check the bound, the markers there and the "
+            "model's size"
+        )
+        yield Finding("at its bound", names[i], text, tuple(spans))
+
+
+def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays) -> Iterator[Finding]:
+    """Coordinates that no marker shows."""
+    if model.loops:
+        # What a loop ties is told by the loop: slopes of single markers do not know it.
+        return
+    seen = np.flatnonzero(fit.seen)
+    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
+    columns = [markers.names.index(name) for name in fit.marker_names]
+    frames = marker_frames(compile_tree(model), arrays, markers.values[chosen][:, columns], fit.motion.values[chosen])
+    names = [model.coordinate_names[j] for j in undetermined(frames, arrays, arrays.weight)]
+    if names:
+        stay = "It stays" if len(names) == 1 else "They stay"
+        text = (
+            f"no marker tells {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is not measured, "
+            "or add markers"
+        )
+        yield Finding("undetermined", ", ".join(names), text)
+
+
+def _counted(names: list[str]) -> str:
+    return "a coordinate" if len(names) == 1 else f"{len(names)} coordinates"
+
+
+def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
+    """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
+    floating = set(floating_coordinates(model))
+    joint = next((one for one in model.joints if one.parent == GROUND and floating & set(one.coordinates)), None)
+    gravity = float(np.linalg.norm(model.gravity))
+    if joint is None or gravity == 0.0:
+        return
+    tree = compile_tree(model)
+    up = -np.asarray(model.gravity) / gravity
+    body = tree.body_index[joint.child]
+    # Massless links may lie between the ground and the body: their default pose is the upright one all the same.
+    poses = forward_kinematics(tree, np.vstack([tree.defaults, fit.motion.values[fit.seen]])).rotations[:, body]
+    now = poses[1:] @ (poses[0].T @ up)
+    tilt = np.degrees(np.arccos(np.clip(now @ up, -1.0, 1.0)))
+    if float((tilt > LIES).mean()) < MOSTLY:
+        return
+    axis = "xyz"[int(np.argmax(np.abs(_mean(now))))]
+    usual = float(np.median(tilt))
+    what = "stands on its head" if usual > 150.0 else "lies"
+    count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
+    text = (
+        f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's {axis} axis. If it "
+        "stood, the recording's vertical is not the model's: turn its axes"
+    )
+    yield Finding("vertical axis", joint.child, text)
+
+
+def _mean(vectors: Array) -> Array:
+    return np.asarray(vectors.mean(axis=0))
+
+
+def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
+    """Frames whose search did not end."""
+    lost = fit.seen & ~np.asarray(fit.converged, bool)
+    if lost.any():
+        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(lost)]
+        text = f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at {spans[0][0]:.2f} s"
+        yield Finding("not converged", "frames", text, tuple(spans))

@@ -1,0 +1,1 @@
+"""Recordings from one file format to another: C3D, TRC, tables of forces and EMG."""

@@ -1,0 +1,139 @@
+"""Axes of a converted recording: which way is up, where the walk goes, or as written out."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.series import Z_UP_TO_Y_UP
+from myomorph.study.convert.recording import Recording
+
+Up: TypeAlias = Literal["", "y", "z", "keep"]
+Forward: TypeAlias = Literal["", "x", "-x", "y", "-y", "z", "-z"]
+
+WALKED = 0.5
+"""Way of the markers' middle from which a recording has a walking direction [m]."""
+
+
+def axes_of_text(text: str) -> Array:
+    """A rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones.
+
+    Raises
+    ------
+    BadData
+        where it does not name three axes, each once, of a right-handed frame
+    """
+    parts = [one.strip() for one in text.lower().split(",")]
+    if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", one) for one in parts):
+        raise BadData(f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the old frame")
+    matrix = np.zeros((3, 3))
+    for row, one in enumerate(parts):
+        matrix[row, "xyz".index(one[-1])] = -1.0 if one.startswith("-") else 1.0
+    if abs(np.linalg.det(matrix)) < 0.5:
+        raise BadData(f"--axes {text}: names an axis twice")
+    if np.linalg.det(matrix) < 0.0:
+        raise BadData(
+            f"--axes {text}: is a left-handed frame, in which right and left would be exchanged: turn one sign"
+        )
+    return matrix
+
+
+def vertical(found: Recording) -> str:
+    """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y", or "" if unknown."""
+    if found.level:
+        return "z"
+    if found.markers is not None and np.isfinite(found.markers.values).any():
+        extent = np.nanmedian(np.nanmax(found.markers.values, axis=1) - np.nanmin(found.markers.values, axis=1), axis=0)
+        if extent[2] > 1.3 * max(extent[0], extent[1]):
+            return "z"
+        if extent[1] > 1.3 * max(extent[0], extent[2]):
+            return "y"
+    if found.wrenches is not None:
+        total = np.abs(np.nan_to_num(found.wrenches.forces).sum(axis=(0, 1)))
+        if total.max() > 2.0 * np.sort(total)[1]:
+            return "xyz"[int(np.argmax(total))]
+    return ""
+
+
+def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
+    """The recording with other axes.
+
+    Parameters
+    ----------
+    up : axis that points up afterwards; "" or "keep" for as it is
+    forward : axis that the walk goes along afterwards, "" for as it is
+    axes : instead of both, the new axes in the old frame, as "x,z,-y"
+
+    Raises
+    ------
+    BadData
+        where the vertical or the walking direction is asked for and cannot be told
+    """
+    if axes:
+        return rotated(found, axes_of_text(axes), f"axes were changed to {axes}")
+    if up in ("y", "z"):
+        is_up = vertical(found)
+        if not is_up:
+            raise BadData(
+                "which way is up cannot be seen from markers or plates: give --axes, as x,z,-y for z up to y up"
+            )
+        if is_up != up:
+            matrix = {"zy": Z_UP_TO_Y_UP, "yz": Z_UP_TO_Y_UP.T}.get(is_up + up)
+            if matrix is None:
+                raise BadData(f"{is_up} points up: give --axes")
+            found = rotated(found, matrix, f"{is_up} points up in the recording: it was turned to {up} up")
+    if forward:
+        found = _facing(found, forward)
+    return found
+
+
+def _facing(found: Recording, forward: Forward) -> Recording:
+    """The recording turned about the vertical by right angles, so that the walk goes along an axis."""
+    up = vertical(found)
+    if not up or up == forward[-1]:
+        raise BadData(f"--forward {forward}: expected a horizontal axis; {up or 'no axis'} points up")
+    if found.markers is None:
+        raise BadData(f"--forward {forward}: a walking direction needs markers")
+    middle = np.nanmean(found.markers.values, axis=1)
+    middle = middle[np.isfinite(middle).all(axis=1)]
+    level = np.eye(3)["xyz".index(up)]
+    way = middle[-1] - middle[0] if len(middle) else np.zeros(3)
+    way = way - (way @ level) * level
+    if np.linalg.norm(way) < WALKED:
+        raise BadData(
+            f"--forward {forward}: the markers' middle moves by {np.linalg.norm(way):.2f} m only, so there is no "
+            "walking direction: give --axes"
+        )
+    target = (-1.0 if forward.startswith("-") else 1.0) * np.eye(3)["xyz".index(forward[-1])]
+    angle = np.arctan2(np.cross(way, target) @ level, way @ target)
+    quarter = int(np.round(angle / (0.5 * np.pi))) % 4
+    if not quarter:
+        return found
+    cosine, sine = (1.0, 0.0, -1.0, 0.0)[quarter], (0.0, 1.0, 0.0, -1.0)[quarter]
+    cross = np.cross(np.eye(3), level)
+    # Rodrigues' formula; `cross` holds e x level in its rows, so its transpose turns to the left.
+    matrix = cosine * np.eye(3) + sine * cross + (1.0 - cosine) * np.outer(level, level)
+    return rotated(
+        found, matrix, f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}"
+    )
+
+
+def rotated(found: Recording, matrix: Array, note: str) -> Recording:
+    """The recording in a frame whose axes are the rows of a matrix (3, 3)."""
+    wrenches = found.wrenches
+    if wrenches is not None:
+        parts = {name: getattr(wrenches, name) @ matrix.T for name in ("forces", "points", "torques")}
+        wrenches = replace(wrenches, **parts)
+    return replace(
+        found,
+        markers=None if found.markers is None else found.markers.rotated(matrix),
+        wrenches=wrenches,
+        plates=tuple(replace(one, corners=one.corners @ matrix.T) for one in found.plates),
+        level=False,
+        notes=(*found.notes, note),
+    )

@@ -1,0 +1,284 @@
+"""`myomorph convert`: what files hold of a recording, written as other files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.c3d.write import write_trial
+from myomorph.io.loads import loads_table, write_external_loads
+from myomorph.io.parsing.text import written
+from myomorph.io.sto import write_sto
+from myomorph.io.trc import METERS, write_trc
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Trial, Wrenches
+from myomorph.study.convert.axes import Forward, Up, turned, vertical
+from myomorph.study.convert.feet import on_feet
+from myomorph.study.convert.recording import Recording, between, labelled, read_parts
+
+KINDS = (".trc", ".mot", ".sto", ".csv", ".c3d")
+"""Endings of files that can be written."""
+
+SAME = 1e-6
+"""Times that differ by less are the same: files round them [s]."""
+
+
+@dataclass(frozen=True)
+class ConvertOptions:
+    """What a converted recording looks like.
+
+    Attributes
+    ----------
+    up : axis that points up; by default y, but as it is where a C3D file is written
+    forward : axis that the walk goes along, "" for as it is
+    axes : instead of both, the new axes in the old frame, as "x,z,-y"
+    units : of lengths in a TRC file
+    labels : names of markers and channels in the file, and their new names; "" drops one
+    plates : bodies on the plates in their order, "" for one that is left out; by default by the feet's markers
+    time : start and end of what is converted [s], None for all
+    """
+
+    up: Up = ""
+    forward: Forward = ""
+    axes: str = ""
+    units: str = "mm"
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    plates: tuple[str, ...] = ()
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Converted:
+    """Files that were written, what each holds, and what was mended or assumed."""
+
+    files: tuple[tuple[Path, str], ...]
+    notes: tuple[str, ...]
+
+
+def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
+    """Read files of one recording and write them as others.
+
+    Parameters
+    ----------
+    paths : a recording (C3D, TRC, ...), tables of forces and EMG, or several of these
+    out : a file to write, by its ending: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv
+        EMG or a table, .c3d all of it; without an ending a folder, for all that there is
+
+    Raises
+    ------
+    BadData, BadFile
+        where a file cannot be read or written, or holds nothing of that kind
+    """
+    options = options or ConvertOptions()
+    ending = out.suffix.lower()
+    if ending and ending not in KINDS:
+        raise BadFile(
+            out, f"cannot be written: its name ends in '{out.suffix}'", f"expected {', '.join(KINDS)}, or a folder"
+        )
+    if options.units not in METERS:
+        raise BadData(f"--units {options.units}: expected mm, cm or m")
+    found = read_parts(paths)
+    if options.time is not None:
+        found = between(found, *options.time)
+    found = labelled(found, options.labels)
+    found = turned(found, _up(found, options, ending), options.forward, options.axes)
+    if ending == ".c3d":
+        write_trial(out, c3d_trial(found))
+        held = [f"{len(found.markers.names)} markers" if found.markers else "no markers"]
+        held += [f"{len(found.wrenches.names)} plates"] if found.wrenches is not None else []
+        return Converted(((out, ", ".join(held)),), found.notes)
+    if ending:
+        return _one_file(found, out, options)
+    return _folder(found, out, options)
+
+
+def _up(found: Recording, options: ConvertOptions, ending: str) -> Up:
+    """Axis that is to point up: OpenSim's y where nothing is asked for and the vertical is known."""
+    if options.up:
+        return options.up
+    return "y" if ending != ".c3d" and vertical(found) == "z" else "keep"
+
+
+def _folder(found: Recording, out: Path, options: ConvertOptions) -> Converted:
+    """All parts of a recording as files in a folder."""
+    if out.exists() and not out.is_dir():
+        raise BadFile(out, "is a file, but several files are to be written", "give the name of a folder")
+    out.mkdir(parents=True, exist_ok=True)
+    files: list[tuple[Path, str]] = []
+    notes = found.notes
+    if found.markers is not None:
+        path = out / f"{found.name}.trc"
+        files.append((path, _write_markers(found.markers, path, options.units)))
+    if found.wrenches is not None:
+        wrenches = on_feet(found.wrenches, found.markers, options.plates)
+        files += _write_forces(wrenches, out / f"{found.name}_grf.mot")
+        notes = (*notes, *wrenches.notes)
+    if found.analog is not None and found.emg:
+        path = out / f"{found.name}_emg.sto"
+        files.append((path, _write_channels(_emg(found), path)))
+    if found.events:
+        path = out / f"{found.name}_events.csv"
+        files.append((path, _write_events(found.events, path)))
+    for name, table in found.tables.items():
+        path = out / f"{name}.sto"
+        files.append((path, _write_table(table, path)))
+    if not files:
+        raise BadData("nothing to convert: the files hold neither markers, forces, EMG nor events")
+    return Converted(tuple(files), notes)
+
+
+def _one_file(found: Recording, out: Path, options: ConvertOptions) -> Converted:
+    """The part of a recording that a file is for, by its ending."""
+    ending = out.suffix.lower()
+    if ending == ".trc":
+        if found.markers is None:
+            raise BadData(f"{out}: there are no markers to write")
+        return Converted(((out, _write_markers(found.markers, out, options.units)),), found.notes)
+    if found.wrenches is not None and (ending == ".mot" or not (found.emg or found.tables)):
+        wrenches = on_feet(found.wrenches, found.markers, options.plates)
+        return Converted(tuple(_write_forces(wrenches, out)), (*found.notes, *wrenches.notes))
+    tables = list(found.tables.values())
+    table = tables[0] if len(tables) == 1 else _emg(found) if found.analog is not None and found.emg else None
+    if table is None:
+        what = "forces" if ending == ".mot" else "forces, EMG, or a single table"
+        raise BadData(f"{out}: there are no {what} to write")
+    return Converted(((out, _write_table(table, out)),), found.notes)
+
+
+def _write_markers(markers: Markers, path: Path, units: str) -> str:
+    write_trc(markers, path, units)
+    return f"{len(markers.names)} markers, {len(markers)} frames"
+
+
+def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
+    """The table of forces, and an external loads file beside it where the bodies are known."""
+    known = bool(wrenches.bodies) and all(wrenches.bodies)
+    table = path if path.suffix.lower() in (".mot", ".sto") else path.with_suffix(".mot")
+    if not known:
+        plain = replace(wrenches, bodies=("unknown",) * len(wrenches.names))
+        write_sto(loads_table(plain), table)
+        return [(table, f"forces of {', '.join(wrenches.names)}; no .xml: --plates names the bodies they act on")]
+    loads = table.with_suffix(".xml")
+    write_external_loads(wrenches, table, loads)
+    owners = ", ".join(f"{name} on {body}" for name, body in zip(wrenches.names, wrenches.bodies, strict=True))
+    return [(table, f"forces of {', '.join(wrenches.names)}"), (loads, owners)]
+
+
+def _emg(found: Recording) -> Table:
+    """Channels of EMG as a table, in the file's units."""
+    assert found.analog is not None
+    columns = [found.analog.names.index(name) for name in found.emg if name in found.analog.names]
+    names = tuple(found.analog.names[k] for k in columns)
+    return Table(found.analog.time, names, found.analog.values[:, columns], facts=FrozenMap({"name": "EMG"}))
+
+
+def _write_channels(table: Table, path: Path) -> str:
+    write_sto(table, path)
+    return f"EMG: {', '.join(table.names)}"
+
+
+def _write_table(table: Table, path: Path) -> str:
+    if path.suffix.lower() == ".csv":
+        with written(path) as stream:
+            stream.write(",".join(("time", *table.names)) + "\n")
+            for time, row in zip(table.time.tolist(), table.values.tolist(), strict=True):
+                stream.write(",".join(f"{one:.10g}" for one in (time, *row)) + "\n")
+    else:
+        write_sto(table, path)
+    return f"{len(table.names)} columns, {len(table)} rows"
+
+
+def _write_events(events: Sequence[Event], path: Path) -> str:
+    with written(path) as stream:
+        stream.write("time,event,side\n")
+        for one in events:
+            stream.write(f"{one.time:.10g},{one.label},{one.side}\n")
+    return f"{len(events)} events"
+
+
+def c3d_trial(found: Recording) -> Trial:
+    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a frame.
+
+    Forces of a table become plates of type 2 under their centers of pressure. What does not lie on the clock of the
+    file is interpolated linearly.
+
+    Raises
+    ------
+    BadData
+        where there are no markers
+    """
+    if found.markers is None or len(found.markers) < 2:
+        raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")
+    markers = found.markers
+    clocks = [found.wrenches.time] if found.wrenches is not None and not found.plates else []
+    clocks += [table.time for table in found.tables.values()]
+    clocks += [found.plate_time] if found.plates else []
+    clocks += [found.analog.time] if found.analog is not None else []
+    if not clocks:
+        return Trial(markers=markers, events=found.events)
+    fastest = max(1.0 / float(np.median(np.diff(one))) for one in clocks if len(one) > 1)
+    every = max(1, round(fastest / markers.rate))
+    step = 1.0 / (markers.rate * every)
+    clock = markers.time[0] + step * np.arange(len(markers) * every)
+    up = np.eye(3)["xyz".index(vertical(found) or "y")]
+    plates = tuple(replace(one, channels=_at(found.plate_time, one.channels, clock), zero=None) for one in found.plates)
+    if found.wrenches is not None and not plates:
+        plates = tuple(_plate(found.wrenches, k, clock, up) for k in range(len(found.wrenches.names)))
+    names, units, columns = [], [], []
+    if found.analog is not None:
+        names += found.analog.names
+        units += found.analog.units or ("",) * len(found.analog.names)
+        columns.append(_at(found.analog.time, found.analog.values, clock))
+    for table in found.tables.values():
+        names += [name if name not in names else f"{name}_2" for name in table.names]
+        units += ["V"] * len(table.names)
+        columns.append(_at(table.time, table.values, clock))
+    analog = Analog(clock, tuple(names), np.hstack(columns), units=tuple(units)) if names else None
+    return Trial(
+        markers=markers,
+        plate_recordings=plates,
+        plate_time=clock,
+        analog=analog,
+        events=found.events,
+        source=found.name,
+    )
+
+
+def _at(time: Array, values: Array, clock: Array) -> Array:
+    """Columns (samples, columns) at other times, zero outside theirs; exact where the times are the same."""
+    inside = (clock >= time[0] - SAME) & (clock <= time[-1] + SAME)
+    after = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
+    nearest = np.where(clock - time[after - 1] < time[after] - clock, after - 1, after)
+    if np.all(np.abs(time[nearest] - clock)[inside] < SAME):
+        found = values[nearest]
+    else:
+        found = np.column_stack([np.interp(clock, time, column) for column in values.T])
+    return np.asarray(np.where(inside[:, None], found, 0.0))
+
+
+def _plate(wrenches: Wrenches, number: int, clock: Array, up: Array) -> PlateRecording:
+    """A force as a plate of type 2 that lies under its center of pressure, z downwards."""
+    force = np.nan_to_num(wrenches.forces[:, number])
+    point = np.nan_to_num(wrenches.points[:, number])
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0.05 * max(float(size.max(initial=0.0)), 1e-9)
+    seen = point[loaded] if loaded.any() else np.zeros((1, 3))
+    across = np.roll(up, -1) if up[0] == 0.0 else np.roll(up, 1)
+    x = np.eye(3)[0] if up[0] == 0.0 else across
+    axes = np.stack([x, np.cross(-up, x), -up], axis=1)
+    low, high = (seen @ axes).min(axis=0) - 0.2, (seen @ axes).max(axis=0) + 0.2
+    height = float(np.median(seen @ up))
+    middle = axes[:, :2] @ (0.5 * (low + high))[:2] + height * up
+    half = 0.5 * (high - low)
+    corners = np.stack(
+        [middle + a * half[0] * axes[:, 0] + b * half[1] * axes[:, 1] for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    )
+    moment = np.nan_to_num(wrenches.torques[:, number]) + np.cross(point - middle, force)
+    channels = _at(wrenches.time, np.hstack([force @ axes, moment @ axes]), clock)
+    names = tuple(f"{part}{number + 1}" for part in ("Fx", "Fy", "Fz", "Mx", "My", "Mz"))
+    return PlateRecording(f"plate_{number + 1}", 2, corners, np.zeros(3), channels, names)

@@ -1,0 +1,190 @@
+"""What one or several files hold of a recording, as one: markers, forces, EMG and events on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.c3d.read import emg_channels
+from myomorph.io.force_columns import force_columns, table_wrenches
+from myomorph.io.formats import trial_format
+from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Wrenches
+from myomorph.motion.sync import cut
+from myomorph.study.trial.inputs import about, faces_z, read_recording
+from myomorph.study.trial.plate_wrenches import recorded_wrenches
+
+TABLES = (".mot", ".sto", ".csv", ".txt")
+"""Endings of tables."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Parts of a recording, whatever files they came from.
+
+    Attributes
+    ----------
+    name : of the first file, without its ending
+    wrenches : forces in ground, bodies "" where they are not known
+    plates : as a C3D file stores them, None where forces came from a table
+    plate_time : clock of the plates (samples,) [s]
+    analog : channels that are no plate's
+    emg : names of those that are EMG
+    tables : other tables, as files hold them
+    level : the plates lie level with z, so z points up
+    notes : what was mended or assumed
+    """
+
+    name: str
+    markers: Markers | None = None
+    wrenches: Wrenches | None = None
+    plates: tuple[PlateRecording, ...] = ()
+    plate_time: Array = field(default_factory=lambda: np.zeros(0))
+    analog: Analog | None = None
+    emg: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
+    tables: Mapping[str, Table] = field(default_factory=lambda: FrozenMap({}))
+    level: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def read_parts(paths: Sequence[Path]) -> Recording:
+    """Read files of one recording: at most one with markers, tables of forces and of EMG.
+
+    Raises
+    ------
+    BadFile, BadData
+        where a file cannot be read, or two hold the same
+    """
+    if not paths:
+        raise BadData("no file to convert: give a recording (.c3d, .trc), or tables beside it (.mot, .sto, .csv)")
+    found = Recording(paths[0].stem)
+    for path in paths:
+        with about(path):
+            if trial_format(path) is not None:
+                found = _with_recording(found, path)
+            elif path.suffix.lower() in TABLES:
+                found = _with_table(found, path)
+            else:
+                raise BadFile(
+                    path,
+                    f"is neither a recording nor a table: its name ends in '{path.suffix}'",
+                    "expected .c3d, .trc, .mat, .mot, .sto or .csv",
+                )
+    return found
+
+
+def _with_recording(found: Recording, path: Path) -> Recording:
+    trial = read_recording(path)
+    if found.markers is not None and trial.markers is not None:
+        raise BadData(f"{path}: a second file with markers: convert one recording at a time")
+    plates = {name for one in trial.plate_recordings for name in one.channel_names}
+    others = None
+    if trial.analog is not None:
+        kept = [k for k, name in enumerate(trial.analog.names) if name not in plates]
+        units = trial.analog.units or ("",) * len(trial.analog.names)
+        others = Analog(
+            trial.analog.time,
+            tuple(trial.analog.names[k] for k in kept),
+            trial.analog.values[:, kept],
+            units=tuple(units[k] for k in kept),
+        )
+    notes = [f"{path.name}: {text}" for text in trial.warnings]
+    if trial.other_points is not None:
+        count = len(trial.other_points.names)
+        notes.append(f"{path.name}: {count} quantities that a program computed (angles, moments) are not converted")
+    return replace(
+        found,
+        markers=trial.markers if trial.markers is not None else found.markers,
+        wrenches=recorded_wrenches(trial) if trial.plates else found.wrenches,
+        plates=trial.plate_recordings if trial.plates else found.plates,
+        plate_time=trial.plate_time if trial.plates else found.plate_time,
+        analog=others if others is not None and others.names else found.analog,
+        emg=emg_channels(trial) or found.emg,
+        events=trial.events or found.events,
+        level=bool(trial.plates) and all(map(faces_z, trial.plates)),
+        notes=(*found.notes, *notes),
+    )
+
+
+def _with_table(found: Recording, path: Path) -> Recording:
+    table = read_sto(path)
+    notes = (*found.notes, *(f"{path.name}: {text}" for text in table.warnings))
+    if force_columns(table.names):
+        if found.wrenches is not None:
+            raise BadData(f"{path}: a second file with forces: convert one recording at a time")
+        wrenches = table_wrenches(table)
+        return replace(found, wrenches=wrenches, notes=(*notes, *wrenches.notes))
+    return replace(found, tables=FrozenMap({**found.tables, path.stem: table}), notes=notes)
+
+
+def between(found: Recording, start: float, end: float) -> Recording:
+    """The part of a recording between two times [s].
+
+    Raises
+    ------
+    BadData
+        where the recording has nothing there
+    """
+    if not start < end:
+        raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
+    wrenches, analog = found.wrenches, found.analog
+    plates, plate_time = found.plates, found.plate_time
+    if wrenches is not None:
+        inside = (wrenches.time >= start - 1e-9) & (wrenches.time <= end + 1e-9)
+        parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
+        wrenches = replace(wrenches, **parts)
+    if len(plate_time):
+        inside = (plate_time >= start - 1e-9) & (plate_time <= end + 1e-9)
+        plates = tuple(replace(one, channels=one.channels[inside], zero=None) for one in plates)
+        plate_time = plate_time[inside]
+    return replace(
+        found,
+        markers=None if found.markers is None else cut(found.markers, start, end),
+        wrenches=wrenches,
+        plates=plates,
+        plate_time=plate_time,
+        analog=None if analog is None else cut(analog, start, end),
+        events=tuple(one for one in found.events if start <= one.time <= end),
+        tables=FrozenMap({name: cut(one, start, end) for name, one in found.tables.items()}),
+    )
+
+
+def labelled(found: Recording, labels: Mapping[str, str]) -> Recording:
+    """The recording with other names of markers and channels; "" drops one.
+
+    Raises
+    ------
+    BadData
+        where no label is in the recording, or two would be the same
+    """
+    markers, analog = found.markers, found.analog
+    known = {*(markers.names if markers else ()), *(analog.names if analog else ())}
+    if labels and not known & set(labels):
+        raise BadData(
+            f"none of the {len(labels)} labels is in the recording: it has {', '.join(sorted(known)[:8])}, ..."
+        )
+    if markers is not None:
+        names, kept = _renamed(markers.names, labels)
+        markers = Markers(markers.time, names, markers.values[:, kept])
+    if analog is not None:
+        names, kept = _renamed(analog.names, labels)
+        units = analog.units or ("",) * len(analog.names)
+        analog = Analog(analog.time, names, analog.values[:, kept], units=tuple(units[k] for k in kept))
+    emg = tuple(labels.get(name, name) for name in found.emg if labels.get(name, name))
+    return replace(found, markers=markers, analog=analog, emg=emg)
+
+
+def _renamed(names: Sequence[str], labels: Mapping[str, str]) -> tuple[tuple[str, ...], list[int]]:
+    kept = [k for k, name in enumerate(names) if labels.get(name, name)]
+    renamed = tuple(labels.get(names[k], names[k]) for k in kept)
+    twice = next((name for name in renamed if renamed.count(name) > 1), "")
+    if twice:
+        raise BadData(f"two labels would be '{twice}'")
+    return renamed, kept

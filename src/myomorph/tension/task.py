@@ -1,0 +1,270 @@
+"""The tensions of one recording as a whole: contacts and EMG prepared, the problem solved, its doubts asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
+from myomorph.motion.emg_delay import EmgCalibration
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.frames import over_frames
+from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
+from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
+from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
+from myomorph.tension.passive_share import passive_notes
+from myomorph.tension.problem import TensionProblem, tension_problem
+from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
+from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.emg import EmgTarget
+
+if TYPE_CHECKING:
+    from myomorph.contact.plan import ContactPlan
+
+OBJECT_RESIDUAL = 0.01
+"""Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
+AT_ONCE = 8
+"""Instants between two reports of progress."""
+LARGE = 250
+"""Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmgRecording:
+    """EMG that takes part in the tensions.
+
+    Attributes
+    ----------
+    muscles : channel to the muscles it was measured on
+    maxima : envelope of channels in maximum voluntary contractions
+    """
+
+    emg: Emg
+    muscles: Mapping[str, tuple[str, ...]]
+    maxima: Mapping[str, float]
+    options: EmgOptions
+
+
+@dataclass(frozen=True, eq=False)
+class EmgTargets:
+    """What EMG tells of a recording.
+
+    Attributes
+    ----------
+    target : None where no channel tells of a muscle
+    """
+
+    target: EmgTarget | None
+    calibration: EmgCalibration | None
+    notes: tuple[str, ...] = ()
+
+    def conflicts(self, model: Model, tension: Tension) -> tuple[EmgConflict, ...]:
+        """Where EMG and torques contradict each other."""
+        return () if self.target is None else emg_conflicts(model, tension, self.target)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWarnings:
+    """Doubts about the contact forces of a solution.
+
+    Attributes
+    ----------
+    intervals : what the data leave open, a few instants each
+    infeasible : frames whose contacts cannot carry the motion
+    lines : the same for runs of frames, one line each
+    """
+
+    intervals: tuple[ContactIntervals, ...]
+    infeasible: tuple[Relaxation, ...]
+    lines: tuple[str, ...]
+
+    def table(self) -> Table:
+        """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
+        time = np.concatenate([one.time for one in self.intervals])
+        parts = [np.concatenate([getattr(one, name) for one in self.intervals]) for name in ("forces", "low", "high")]
+        names = tuple(
+            f"{group}_f{axis}{ending}"
+            for group in self.intervals[0].groups
+            for axis in "xyz"
+            for ending in ("", "_low", "_high")
+        )
+        values = np.stack(parts, axis=3).reshape(len(time), -1)
+        return Table(time, names, values, facts=FrozenMap({"name": "What the data leave open of contact forces"}))
+
+
+@dataclass(frozen=True, eq=False)
+class TensionTask:
+    """The tension problem of a recording.
+
+    Attributes
+    ----------
+    torques : of those external forces alone that are known exactly
+    actuators : beside the model's own
+    setting : contacts, where their forces are asked for
+    emg : what EMG tells, where it takes part
+    wrenches : external forces that act as they were measured, at the motion's times
+    """
+
+    model: Model
+    motion: Motion
+    torques: Series
+    options: TensionOptions
+    actuators: tuple[Actuator, ...]
+    setting: ContactSetting | None
+    emg: EmgTargets | None
+    wrenches: Wrenches | None
+
+    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
+        """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
+        contacts = None if self.setting is None else self.setting.task
+        emg = None if self.emg is None else self.emg.target
+        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
+        elastic = self.options.tendons == "elastic"
+        # What contacts leave open is asked of the power criterion alone.
+        closed = elastic or self.options.recruitment == "minmax"
+        if contacts is None or contacts.options.formulation == "sequential" or closed:
+            return solve_tension(*arguments, advance, contacts=contacts, emg=emg), None
+        problem, names = tension_problem(*arguments, contacts=contacts, emg=emg)
+        over_frames(problem.solve, len(self.motion), advance, problem.window)
+        return problem.result(names), problem
+
+    def notes(self, tension: Tension) -> tuple[str, ...]:
+        """What is to be known of the solution, one line each."""
+        notes = passive_notes(tension)
+        if self.setting is not None and self.options.recruitment == "minmax":
+            notes += (
+                "recruitment minmax: no intervals of the contact forces, and no list of contacts that cannot carry",
+            )
+        return notes
+
+    def reactions(self, tension: Tension, frame: str) -> Table:
+        """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
+        own = (self.model, self.motion, tension, self.wrenches)
+        return joint_reactions(*own, frame=frame, actuators=self.actuators).table()
+
+    def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
+        """Forces at contact points of joints."""
+        own = (self.model, self.motion, tension, self.wrenches)
+        return joint_contact_forces(*own, points.points, actuators=self.actuators)
+
+    def loads(self, tension: Tension) -> tuple[Wrenches, Series]:
+        """All external forces, those of estimated contacts included, and the generalized forces that they leave."""
+        assert self.setting is not None
+        assert tension.contacts is not None
+        loads = all_loads(self.setting.exact, tension.contacts)
+        return loads, inverse_dynamics(self.model, self.motion, loads)
+
+
+def tension_task(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: tuple[Actuator, ...],
+    measured: Measurements,
+    plan: ContactPlan | None = None,
+    contact_options: ContactOptions | None = None,
+    emg: EmgRecording | None = None,
+) -> TensionTask:
+    """Set up the tension problem of a recording.
+
+    Parameters
+    ----------
+    torques : of the measured external forces (frames, coordinates) [N m or N]
+    actuators : beside the model's own
+    measured : forces of plates, at the motion's times
+    plan : contacts whose forces are to be estimated, None for none
+    emg : EMG that takes part, None for none
+
+    Raises
+    ------
+    BadData
+        where contacts or EMG do not fit the model or the motion
+    """
+    setting, wrenches = None, measured.wrenches
+    if plan is not None:
+        setting = set_contacts(plan, model, motion, measured, contact_options or ContactOptions())
+        if setting.exact is not wrenches:
+            wrenches = setting.exact
+            torques = inverse_dynamics(model, motion, wrenches)
+    targets = None
+    if emg is not None:
+        contacts = None if setting is None else setting.task
+        targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
+    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches)
+
+
+def emg_targets_of(
+    recorded: EmgRecording,
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: Sequence[Actuator],
+    contacts: ContactTask | None,
+) -> EmgTargets:
+    """Targets of activations, with delay and gains of this recording (see `calibrate_emg`).
+
+    Parameters
+    ----------
+    torques, options, actuators, contacts : as for the tensions that EMG is to take part in
+    """
+    emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
+    if not muscles:
+        names = ", ".join(emg.names)
+        note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
+        return EmgTargets(None, None, (note,))
+    trial = EmgTrial(motion, torques, emg, contacts)
+    maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
+    calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
+    target = emg_targets(emg, muscles, model, motion.time, chosen, calibration)
+    return EmgTargets(target, calibration, calibration.warnings)
+
+
+def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:
+    """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but its contacts does.
+
+    Parameters
+    ----------
+    objects : their bodies
+    """
+    return tuple(
+        replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
+        for one in default_reserves(model, options.reserve, options.residual)
+    )
+
+
+def contact_warnings(
+    problem: TensionProblem, tension: Tension, frames: Sequence[int], advance: Callable[[int], None]
+) -> ContactWarnings:
+    """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
+
+    Parameters
+    ----------
+    problem : as `tension_problem` sets it up with contacts, solved
+    frames : numbers of the instants
+    advance : called with the number of instants just done
+    """
+    marked = relaxations(problem, tension)
+    near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
+    intervals = []
+    for start in range(0, len(frames), AT_ONCE):
+        part = frames[start : start + AT_ONCE]
+        intervals.append(contact_intervals(problem, tension, part, CertificateOptions(near=near)))
+        advance(len(part))
+    return ContactWarnings(tuple(intervals), marked, relaxation_lines(marked))
+
+
+def evenly_spaced(count: int, frames: int) -> list[int]:
+    """Numbers of at most so many frames, evenly spaced from the first to the last."""
+    return np.unique(np.linspace(0, frames - 1, min(count, frames)).round().astype(int)).tolist()

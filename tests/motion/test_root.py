@@ -1,0 +1,107 @@
+"""The root of a floating body has no bounds: any place and heading gives the same joint angles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.motion.test_ik import walker
+
+from myomorph.io.formats import read_model
+from myomorph.io.trc import read_trc
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis
+from myomorph.model.series import Markers, Motion
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.root import floating_coordinates
+from myomorph.motion.starts import nearest_turns
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+ROOT = ("root_tx", "root_ty", "root_tz", "root_rz", "root_rx", "root_ry")
+
+
+def bounded_walker():
+    """The walker with a root that may turn by 90 degrees and stand within 5 m."""
+    model = walker()
+    coordinates = [
+        replace(one, clamped=True, range=(-5.0, 5.0) if one.motion == "translational" else (-np.pi / 2, np.pi / 2))
+        if one.name in ROOT
+        else one
+        for one in model.coordinates
+    ]
+    return replace(model, coordinates=tuple(coordinates))
+
+
+def recorded(model, turn: float, x: float) -> tuple[Markers, Motion]:
+    """Ten frames of the walker somewhere, and its motion."""
+    tree = compile_tree(model)
+    values = np.tile(tree.defaults, (10, 1))
+    names = model.coordinate_names
+    values[:, names.index("root_ry")], values[:, names.index("root_tx")] = turn, x
+    values[:, names.index("hip_z_r")] = np.linspace(0.0, 0.5, 10)
+    values[:, names.index("knee_l")] = np.linspace(-0.5, -0.1, 10)
+    motion = Motion(np.arange(10) * 0.01, names, values)
+    values = tree.coordinates_of(motion)
+    poses = forward_kinematics(tree, values)
+    bodies = np.array([tree.body_index[one.body] for one in model.markers])
+    places = poses.points(bodies, np.array([one.location for one in model.markers]))
+    return Markers(motion.time, model.marker_names, places), replace(motion, values=values)
+
+
+def test_the_floating_root_is_found_and_a_hinge_is_not():
+    model = walker()
+    assert set(floating_coordinates(model)) == set(ROOT)
+    hinge = replace(model.joints[0], axes=(Axis("rotation", np.eye(3)[2], linear(1.0), ("root_rz",)),))
+    assert floating_coordinates(replace(model, joints=(hinge, *model.joints[1:]))) == ()
+    sled = replace(model.joints[0], axes=(Axis("translation", np.eye(3)[0], linear(1.0), ("root_tx",)),))
+    assert floating_coordinates(replace(model, joints=(sled, *model.joints[1:]))) == ()
+
+
+@pytest.mark.parametrize(("turn", "x"), [(2.5, 0.3), (-1.2, 9.0), (np.pi, -7.0)])
+def test_a_body_is_found_beyond_the_bounds_of_its_root(turn, x):
+    model = bounded_walker()
+    markers, true = recorded(model, turn, x)
+    free = inverse_kinematics(model, markers)
+    assert free.largest.max() < 1e-5
+    inner = [i for i, name in enumerate(model.coordinate_names) if name not in ROOT]
+    np.testing.assert_allclose(free.motion.values[:, inner], true.values[:, inner], atol=1e-4)
+    held = inverse_kinematics(model, markers, InverseKinematicsOptions(root_bounds=True))
+    assert held.largest.max() > 0.05
+    assert np.abs(held.motion["root_tx"]).max() <= 5.0 + 1e-9
+
+
+def test_within_its_bounds_the_result_is_the_same():
+    model = bounded_walker()
+    markers, _ = recorded(model, 0.4, 1.0)
+    free = inverse_kinematics(model, markers)
+    held = inverse_kinematics(model, markers, InverseKinematicsOptions(root_bounds=True))
+    np.testing.assert_allclose(free.motion.values, held.motion.values, atol=1e-7)
+
+
+def test_of_all_angles_of_a_rotation_the_nearest_to_the_reference_are_taken():
+    model = walker()
+    tree = compile_tree(model)
+    turning = [model.coordinate_names.index(name) for name in ROOT[3:]]
+    pose = tree.defaults.copy()
+    pose[turning] = 0.3, -0.2, 3.0
+    other = pose.copy()
+    other[turning] = 0.3 + np.pi, np.pi + 0.2, 3.0 - np.pi
+    before = forward_kinematics(tree, np.array([pose, other])).rotations
+    np.testing.assert_allclose(before[0], before[1], atol=1e-12)
+    np.testing.assert_allclose(nearest_turns(tree, turning, other, pose)[turning], pose[turning], atol=1e-12)
+    np.testing.assert_allclose(nearest_turns(tree, turning, pose, other)[turning], other[turning], atol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 180.0, -90.0])
+def test_a_walk_along_another_axis_has_the_same_joint_angles(data, degrees):
+    model = read_model(data("knee-implant-walk/scaled.osim"))
+    markers = read_trc(data("knee-implant-walk/walk1.trc")).markers
+    markers = replace(markers, time=markers.time[:40], values=markers.values[:40])
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    straight = inverse_kinematics(model, markers).motion
+    turned = inverse_kinematics(model, replace(markers, values=markers.values @ turn.T)).motion
+    inner = [i for i, name in enumerate(straight.names) if not name.startswith("pelvis")]
+    np.testing.assert_allclose(turned.values[:, inner], straight.values[:, inner], atol=np.radians(0.01))
