@@ -37,6 +37,8 @@ MIN_MARKERS = 6
 NEEDED = ("pelvis", "thigh", "shank")
 EMG_SAMPLES, EMG_RATE = 300, 100.0
 """Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
+DEAD = 0.02
+"""An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
 HEIGHT_TOLERANCE = 0.1
 """A height that the markers show lies within this share of the true one."""
 
@@ -232,7 +234,7 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
         texts.append(f"{laboratory.up} points up in the laboratory, for {one.why_up}: turned to the model's y axis.")
     if laboratory.turn:
         texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {one.why_turn}.")
-    emg, said = _emg(one, model, request)
+    emg, dead, said = _emg(one, model, request)
     texts += said
     plates = one.trial.plates
     contacts, loads = "", one.loads
@@ -254,33 +256,39 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
                 "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
                 "measured; torques of inverse dynamics are wrong there."
             )
-    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, dead, None, tuple(texts))
 
 
-def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, list[str]]:
-    """The file of EMG of a recording, and sentences on its channels."""
+def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:
+    """The file of EMG of a recording, its channels without a signal, and sentences on them."""
     if one.emg is not None:
-        return one.emg, [f"EMG from {one.emg.name}."]
+        return one.emg, (), [f"EMG from {one.emg.name}."]
     analog = one.trial.analog
     if analog is None:
-        return None, []
+        return None, (), []
     given = request.emg_muscles
     used = muscles_of_channels(analog.names, model, request.emg_side) | {
         name: muscles for name, muscles in given.items() if name in analog.names
     }
-    alive = [name for name in used if np.nanstd(analog[name]) > 0.0]
+    spread = {name: float(np.nanstd(analog[name])) for name in used}
+    alive = [name for name in used if spread[name] > DEAD * float(np.median([*spread.values()]))]
     sideless = [] if request.emg_side else list(muscles_of_channels(analog.names, model, "right"))
     lost = [name for name in sideless if name not in used]
     texts = []
     if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
-        return None, [f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."]
+        return (
+            None,
+            (),
+            [f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."],
+        )
     if alive:
         texts.append(f"EMG of {len(alive)} analog channels: {_list(alive)}.")
-    if used and len(alive) < len(used):
-        texts.append(f"Analog channels without a signal: {_list([name for name in used if name not in alive])}.")
+    dead = tuple(name for name in used if name not in alive)
+    if dead:
+        texts.append(f"Analog channels without a signal, which take no part: {_list(dead)}.")
     if lost:
         texts.append(f"EMG that does not tell its side is not used: {_list(lost)} (--emg-side left or right).")
-    return (one.path if alive else None), texts
+    return (one.path, dead, texts) if alive else (None, (), texts)
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:
