@@ -39,7 +39,7 @@ POINTS_PER_LINK = 60
 """Points a link that stand for all of them while strengths are tried."""
 
 MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003
-"""Change of a link's mass, of itself, that is told; and the share of the body under which a link does not count."""
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a link does not count."""
 
 ROUNDS = 5
 """Times that the noise is taken anew from what the fit leaves of unseen parts."""

@@ -45,11 +45,11 @@ class KeypointNames:
 
     Attributes
     ----------
-    names : of the points, in the order of the recording; () where not told
+    names : of the points, in the order of the recording; () where not specified
     bodies : point to the body of a model it belongs to
     offsets : point to where it lies on that body (3,) [m]
-    unit : of the positions [m], None where not told
-    rate : frames per second [Hz], None where not told
+    unit : of the positions [m], None where not specified
+    rate : frames per second [Hz], None where not specified
     """
 
     names: tuple[str, ...] = ()
@@ -68,9 +68,9 @@ def read_keypoints(
 ) -> Trial:
     """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
 
-    What is not told here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
+    What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
     from the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of
-    its folder with so many names, which is told in the warnings.
+    its folder with so many names, which the warnings report.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def read_keypoints(
 
     Raises
     ------
-    BadFile : it is no such file; names or unit are told nowhere; or they do not fit the points
+    BadFile : it is no such file; names or unit are specified nowhere; or they do not fit the points
     """
     path = Path(path)
     if units and units not in UNITS:

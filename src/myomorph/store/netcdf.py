@@ -22,6 +22,10 @@ INTERNAL = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue", "
 """Attributes that belong to the format itself."""
 
 
+NUMBERS = {"mass": "kg"}
+"""Attributes of a whole file that are numbers, with their units; one that is not known is left out."""
+
+
 class NetcdfFile:
     """An open file that takes dimensions, variables and attributes; made by `new_netcdf`."""
 
@@ -77,7 +81,12 @@ class NetcdfFile:
                 for axis, dimension in enumerate(dimensions):
                     variable.dims[axis].attach_scale(scales[dimension])
         for name, text in self.attributes.items():
-            self._write_text(self._file, name, text)
+            if name in NUMBERS:
+                if text:
+                    self._file.attrs[name] = float(text)
+                    self._write_text(self._file, f"{name}_unit", NUMBERS[name])
+            elif name.removesuffix("_unit") not in NUMBERS:
+                self._write_text(self._file, name, text)
 
 
 def _texts_of() -> Callable[[Any, str, str], None]:
@@ -215,7 +224,7 @@ class NetcdfSource:
                 yield name, values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all that is told of them."""
+        """The same with all their attributes."""
         for name, values in self._file.items():
             # Attributes are slow to find: they are read once, but never the long list of who refers to a dimension.
             attributes = {one: values.attrs[one] for one in values.attrs if one != "REFERENCE_LIST"}
@@ -252,7 +261,7 @@ def as_text(value: Any) -> str:
 
 @dataclass(eq=False)
 class HeldVariable:
-    """Values with what is told of them, used like a data set of a file."""
+    """Values with their attributes, used like a data set of a file."""
 
     values: Any
     dimensions: tuple[str, ...]
@@ -306,7 +315,7 @@ class HeldFile:
             yield name, self._variables[name].values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all that is told of them."""
+        """The same with all their attributes."""
         for name, one in self._variables.items():
             # In the order in which a file gives them.
             told = dict(sorted(one.attrs.items()))

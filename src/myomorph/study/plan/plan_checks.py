@@ -155,7 +155,7 @@ def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None
     """Add to the problems the names that no part of a trial's model has.
 
     A name that stands in the model's file is taken for right without reading the model, so that a study of many
-    models is still checked at once. A model that cannot be read is told when its trials run.
+    models is still checked at once. A model that cannot be read is reported when its trials run.
     """
     texts: dict[Path, str] = {}
     models: dict[Path, Model | None] = {}
@@ -183,7 +183,7 @@ def _named_in(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
     """Kind, key of the study file and name of all that must be the model's."""
     yield from (("body", "bodies", name) for name in trial.bodies.values() if name != "ground")
     yield from (("body", "plates", name) for name in trial.plates if name)
-    yield from (("marker", "labels", name) for name in trial.labels.values())
+    yield from (("marker", "labels", name) for name in trial.labels.values() if name)
     yield from (("muscle", "emg_muscles", name) for names in trial.emg_muscles.values() for name in names)
 
 

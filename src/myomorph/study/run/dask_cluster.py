@@ -50,7 +50,7 @@ class Fitness:
     ----------
     python : version, major and minor
     system : operating system
-    sees : whether the file that it was told to read is there and holds what it should
+    sees : whether the file that it is to read is there and holds what it should
     """
 
     version: str
@@ -107,7 +107,7 @@ def _model(key: str, model: bytes) -> Model | None:
 def _dated(date: str) -> Iterator[None]:
     """Work silently on one thread, and date results as the program that sent the job does.
 
-    Whatever this process was told before holds again afterwards.
+    The settings that this process had before hold again afterwards.
     """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}

@@ -220,7 +220,7 @@ class _Looked:
         return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:
-        """Trials that are solved as one; whether what is told of their contacts has changed is not looked at."""
+        """Trials that are solved as one; whether their contacts have changed is not looked at."""
         stored = (self.out / file_name(name) / f"{file_name(name)}{STORED}").is_file()
         why: tuple[str, ...] = ()
         if self.fresh or not stored:

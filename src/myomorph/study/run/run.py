@@ -32,7 +32,7 @@ FULL = "no space is left where the results go: make room, then run again"
 
 
 class Watcher(Protocol):
-    """Whoever is told what happens to jobs."""
+    """Whoever hears what happens to jobs."""
 
     def started(self, job: Job) -> None:
         """A worker has taken a job."""

@@ -144,7 +144,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     Raises
     ------
     BadData
-        where the parts have no time in common, or differ in what their steps are told
+        where the parts have no time in common, or differ in the settings of their steps
     """
     for name, one in parts.items():
         if one.trial.torques is not None:
