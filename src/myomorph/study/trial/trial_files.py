@@ -306,6 +306,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
         return []
+    # Brings SciPy: loaded only where loads are in an XML file.
     from myomorph.io.loads import read_load_entries
 
     with inputs.about(path):
@@ -385,6 +386,7 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
 
         yield options[ContactOptions]
     if files.emg is not None:
+        # As above.
         from myomorph.tension.emg_calibration import EmgOptions
 
         yield options[EmgOptions]
@@ -394,6 +396,7 @@ def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
     """Points that share a joint's force, where they are asked for."""
     if not files.contact_points:
         return None
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_points import contact_points
 
     return contact_points(files.contact_points, model)
