@@ -27,7 +27,7 @@ from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.subject.calibrating import with_marker_set
 from myomorph.study.trial import inputs
-from myomorph.study.trial.trial_files import with_tasks
+from myomorph.study.trial.steps.ik import with_tasks
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:

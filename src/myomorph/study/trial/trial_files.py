@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from myomorph.analysis.presets import preset_of
-from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -18,7 +17,7 @@ from myomorph.model.provenance import Source
 from myomorph.model.segments import feet_of
 from myomorph.motion.emg_checks import rate_against
 from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
+from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import (
     ForceOptions,
@@ -35,13 +34,12 @@ from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.steps.ik import Poses, kinematics_options
 from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
-    from myomorph.io.osim.setup_parts import IkTasks
     from myomorph.tension.joint_contact import JointPoints
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -248,7 +246,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         subject=files.subject or model.name,
         model=model,
         options=options.having(
-            kinematics_options(files, options[InverseKinematicsOptions], model), *tension_parts(files, options)
+            kinematics_options(files.tasks, options[InverseKinematicsOptions], model), *tension_parts(files, options)
         ),
         loads=None
         if files.loads is None
@@ -312,39 +310,6 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     with inputs.about(path):
         tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
     return [file_source("load table", table) for table in tables]
-
-
-def kinematics_options(files: TrialFiles, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
-    """Options of inverse kinematics with those of a task set, where there is one."""
-    if files.tasks is None:
-        return options
-    with inputs.about(files.tasks):
-        tasks = read_ik_tasks(files.tasks)
-    return with_tasks(options, tasks, model, str(files.tasks))
-
-
-def with_tasks(
-    options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
-) -> InverseKinematicsOptions:
-    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
-
-    Raises
-    ------
-    BadData
-        where the set gives no marker of the model a weight
-    """
-    known = set(model.marker_names)
-    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
-    if tasks.marker_weights and not any(weights.values()):
-        raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
-    aims = {}
-    for aim in tasks.coordinates:
-        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
-            default = model.coordinate(aim.coordinate).default
-            value = {"value": aim.value, "default": default, "table": None}[aim.source]
-            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
-    only = bool(tasks.marker_weights)
-    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
 
 
 def options_of(settings: Settings) -> OptionSet:

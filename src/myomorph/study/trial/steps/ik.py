@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.io.osim.setup_parts import IkTasks, read_ik_tasks
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table
 from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.given import Kinematics, ReportInput
@@ -23,6 +25,7 @@ from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
+from myomorph.study.trial.inputs import about
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value
 
@@ -48,6 +51,39 @@ class Poses:
     fit: KinematicsFit | None = None
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+
+def kinematics_options(path: Path | None, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
+    """Options of inverse kinematics with those of a task set, where there is one."""
+    if path is None:
+        return options
+    with about(path):
+        tasks = read_ik_tasks(path)
+    return with_tasks(options, tasks, model, str(path))
+
+
+def with_tasks(
+    options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
+) -> InverseKinematicsOptions:
+    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
+
+    Raises
+    ------
+    BadData
+        where the set gives no marker of the model a weight
+    """
+    known = set(model.marker_names)
+    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
+    if tasks.marker_weights and not any(weights.values()):
+        raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
+    aims = {}
+    for aim in tasks.coordinates:
+        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
+            default = model.coordinate(aim.coordinate).default
+            value = {"value": aim.value, "default": default, "table": None}[aim.source]
+            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
+    only = bool(tasks.marker_weights)
+    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
 
 
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
