@@ -75,7 +75,9 @@ def _lines(time: Array, values: list[Array], labels: list[str], ends: np.ndarray
         found.append(Line(time, np.where(ends, np.nan, one), style, label))
         if ends.any():
             # One frame more on the inner side, so that the lines meet.
-            wide = ends | np.roll(ends, 1) | np.roll(ends, -1)
+            wide = ends.copy()
+            wide[1:] |= ends[:-1]
+            wide[:-1] |= ends[1:]
             found.append(Line(time, np.where(wide, one, np.nan), f"{style} thin", f"{label}, near an end"))
     return found
 
