@@ -59,7 +59,8 @@ def _charts(prepared: Prepared, tension: ShownTension, fibers: Fibers, pair: Pai
     first, at = columns[0]
     powers = [fibers.fiber_powers[:, at], fibers.tendon_powers[:, at]]
     charts = (
-        (f"{pair.label}: fiber length", "optimal lengths", normal, names, 1.0),
+        # Longer headings, "Biceps femoris, long head: fiber length", run into that of the chart beside.
+        (f"{pair.label}: fiber", "optimal lengths", normal, names, 1.0),
         (f"{pair.label}: tendon strain", "%", strains, names, 0.0),
         (f"{first}: power", "W", powers, ["fiber", "tendon"], 0.0),
     )
