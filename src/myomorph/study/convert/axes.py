@@ -48,7 +48,8 @@ def vertical(found: Recording) -> str:
     if found.level:
         return "z"
     values = np.zeros((0, 0, 3)) if found.markers is None else found.markers.values
-    values = values[np.isfinite(values).all(axis=2).any(axis=1)]
+    seen = np.asarray(np.isfinite(values).all(axis=2))
+    values = values[seen.any(axis=1)]
     if len(values):
         extent = np.median(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
         if extent[2] > 1.3 * max(extent[0], extent[1]):
