@@ -47,12 +47,14 @@ class EmgRecording:
     ----------
     muscles : channel to the muscles it was measured on
     maxima : envelope of channels in maximum voluntary contractions
+    calibration : delays and gains from elsewhere, as of all trials of a subject; None finds them on this recording
     """
 
     emg: Emg
     muscles: Mapping[str, tuple[str, ...]]
     maxima: Mapping[str, float]
     options: EmgOptions
+    calibration: EmgCalibration | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,9 +226,11 @@ def emg_targets_of(
         names = ", ".join(emg.names)
         note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
         return EmgTargets(None, None, (note,))
-    trial = EmgTrial(motion, torques, emg, contacts)
-    maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
-    calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
+    calibration = recorded.calibration
+    if calibration is None:
+        trial = EmgTrial(motion, torques, emg, contacts)
+        maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
+        calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
     target = emg_targets(emg, muscles, model, motion.time, chosen, calibration)
     return EmgTargets(target, calibration, calibration.warnings)
 

@@ -125,7 +125,7 @@ def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
     chosen = trial.options.get(EmgOptions)
     if trial.emg is None or chosen is None or trial.options[EmgUse].emg_display_only:
         return None
-    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen)
+    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen, trial.emg_gains)
 
 
 def _objects(trial: TrialInputs) -> set[str]:
