@@ -12,6 +12,7 @@ from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
+from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Series, Table, Wrenches
@@ -37,6 +38,7 @@ from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.passive_share import LARGE
 from myomorph.tension.problem import TensionProblem
+from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import Tension, TensionOptions
 from myomorph.tension.task import (
     EmgRecording,
@@ -117,7 +119,16 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
         trial.contacts,
         options[ContactOptions],
         _emg_that_takes_part(trial),
+        _recruitment(trial),
     )
+
+
+def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
+    """Costs beside the effort; loads of joints need the forces on the body."""
+    found = trial.options[RecruitmentOptions]
+    if found.joint_load and trial.torques is not None:
+        raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
+    return found
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
@@ -187,6 +198,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     options = trial.options
     told = (
         options.get(TensionOptions),
+        # As results of earlier versions, which had no such costs.
+        None if options[RecruitmentOptions] == RecruitmentOptions() else options[RecruitmentOptions],
         None if trial.contacts is None else options.get(ContactOptions),
         None if trial.emg is None else options.get(EmgOptions),
     )
@@ -276,7 +289,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, ForceOptions, TensionOptions, ContactOptions, EmgOptions),
+        *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
     grows_with="muscles",
