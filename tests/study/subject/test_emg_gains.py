@@ -1,4 +1,4 @@
-"""EMG gains over all trials of a subject: the step of a study, its file, and `tension --emg-gains`."""
+"""EMG gains over all trials of a subject: the step of a study, its file, and `tension --emg-gains-file`."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_trials_of_a_subject_take_the_gains_of_all(arm, command):
     changed = study(arm, options="emg_delay = 0.02", resume=True)
     assert [one.reused for one in changed] == [(), ("ik",), ("ik",)]
 
-    file = ("--emg-gains", home / "emg_gains" / "gains.json")
+    file = ("--emg-gains-file", home / "emg_gains" / "gains.json")
     told = ("tension", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
     found = command(*told, "--emg", arm.emg, *file, "--out", arm.folder / "one")
     assert found.status == 0, found.err
@@ -136,7 +136,7 @@ def test_trials_of_a_subject_take_the_gains_of_all(arm, command):
     assert float(rows[0]["gain"]) == pytest.approx(now.calibration.gains[0], rel=1e-5)
     alone = command(*told, *file, "--out", arm.folder / "two")
     assert alone.status == 2
-    assert "--emg-gains without --emg" in alone.err
+    assert "--emg-gains-file without --emg" in alone.err
 
 
 def test_a_subject_without_emg_says_what_lacks(arm):

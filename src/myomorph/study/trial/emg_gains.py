@@ -60,6 +60,7 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
         "held_out": _known(found.held_out),
         "by_torque": found.by_torque.tolist(),
         "weight": found.weight,
+        "others_weight": found.others_weight,
         "warnings": list(found.warnings),
         "scale": dict(gains.scale),
         "synergies": [
@@ -117,6 +118,7 @@ def _calibration(told: dict[str, Any]) -> EmgCalibration:
         by_torque=np.array(told["by_torque"], dtype=bool),
         synergies=synergies,
         weight=float(told["weight"]),
+        others_weight=float(told["others_weight"]),
         held_out=np.array(told["held_out"], dtype=float).reshape(count, 2),
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.io.parsing.text import written
 from myomorph.model.model import Model
 from myomorph.motion.emg_delay import EmgCalibration
+from myomorph.store.emg_store import put_conflicts
 from myomorph.study.trial.step import StepOutput
 from myomorph.tension.emg_conflicts import conflict_line
 from myomorph.tension.task import EmgTargets
@@ -52,6 +53,7 @@ def write_conflicts(model: Model, tension: Tension, told: EmgTargets, output: St
     if told.target is None:
         return ()
     found = told.conflicts(model, tension)
+    put_conflicts(output.writer, found)
     with written(output.folder / EMG_CONFLICTS) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))

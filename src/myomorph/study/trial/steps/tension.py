@@ -20,6 +20,7 @@ from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
 from myomorph.store import stored as store
+from myomorph.store.emg_store import get_conflicts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
@@ -233,7 +234,13 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
             tension.fibers,
         )
-    return replace(given, contacts=contacts, tension=shown, joint_contacts=contact_store.get_joint_contacts(stored))
+    return replace(
+        given,
+        contacts=contacts,
+        tension=shown,
+        joint_contacts=contact_store.get_joint_contacts(stored),
+        emg_conflicts=get_conflicts(stored),
+    )
 
 
 def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
