@@ -10,6 +10,7 @@ from typing import TypeAlias
 from benchmarks import fuzz
 from benchmarks.accuracy import (
     analyses,
+    analyze,
     calibration,
     certificates,
     conditions,
@@ -79,6 +80,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
     return (
         _models(folder),
         _kinematics_and_dynamics(folder),
+        _raw_recordings(folder),
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
@@ -134,6 +136,15 @@ def _kinematics_and_dynamics(folder: Path) -> Page:
             "live": lambda: live.measure(folder),
             "live_markers": lambda: live.measure_losses(folder),
         },
+    )
+
+
+def _raw_recordings(folder: Path) -> Page:
+    return Page(
+        "raw-recordings",
+        "From raw recordings to a report",
+        "One command on recordings of many laboratories, beside each one's own joint moments.",
+        {"analyze": lambda: analyze.measure(folder)},
     )
 
 

@@ -11,14 +11,17 @@ from myomorph.contact.foot_poses import FootPoses
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.contact.force_samples import Change, ForceSamples
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0
 """Low-pass filter of the compared forces, of a human body [Hz]."""
 
-MASS = 0.07
+MASS = 0.09
 """Part by which plates and model may differ in weight."""
+
+CARRIED = 0.55
+"""Share of the weight that walkers put on plates whenever all standing feet are on them."""
 
 SHARP_MASS, SHARP_FEET = 0.7, 0.4
 """Part of the disagreement at no lag that may be left at the lag found: of the center of mass, and of standing feet."""
@@ -251,9 +254,10 @@ def check_clock(inspection: Inspection) -> None:
     lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
     found, lag, how = balance(inspection), 0.0, ""
     if found is not None:
-        by_mass, left = _least(lags, _unbalanced(inspection, *found, lags))
-        if left < SHARP_MASS and abs(by_mass) > CLOCK:
-            lag, how = by_mass, "by the acceleration of the center of mass"
+        for frames in (_core(inspection), _between_steps(inspection, found[0])):
+            by_mass, left = _least(lags, _unbalanced(inspection, *found, lags, frames))
+            if left < SHARP_MASS and abs(by_mass) > CLOCK and not how:
+                lag, how = by_mass, "by the acceleration of the center of mass"
     if not how:
         gliding = _gliding(inspection, lags)
         if gliding is None:
@@ -282,16 +286,33 @@ def _least(lags: Array, values: Array) -> tuple[float, float]:
     return lag, float(values[k] / max(values[len(lags) // 2], 1e-300))
 
 
-def _unbalanced(inspection: Inspection, measured: Array, needed: Array, lags: Array) -> Array:
-    """What the center of mass lacks at each lag (lags,), offsets taken off [N]."""
+def _core(inspection: Inspection) -> NDArray[np.bool_]:
+    """Frames (frames,) that no lag moves out of the recording."""
     time = inspection.feet.time
-    core = (time > time[0] + SLACK) & (time < time[-1] - SLACK)
-    if core.sum() < 10:
+    return np.asarray((time > time[0] + SLACK) & (time < time[-1] - SLACK))
+
+
+def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
+    """Those among them (frames,) in which the plates carry most of the weight at every lag: from step to step."""
+    time, weight = inspection.feet.time, inspection.feet.model.weight
+    carries = measured @ inspection.feet.up > CARRIED * weight
+    found = np.zeros(len(time), bool)
+    for start, stop in runs(carries):
+        found[start:stop] = (time[start:stop] > time[start] + SLACK) & (time[start:stop] < time[stop - 1] - SLACK)
+    return found & _core(inspection)
+
+
+def _unbalanced(
+    inspection: Inspection, measured: Array, needed: Array, lags: Array, frames: NDArray[np.bool_]
+) -> Array:
+    """What the center of mass lacks in some frames at each lag (lags,), offsets taken off [N]."""
+    time = inspection.feet.time
+    if frames.sum() < 10 or frames.sum() * np.median(np.diff(time)) < 2.0 * SLACK:
         return np.ones(len(lags))
     found = []
     for lag in lags:
         late = np.column_stack([np.interp(time + lag, time, column) for column in measured.T])
-        apart = (late - needed)[core]
+        apart = (late - needed)[frames]
         found.append(float(np.sqrt(np.mean((apart - apart.mean(axis=0)) ** 2))))
     return np.array(found)
 
