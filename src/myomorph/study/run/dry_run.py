@@ -15,7 +15,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, in_words, together
-from myomorph.study.run.job_plan import jobs_of
+from myomorph.study.run.job_plan import jobs_of, with_made
 from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import reused_subject_steps
@@ -239,7 +239,7 @@ class _Looked:
         made = self._made(self.plan.maker(files.subject))
         try:
             if made is not None:
-                files = replace(files, model=made.path)
+                files = with_made(files, made, self.plan.maker(files.subject))
             model = self._model(files.model, made)
             trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
             return reused_steps(trial, steps, folder), ""
@@ -250,8 +250,7 @@ class _Looked:
         """The model that a subject's own steps make."""
         if not maker:
             return None
-        home = self.plan.home(self.out, maker)
-        return next(one for path, one in self.jobs.models.items() if path.parent == home)
+        return self.jobs.made[maker]
 
     def _model(self, path: Path, made: MadeModel | None = None) -> Model:
         """A model, read once; raises what reading it raised the first time."""
