@@ -220,7 +220,7 @@ class _Looked:
         return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:
-        """Trials that are solved as one; whether what is told of their contacts has changed is not looked at."""
+        """Trials that are solved as one; whether their contacts have changed is not looked at."""
         stored = (self.out / file_name(name) / f"{file_name(name)}{STORED}").is_file()
         why: tuple[str, ...] = ()
         if self.fresh or not stored:
@@ -295,9 +295,9 @@ def dry_run_lines(found: DryRun) -> Iterator[str]:
     trials = [row for row in found.rows if row.trial]
     subjects = dict.fromkeys(row.subject for row in found.rows)
     conditions = found.plan.conditions.names
-    told = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
-    told += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{found.plan.name}: {', '.join(told)}; results go to {found.out}"
+    counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+    counts += [f"conditions {', '.join(conditions)}"] if conditions else []
+    yield f"{found.plan.name}: {', '.join(counts)}; results go to {found.out}"
     yield ""
     yield from _table(found.rows, bool(conditions))
     yield from _reasons(found.rows)

@@ -205,14 +205,14 @@ class _Jobs:
         steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
         home, key = self.plan.home(self.out, name), (name, "")
         self.made[name], self.homes[key] = made_model(files, steps, home), home
-        told: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "files": files,
             "steps": steps,
             "settings": self.plan.settings_of(name),
             "folder": home,
             "mark": self.mark,
         }
-        work, reused = partial(do_subject, **told, fresh=self.fresh), partial(reused_subject, **told)
+        work, reused = partial(do_subject, **arguments, fresh=self.fresh), partial(reused_subject, **arguments)
         needs = ((self.plan.maker(begins), ""),) if begins else ()
         self.jobs.append(Job(key, work, needs, reused=None if self.fresh else reused))
 
@@ -223,14 +223,14 @@ class _Jobs:
             files = with_made(files, self.made[maker], maker)
         self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
-        told: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "files": files,
             "steps": steps,
             "settings": self.plan.settings_of(*key),
             "folder": self.homes[key],
             "mark": self.mark,
         }
-        work, reused = partial(do_trial, **told, fresh=self.fresh), partial(reused_trial, **told)
+        work, reused = partial(do_trial, **arguments, fresh=self.fresh), partial(reused_trial, **arguments)
         needs = ((maker, ""),) if maker else ()
         self.jobs.append(Job(key, work, needs, files.model, reused=None if self.fresh else reused))
 

@@ -163,8 +163,8 @@ def recordings_provenance(
     given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
     sources += [file_source(role, path) for role, path in given if path is not None]
     if files.static is not None and (files.static_laboratory or files.labels):
-        told = (files.static_laboratory, sorted(files.labels.items()))
-        sources.append(value_source("static", "axes and labels of the static recording", *told))
+        values = (files.static_laboratory, sorted(files.labels.items()))
+        sources.append(value_source("static", "axes and labels of the static recording", *values))
     options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
     times = [None if one.time is None else list(one.time) for one in files.trials]
     return provenance_of(step, sources, options | {"mass": files.mass, "times": times} | dict(more))

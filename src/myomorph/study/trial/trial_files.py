@@ -110,7 +110,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 
     Parameters
     ----------
-    settings : what each step is told
+    settings : of each step
     model : the model, where it was read already
 
     Raises
@@ -194,7 +194,7 @@ def _old_names(files: TrialFiles) -> tuple[str, ...]:
 
 
 def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
-    """Phases that are told of times outside the recording."""
+    """Phases that are specified outside the recording."""
     start, stop = float(time[0]), float(time[-1])
     return tuple(
         f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
@@ -300,10 +300,10 @@ def contact_sources(files: TrialFiles) -> list[Source]:
     # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_file import AUTO, contact_files
 
-    told = value_source("contacts", files.contacts, files.contacts, files.measured)
+    source = value_source("contacts", files.contacts, files.contacts, files.measured)
     if files.contacts == AUTO:
-        return [told]
-    return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
+        return [source]
+    return [source, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
 
 
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
@@ -315,6 +315,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
         return []
+    # Brings SciPy: loaded only where loads are in an XML file.
     from myomorph.io.loads import read_load_entries
 
     with inputs.about(path):
@@ -394,6 +395,7 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
 
         yield options[ContactOptions]
     if files.emg is not None:
+        # As above.
         from myomorph.tension.emg_calibration import EmgOptions
 
         yield options[EmgOptions]
@@ -403,6 +405,7 @@ def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
     """Points that share a joint's force, where they are asked for."""
     if not files.contact_points:
         return None
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_points import contact_points
 
     return contact_points(files.contact_points, model)

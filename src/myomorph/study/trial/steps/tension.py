@@ -197,14 +197,14 @@ def _read(stored: Stored, options: OptionSet) -> Tensions | None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among the sources."""
     options = trial.options
-    told = (
+    chosen = (
         options.get(TensionOptions),
         # As results of earlier versions, which had no such costs.
         None if options[RecruitmentOptions] == RecruitmentOptions() else options[RecruitmentOptions],
         None if trial.contacts is None else options.get(ContactOptions),
         None if trial.emg is None else options.get(EmgOptions),
     )
-    return *(one for one in told if one is not None), options[EmgUse], options[TensionTables]
+    return *(one for one in chosen if one is not None), options[EmgUse], options[TensionTables]
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
