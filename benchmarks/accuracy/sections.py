@@ -10,12 +10,14 @@ from typing import TypeAlias
 from benchmarks import fuzz
 from benchmarks.accuracy import (
     analyses,
+    analyze,
     calibration,
     certificates,
     conditions,
     cutoff,
     elastic,
     emg,
+    faults,
     groups,
     hands,
     hidden_plates,
@@ -34,6 +36,7 @@ from benchmarks.accuracy import (
     pair,
     passive,
     personalize,
+    personalize_passive,
     reaction,
     regressor,
     scale,
@@ -77,11 +80,13 @@ def pages(folder: Path) -> tuple[Page, ...]:
     return (
         _models(folder),
         _kinematics_and_dynamics(folder),
+        _raw_recordings(folder),
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
+        _faults(folder),
         _ground_forces(folder),
         _two_bodies(folder),
         _calibration(folder),
@@ -131,6 +136,15 @@ def _kinematics_and_dynamics(folder: Path) -> Page:
             "live": lambda: live.measure(folder),
             "live_markers": lambda: live.measure_losses(folder),
         },
+    )
+
+
+def _raw_recordings(folder: Path) -> Page:
+    return Page(
+        "raw-recordings",
+        "From raw recordings to a report",
+        "One command on recordings of many laboratories, beside each one's own joint moments.",
+        {"analyze": lambda: analyze.measure(folder)},
     )
 
 
@@ -192,7 +206,9 @@ def _personal(folder: Path) -> Page:
             "personal_truth": lambda: personalize.measure_truth(folder),
             "personal_many": lambda: personalize.measure_many(folder),
             "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_passive": lambda: personalize_passive.measure(folder),
             "personal_map": lambda: personalize.measure_map(folder),
+            "personal_published": lambda: personalize.measure_published(folder),
         },
     )
 
@@ -246,6 +262,19 @@ def _ground_forces(folder: Path) -> Page:
             "certificates": lambda: certificates.measure(folder),
             "certificates_programs": lambda: certificates.measure_programs(folder),
             "certificates_faults": lambda: certificates.measure_faults(folder),
+        },
+    )
+
+
+def _faults(folder: Path) -> Page:
+    return Page(
+        "faults",
+        "Faults of recordings",
+        "Faults that were put into clean recordings: found, mended or missed, and what is called on clean ones.",
+        {
+            "force_faults": lambda: faults.injected_force_faults(folder),
+            "force_faults_clean": lambda: faults.clean_forces(folder),
+            "force_faults_mended": lambda: faults.mended_torques(folder),
         },
     )
 

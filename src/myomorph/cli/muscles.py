@@ -36,6 +36,22 @@ from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
 
+TorquesFile = Annotated[
+    Path | None,
+    Parameter(
+        help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
+        "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
+    ),
+]
+ContactPoints = Annotated[
+    str,
+    Parameter(
+        help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
+        "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
+        "of points (.toml)."
+    ),
+]
+
 
 def muscles_command(
     *,
@@ -66,13 +82,7 @@ def tension_command(
     loads: LoadsFile = None,
     bodies: ForceBodies = (),
     plates: PlateBodies = "",
-    torques: Annotated[
-        Path | None,
-        Parameter(
-            help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
-            "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
-        ),
-    ] = None,
+    torques: TorquesFile = None,
     emg: Annotated[
         Path | None,
         Parameter(help="EMG (.sto, .mot, .csv, .c3d), raw or envelopes. A channel named as a muscle is its target."),
@@ -100,14 +110,7 @@ def tension_command(
             "where nothing was measured), shared (each is known for all sites on it together) or hidden."
         ),
     ] = None,
-    contact_points: Annotated[
-        str,
-        Parameter(
-            help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
-            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
-            "of points (.toml)."
-        ),
-    ] = "",
+    contact_points: ContactPoints = "",
     actuators: Annotated[
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def read_csv_table(path: Path) -> Table:
     if not rows:
         raise BadFile(path, "has no row of numbers", HINT)
     values = np.array(rows)
-    unit = 1e-3 if "ms" in names[0].lower().replace("(", " ").replace("[", " ").replace("]", " ").split() else 1.0
+    unit = 1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[0].lower()) else 1.0
     time = values[:, 0] * unit
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
         raise BadFile(path, "its times do not rise from row to row", "sort the rows, and fill gaps in the first column")

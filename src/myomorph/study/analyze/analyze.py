@@ -16,6 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.motion.protocols import ProtocolTable, labels_between
 from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,
@@ -34,6 +35,10 @@ STUDY, GENERIC = "study.toml", "generic.osim"
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")
+EMG_SAMPLES, EMG_RATE = 300, 100.0
+"""Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
+DEAD = 0.02
+"""An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
 HEIGHT_TOLERANCE = 0.1
 """A height that the markers show lies within this share of the true one."""
 
@@ -130,7 +135,7 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
     if still and moving:
         static = max(still, key=lambda one: len(one.found.sites))
         return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
-    beside = static_beside(looked[0].path, request.table) if moving else None
+    beside = static_beside(looked[0], request.table) if moving else None
     if beside is not None:
         return beside, moving, f"{beside.path.name} beside the recording is the static trial: nobody moves in it."
     return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
@@ -142,6 +147,8 @@ def _check_markers(one: Recording) -> None:
     lacking = [name for name in NEEDED if name not in segments]
     if len(one.found.sites) >= MIN_MARKERS and not lacking:
         return
+    if not one.found.sites and not one.found.unknown:
+        raise BadData(f"{one.path}: holds no marker that is ever seen: give the recording of the markers")
     unknown = ", ".join(f"'{name}'" for name in one.found.unknown[:5]) + (", ..." if len(one.found.unknown) > 5 else "")
     raise BadData(
         f"{one.path}: {len(one.found.sites)} of {len(one.found.sites) + len(one.found.unknown)} labels are those of a "
@@ -227,7 +234,7 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
         texts.append(f"{laboratory.up} points up in the laboratory, for {one.why_up}: turned to the model's y axis.")
     if laboratory.turn:
         texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {one.why_turn}.")
-    emg, said = _emg(one, model, request)
+    emg, dead, said = _emg(one, model, request)
     texts += said
     plates = one.trial.plates
     contacts, loads = "", one.loads
@@ -240,31 +247,48 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     elif feet_of(model):
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, None, tuple(texts))
+    if loads is not None and feet_of(model):
+        bare_share = uncovered_share(one, request.mass * float(np.linalg.norm(model.gravity)))
+        if bare_share > LASTS:
+            contacts = "auto"
+            texts.append(
+                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates carry less than "
+                "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
+                "measured; torques of inverse dynamics are wrong there."
+            )
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, dead, None, tuple(texts))
 
 
-def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, list[str]]:
-    """The file of EMG of a recording, and sentences on its channels."""
+def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:
+    """The file of EMG of a recording, its channels without a signal, and sentences on them."""
     if one.emg is not None:
-        return one.emg, [f"EMG from {one.emg.name}."]
+        return one.emg, (), [f"EMG from {one.emg.name}."]
     analog = one.trial.analog
     if analog is None:
-        return None, []
+        return None, (), []
     given = request.emg_muscles
     used = muscles_of_channels(analog.names, model, request.emg_side) | {
         name: muscles for name, muscles in given.items() if name in analog.names
     }
-    alive = [name for name in used if np.nanstd(analog[name]) > 0.0]
+    spread = {name: float(np.nanstd(analog[name])) for name in used}
+    alive = [name for name in used if spread[name] > DEAD * float(np.median([*spread.values()]))]
     sideless = [] if request.emg_side else list(muscles_of_channels(analog.names, model, "right"))
     lost = [name for name in sideless if name not in used]
     texts = []
+    if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
+        return (
+            None,
+            (),
+            [f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."],
+        )
     if alive:
         texts.append(f"EMG of {len(alive)} analog channels: {_list(alive)}.")
-    if used and len(alive) < len(used):
-        texts.append(f"Analog channels without a signal: {_list([name for name in used if name not in alive])}.")
+    dead = tuple(name for name in used if name not in alive)
+    if dead:
+        texts.append(f"Analog channels without a signal, which take no part: {_list(dead)}.")
     if lost:
         texts.append(f"EMG that does not tell its side is not used: {_list(lost)} (--emg-side left or right).")
-    return (one.path if alive else None), texts
+    return (one.path, dead, texts) if alive else (None, (), texts)
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:

@@ -24,6 +24,13 @@ STILL = 0.03
 STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
 FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 TABLES = (".mot", ".sto", ".csv", ".txt")
+SHARED, ALIKE = 0.6, 0.08
+"""A static trial of the same body has this share of the markers, and distances that differ by less than this."""
+RIGID = (
+    (("pelvis.asis", "right"), ("pelvis.asis", "left")),
+    (("thigh.lateral_epicondyle", "right"), ("shank.lateral_malleolus", "right")),
+    (("thigh.lateral_epicondyle", "left"), ("shank.lateral_malleolus", "left")),
+)
 FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
 RIGHT_ANGLE = 20.0
 """A laboratory's axes are taken to be along the walk where they are by less [degrees]."""
@@ -89,9 +96,20 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     )
 
 
+def mean_place(one: Recording, *keys: str, side: str = "") -> Array | None:
+    """(frames, 3) mean of the markers of landmarks of a side ("" for both), None where there is none."""
+    assert one.trial.markers is not None
+    labels = [label for label, site in one.found.sites.items() if site.key in keys and side in ("", site.side)]
+    return _mean(one.found, {label: one.trial.markers[label] for label in labels}, *keys) if labels else None
+
+
 def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
-    """(frames, 3) mean of the markers of landmarks or segments, None where there is none."""
-    chosen = [places[label] for label, site in found.sites.items() if site.key in keys or site.segment in segments]
+    """(frames, 3) mean of the markers of landmarks or segments that have a place, None where there is none."""
+    chosen = [
+        places[label]
+        for label, site in found.sites.items()
+        if label in places and (site.key in keys or site.segment in segments)
+    ]
     if not chosen:
         return None
     with np.errstate(invalid="ignore"):
@@ -221,8 +239,9 @@ def emg_beside(path: Path) -> Path | None:
     return named[0] if alone and len(named) == 1 else None
 
 
-def static_beside(path: Path, table: ProtocolTable | None = None) -> Recording | None:
-    """A recording beside another one, by its name of somebody who stands still, with markers that the other has."""
+def static_beside(one: Recording, table: ProtocolTable | None = None) -> Recording | None:
+    """A recording beside another one, by its name of standing still, with the same markers on the same body."""
+    path = one.path
     homes = [path.parent]
     if path.parent.parent.is_dir():
         homes += [
@@ -231,17 +250,38 @@ def static_beside(path: Path, table: ProtocolTable | None = None) -> Recording |
             if one.is_dir() and one != path.parent and any(word in one.name.lower() for word in STATIC_WORDS)
         ]
     for home in homes:
-        for one in sorted(home.iterdir()):
-            named = home != path.parent or any(word in one.stem.lower() for word in STATIC_WORDS)
-            if not named or one == path or not one.is_file() or trial_format(one) is None:
+        for other in sorted(home.iterdir()):
+            named = home != path.parent or any(word in other.stem.lower() for word in STATIC_WORDS)
+            if not named or other == path or not other.is_file() or trial_format(other) is None:
                 continue
             try:
-                found = look_at(one, table=table)
+                found = look_at(other, table=table)
             except MyomorphError:
                 continue
-            if found.still and len(found.found.sites) >= 6:
+            if found.still and same_body(found, one):
                 return found
     return None
+
+
+def same_body(one: Recording, other: Recording) -> bool:
+    """Whether two recordings share most of their markers, and distances on pelvis and shanks agree."""
+    mine, theirs = ({site: label for label, site in each.found.sites.items()} for each in (one, other))
+    shared = mine.keys() & theirs.keys()
+    if len(shared) < 6 or len(shared) < SHARED * len(theirs):
+        return False
+    assert one.trial.markers is not None
+    assert other.trial.markers is not None
+    for first, second in RIGID:
+        ends = [next((site for site in shared if (site.key, site.side) == end), None) for end in (first, second)]
+        if None in ends:
+            continue
+        lengths = [
+            np.nanmedian(np.linalg.norm(markers[names[ends[0]]] - markers[names[ends[1]]], axis=1))
+            for markers, names in ((one.trial.markers, mine), (other.trial.markers, theirs))
+        ]
+        if abs(lengths[0] / lengths[1] - 1.0) > ALIKE:
+            return False
+    return True
 
 
 def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
@@ -292,8 +332,8 @@ def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
         stem = path.stem
         stage = 0
         for number, mark in ((1, "_filt"), (2, "_LSTM")):
-            if mark in stem:
-                stem, stage = stem.split(mark)[0], max(stage, number)
+            if mark in path.stem:
+                stem, stage = stem.split(mark)[0], number
         key = path.with_name(stem)
         if key in kept:
             notes.append(f"{kept[key][1].name} and {path.name} are stages of one recording: the last is used")
@@ -322,8 +362,7 @@ def standing_height(one: Recording) -> float | None:
     Source: Winter 2009, table 4.1 (after Drillis and Contini 1966): the acromion at 0.818 of the height, the ankle at
     0.039.
     """
-    places = {label: one.trial.markers[label] for label in one.found.sites} if one.trial.markers is not None else {}
-    high, low = (_mean(one.found, places, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
+    high, low = (mean_place(one, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
     if high is None or low is None:
         return None
     rise = ((high - low) @ one.laboratory.rotation.T)[:, 1]

@@ -21,6 +21,7 @@ class TrialEntry:
 
     Attributes
     ----------
+    dead : EMG channels without a signal
     assumed : sentences on this recording
     """
 
@@ -30,6 +31,7 @@ class TrialEntry:
     loads: Path | None = None
     emg: Path | None = None
     contacts: str = ""
+    dead: tuple[str, ...] = ()
     time: tuple[float, float] | None = None
     assumed: tuple[str, ...] = ()
 
@@ -100,9 +102,11 @@ def study_text(study: StudyEntries, folder: Path) -> str:
     lines.append("assumed = [")
     lines += [f"  {_text(text)}," for text in study.assumed]
     lines.append("]")
+    dead: dict[str, tuple[str, ...]] = {channel: () for trial in study.trials for channel in trial.dead}
+    channels = dead | dict(study.emg_muscles)
     for title, table in (
         ("labels", {old: _text(new) for old, new in study.labels.items()}),
-        ("emg_muscles", {one: f"[{', '.join(map(_text, names))}]" for one, names in study.emg_muscles.items()}),
+        ("emg_muscles", {one: f"[{', '.join(map(_text, names))}]" for one, names in channels.items()}),
     ):
         if table:
             lines += ["", f"[subject.{title}]", *(f"{_text(key)} = {value}" for key, value in table.items())]

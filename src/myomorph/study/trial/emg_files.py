@@ -78,6 +78,8 @@ def open_emg(
             index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
     with about(path):
         told = muscles_of_channels(found.names, model, side) | dict(named)
+        # A channel with an empty list takes no part.
+        told = {channel: muscles for channel, muscles in told.items() if muscles}
         mended = (*_mended(found, path), *_left_out(path, found.names, told))
         if Path(path).suffix.lower() == ".c3d":
             if not told:

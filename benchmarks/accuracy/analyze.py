@@ -1,0 +1,258 @@
+"""`myomorph analyze` on recordings of many laboratories: what it took, and joint moments beside each set's own.
+
+Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic model (myo-sim's
+legs and trunk) is another one than those of the references, so the moments are those of other bodies with other axes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.cli import main
+from myomorph.io.formats import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.series import Series
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.study.trial.external_forces import read_loads
+from myomorph.study.trial.inputs import read_recording
+from myomorph.study.trial.load import TrialResult, load
+
+Row = dict[str, object]
+JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")
+NAMES = {"hip_flexion": "hip", "knee_angle": "knee", "ankle_angle": "ankle"}
+CUTOFF = 6.0
+"""Of references that are computed here from a set's own angles and model [Hz]."""
+STANCE = 0.05
+"""Share of body weight on a foot from which on its moments are compared."""
+Reference = Callable[[Path, float], Series]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording of the collection.
+
+    Attributes
+    ----------
+    files : as typed, below the collection
+    options : as typed besides `--mass`; a text that ends in .c3d, .trc or .osim is a file of the collection
+    trial : whose results are compared, as its folder is called
+    reference : the set's own moments, positive as those of OpenSim's Rajagopal model; None for none
+    source : of that reference, in words
+    restarts : whether the reference's times begin at 0 with the recording's first frame
+    """
+
+    name: str
+    files: tuple[str, ...]
+    mass: float
+    trial: str
+    options: tuple[str, ...] = ()
+    reference: Reference | None = None
+    source: str = "none"
+    restarts: bool = False
+
+
+def plug_in_gait(path: str) -> Reference:
+    """Moments that Plug-in Gait left in a C3D file [N mm/kg], as joint torques [N m]."""
+
+    def found(folder: Path, mass: float) -> Series:
+        trial = read_recording(folder / path)
+        points = trial.other_points
+        # Plug-in Gait: extension of hip and knee and plantar flexion are positive, as external moments' reactions.
+        signs = {
+            "hip_flexion": ("HipMoment", -1.0),
+            "knee_angle": ("KneeMoment", -1.0),
+            "ankle_angle": ("AnkleMoment", -1.0),
+        }
+        columns = {
+            f"{joint}_{side.lower()}": sign * 1e-3 * mass * points[f"{side}{name}"][:, 0]
+            for joint, (name, sign) in signs.items()
+            for side in "RL"
+        }
+        return Series(points.time, tuple(columns), np.column_stack(list(columns.values())))
+
+    return found
+
+
+def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[str, str] | None = None) -> Reference:
+    """Moments of a table that OpenSim or a program like it wrote."""
+
+    def found(folder: Path, mass: float) -> Series:
+        table = read_sto(folder / path)
+        columns = {}
+        for joint in JOINTS:
+            for side in "rl":
+                name = (names or {}).get(joint, joint)
+                title = f"{name}_{side}_moment"
+                if title in table.names:
+                    columns[f"{joint}_{side}"] = (signs or {}).get(joint, 1.0) * table[title]
+        return Series(table.time, tuple(columns), np.column_stack(list(columns.values())))
+
+    return found
+
+
+def own_dynamics(model: str, motion: str, loads: str) -> Reference:
+    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's."""
+
+    def found(folder: Path, mass: float) -> Series:
+        body = read_model(folder / model)
+        angles = differentiate(motion_from_table(read_sto(folder / motion), body), cutoff=CUTOFF)
+        forces = read_loads(folder / loads, body, angles)
+        torques = inverse_dynamics(body, angles, resample_wrenches(forces, angles.time, cutoff=CUTOFF))
+        names = tuple(f"{joint}_{side}" for joint in JOINTS for side in "rl")
+        return Series(torques.time, names, np.column_stack([torques[name] for name in names]))
+
+    return found
+
+
+GAIT, KNEE = "c3d-gait-plugingait", "knee-implant-walk"
+CASES = (
+    Case(
+        "Plug-in Gait, first person", (f"{GAIT}/HC030A/Straight/HC030A05.c3d",), 45.8, "HC030A05",
+        reference=plug_in_gait(f"{GAIT}/HC030A/Straight/HC030A05.c3d"), source="Plug-in Gait's, in the file",
+    ),
+    Case(
+        "Plug-in Gait, second person", (f"{GAIT}/HC002D/Straight/HC002D06.c3d",), 0.0, "HC002D06",
+        reference=plug_in_gait(f"{GAIT}/HC002D/Straight/HC002D06.c3d"), source="Plug-in Gait's, in the file",
+    ),
+    Case(
+        "Rajagopal walk", ("rajagopal-walk-emg/markers_walk.trc",), 85.27, "walk",
+        ("--static", "rajagopal-walk-emg/raw/static_walk_1.trc"),
+        opensim_table("rajagopal-walk-emg/id_walk.sto"), "OpenSim, Rajagopal's model",
+    ),
+    Case(
+        "gait2354 walk", ("opensim-gait-subject01/experiment/subject01_walk1.trc",), 72.6, "subject01_walk1", (),
+        opensim_table("opensim-gait-subject01/ref_id/std_subject01_InverseDynamics.sto", {"knee_angle": -1.0}),
+        "OpenSim, gait2354",
+    ),
+    Case(
+        "OpenCap laboratory: walk, sit to stand, drop jump", ("opencap-subject4-multitask",), 62.6, "walking1", (),
+        own_dynamics(
+            "opencap-subject4-multitask/models/manually_scaled.osim",
+            "opencap-subject4-multitask/ik_manual_scaling/walking1_ik.mot",
+            "opencap-subject4-multitask/grf/walking1_external_forces.xml",
+        ),
+        "an expert's model and angles",
+    ),
+    Case(
+        "Lenhart walk", ("lenhart-knee-contact-walk/motion/overground_17.trc",), 62.0, "overground_17", (),
+        opensim_table(
+            "lenhart-knee-contact-walk/reference_comak/walking_inverse_dynamics.sto", None,
+            {"hip_flexion": "hip_flex", "knee_angle": "knee_flex", "ankle_angle": "ankle_flex"},
+        ),
+        "COMAK, Lenhart's model (right leg)",
+    ),
+    Case(
+        "instrumented knee, C3D", (f"{KNEE}/walk1.c3d",), 75.0, "walk1", ("--emg-side", "left"),
+        own_dynamics(f"{KNEE}/scaled.osim", f"{KNEE}/walk1_ik.mot", f"{KNEE}/walk1_grf.xml"),
+        "published model and angles (left leg)", True,
+    ),
+    Case("Hamner run, 5 m/s", ("hamner-run-subject04/run500/markers.trc",), 82.0, "run500"),
+    Case("Hamner run, 2 m/s", ("hamner-run-subject04/run200/markers.trc",), 82.0, "run200"),
+    Case("OpenSim's C3D walk", ("c3d-opensim-walking/walking2.c3d",), 70.0, "walking2"),
+    Case(
+        "functional trial, knee", ("c3d-functional-joints/functional_trials/right_knee.c3d",), 70.0, "right_knee",
+        ("--static", "c3d-functional-joints/static_lower_body.c3d"),
+    ),
+    Case(
+        "box lift, no plate in the file", ("lifting-box-15kg/stoop1.c3d",), 81.68, "stoop1", ("--height", "1.73"),
+    ),
+)  # fmt: skip
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """A row a command: what was typed, what was found, moments beside the set's own."""
+    for case in CASES:
+        mass = case.mass or c3d_mass(folder / case.files[0])
+        typed = ["analyze", *case.files, "--mass", f"{mass:g}", *case.options]
+        with tempfile.TemporaryDirectory() as name:
+            out = Path(name) / "out"
+            started = time.monotonic()
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
+                status = main([*_paths(typed, folder), "--out", str(out), "--workers", "1"])
+            seconds = time.monotonic() - started
+            results = load(out) if status == 0 else {}
+            found = next((one for key, one in results.items() if Path(key).name == case.trial), None)
+            agreement = {} if found is None or case.reference is None else _agreement(found, case, folder, mass)
+            yield {
+                "recording": case.name,
+                "typed": " ".join(Path(one).name if "/" in one else one for one in typed),
+                "protocol": _protocol(said.getvalue()),
+                "trials": len(results),
+                "markers, RMS [mm]": float("nan")
+                if found is None or found.fit is None
+                else 1e3 * _rms(found.fit.errors),
+                **{f"{NAMES[joint]}, r": agreement.get(joint, (float("nan"),) * 2)[0] for joint in JOINTS},
+                **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, (float("nan"),) * 2)[1] for joint in JOINTS},
+                "reference": case.source,
+                "assumptions": said.getvalue().count("\n  "),
+                "time [s]": seconds,
+            }
+
+
+def c3d_mass(path: Path) -> float:
+    """The mass that Vicon's programs leave in a C3D file [kg]."""
+    # Only of this benchmark: the package's reader leaves such parameters alone.
+    import ezc3d
+
+    groups = ezc3d.c3d(str(path))["parameters"]
+    value = groups["PROCESSING"]["Bodymass"]["value"]
+    return float(np.ravel(value)[0])
+
+
+def _paths(typed: list[str], folder: Path) -> list[str]:
+    return [str(folder / one) if (folder / one).exists() and one != "analyze" else one for one in typed]
+
+
+def _protocol(text: str) -> str:
+    """The protocol that the command says it found."""
+    after = text.partition("marker protocol ")[2]
+    return after.partition(";")[0] if after else "common names"
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.nanmean(errors**2)))
+
+
+def _agreement(found: TrialResult, case: Case, folder: Path, mass: float) -> dict[str, tuple[float, float]]:
+    """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot is on a plate."""
+    assert case.reference is not None
+    torques, wrenches = found.torques, found.wrenches
+    if torques is None or wrenches is None:
+        return {}
+    reference = case.reference(folder, mass)
+    clock = reference.time + (torques.time[0] if case.restarts else 0.0)
+    pairs: dict[str, list[tuple[Array, Array]]] = {joint: [] for joint in JOINTS}
+    for side in "rl":
+        columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]
+        vertical = wrenches.forces[:, columns, 1].sum(axis=1) if columns else np.zeros(len(wrenches))
+        load_at = np.interp(clock, wrenches.time, vertical, left=0.0, right=0.0)
+        stance = load_at > STANCE * 9.81 * mass
+        for joint in JOINTS:
+            name = f"{joint}_{side}"
+            if name not in reference.names or name not in torques.names:
+                continue
+            ours = np.interp(clock, torques.time, torques[name], left=np.nan, right=np.nan)
+            theirs = reference[name]
+            used = stance & np.isfinite(ours) & np.isfinite(theirs)
+            if used.sum() > 10:
+                pairs[joint].append((ours[used], theirs[used]))
+    return {
+        joint: (
+            float(np.corrcoef(*(np.concatenate(part) for part in zip(*own, strict=True)))[0, 1]),
+            _rms(np.concatenate([one - other for one, other in own])) / mass,
+        )
+        for joint, own in pairs.items()
+        if own
+    }

@@ -1,0 +1,85 @@
+"""Whether plates carry a body all the time: feet that stand beside them have forces that nobody measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.force_columns import table_wrenches
+from myomorph.io.loads import read_load_entries
+from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.errors import MyomorphError
+from myomorph.study.analyze.recordings import FOREFOOT, Recording, mean_place
+
+STANDS, NEAR = 0.03, 0.35
+"""A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s]."""
+CARRIES = 0.5
+"""Feet that stand on plates carry together at least this share of the weight."""
+LASTS = 0.05
+"""Share of a recording in which feet stand without a force, from which on it counts."""
+
+
+def uncovered_share(one: Recording, weight: float) -> float:
+    """Share of a recording's frames in which a foot stands and the measured forces carry less than half the weight.
+
+    Parameters
+    ----------
+    weight : of the body [N]
+
+    Returns
+    -------
+    nan where there are no forces, or no marker of a foot
+    """
+    found = _vertical(one)
+    markers = one.trial.markers
+    if found is None or markers is None or len(markers) < 3:
+        return float("nan")
+    time, force = found
+    stands = np.zeros(len(markers), bool)
+    seen = False
+    for side in ("right", "left"):
+        for keys in (("foot.heel",), FOREFOOT):
+            place = mean_place(one, *keys, side=side)
+            if place is None:
+                continue
+            seen = True
+            stands |= _stands(place @ one.laboratory.rotation.T, markers.time)
+    if not seen:
+        return float("nan")
+    carried = np.interp(markers.time, time, np.nan_to_num(force), left=0.0, right=0.0)
+    return float(np.mean(stands & (carried < CARRIES * weight)))
+
+
+def _stands(place: Array, time: Array) -> np.ndarray:
+    height = place[:, 1]
+    if np.isfinite(height).sum() < 3:
+        return np.zeros(len(time), bool)
+    speed = np.linalg.norm(np.gradient(place, time, axis=0), axis=1)
+    with np.errstate(invalid="ignore"):
+        return (height < np.nanpercentile(height, 5.0) + STANDS) & (speed < NEAR)
+
+
+def _vertical(one: Recording) -> tuple[Array, Array] | None:
+    """Vertical force of all plates or of the table together, and its clock; None where there are none."""
+    up = one.laboratory.rotation[1]
+    if one.trial.plates:
+        total: Array = np.sum([plate.forces for plate in one.trial.plates], axis=0) @ up
+        return one.trial.plate_time, total
+    if one.loads is None:
+        return None
+    try:
+        tables = _tables(one.loads)
+        wrenches = [table_wrenches(read_sto(path)) for path in tables]
+    except (MyomorphError, OSError):
+        return None
+    if not wrenches:
+        return None
+    return wrenches[0].time, np.nan_to_num(wrenches[0].forces).sum(axis=1) @ up
+
+
+def _tables(loads: Path) -> list[Path]:
+    if loads.suffix.lower() != ".xml":
+        return [loads]
+    return list(dict.fromkeys(entry.data for entry in read_load_entries(loads)))

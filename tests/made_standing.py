@@ -1,0 +1,26 @@
+"""A made recording for tests: the generic model stands, with Plug-in Gait's markers on its bones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.series import Markers
+from myomorph.motion.measurements import default_markers
+from myomorph.motion.protocols import protocols
+from myomorph.study.analyze.generic_model import generic_model
+
+LABELS = (
+    "LASI", "RASI", "LPSI", "RPSI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "LTOE", "RTOE", "C7",
+    "LSHO", "RSHO",
+)  # fmt: skip
+
+
+def standing(shift: float = 0.0) -> Markers:
+    """Markers (20, 15, 3) of the model as it stands [m], y up and x forward; they go `shift` forward."""
+    pytest.importorskip("myo_sim")
+    sites = {label: protocols().protocols["plug_in_gait"].labels[label] for label in LABELS}
+    model, _ = generic_model(sites)
+    places = default_markers(model, LABELS)
+    way = np.linspace(0.0, shift, 20)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    return Markers(np.arange(20) / 100.0, LABELS, places + way)

@@ -1,0 +1,46 @@
+"""The generic model: markers by landmark, and muscle paths in OpenSim's form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.motion.protocols import protocols
+from myomorph.muscles.path import compile_paths
+from myomorph.study.analyze.generic_model import generic_model, legs_and_trunk, placed
+from myomorph.study.analyze.opensim_wraps import in_opensim_form
+
+pytest.importorskip("myo_sim")
+
+
+def test_left_markers_are_mirror_images_of_right_ones() -> None:
+    labels = protocols().protocols["plug_in_gait"].labels
+    markers = {one.name: one for one in placed(labels)[0]}
+    for name, one in markers.items():
+        if name.startswith("R") and f"L{name[1:]}" in markers:
+            other = markers[f"L{name[1:]}"]
+            np.testing.assert_allclose(other.location, one.location * (1.0, 1.0, -1.0))
+            assert other.body == one.body.replace("_r", "_l")
+
+
+@pytest.mark.parametrize("name", list(protocols().protocols))
+def test_every_protocol_shows_pelvis_and_legs(name: str) -> None:
+    model, without = generic_model(protocols().protocols[name].labels)
+    bodies = {one.body for one in model.markers}
+    assert {"pelvis", "femur_r", "tibia_r", "calcn_l"} <= bodies | {"talus_l", "femur_r"} | {"calcn_l"}
+    assert {protocols().protocols[name].labels[label].segment for label in without} <= {
+        "head", "upper_arm", "forearm", "hand",
+    }  # fmt: skip
+
+
+def test_paths_in_opensims_form_have_mujocos_lengths() -> None:
+    """Lengths within 0.3 mm over postures of walking, although surfaces choose their side otherwise."""
+    model = legs_and_trunk()
+    ours, theirs = compile_paths(in_opensim_form(model)), compile_paths(model)
+    random = np.random.default_rng(0)
+    values = np.tile(theirs.tree.defaults, (12, 1))
+    for side in "rl":
+        for joint, low, high in (("hip_flexion", -0.3, 0.8), ("hip_adduction", -0.2, 0.2), ("knee_angle", 0.05, 1.1),
+                                 ("ankle_angle", -0.3, 0.3)):  # fmt: skip
+            values[:, model.coordinate_names.index(f"{joint}_{side}")] = random.uniform(low, high, 12)
+    np.testing.assert_allclose(ours.evaluate(values)[0], theirs.evaluate(values)[0], atol=3e-4)

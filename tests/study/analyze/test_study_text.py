@@ -1,0 +1,47 @@
+"""The study file that analyze writes is one that `run` reads."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from made_standing import standing
+from myomorph.io.trc import write_trc
+from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.trial.laboratory import Laboratory
+
+
+def test_the_file_says_what_was_given(tmp_path: Path) -> None:
+    trial = TrialEntry("walk", tmp_path / 'a "b".trc', Laboratory("z", 90.0), assumed=("It is 90° off, \\ said.",))
+    study = StudyEntries("x", "myomorph analyze", tmp_path / "m.osim", 70.5, (trial,), labels={"S:LASI": "LASI"})
+    raw = tomllib.loads(study_text(study, tmp_path))
+    subject = raw["subject"][0]
+    assert raw["study"]["flat"]
+    assert (subject["mass"], subject["up"], subject["labels"]) == (70.5, "z", {"S:LASI": "LASI"})
+    assert subject["trials"][0]["markers"] == 'a "b".trc'
+    assert subject["trials"][0]["turn"] == 90.0
+    assert subject["trials"][0]["assumed"] == ["It is 90° off, \\ said."]
+
+
+def test_a_prepared_study_is_read_as_a_plan(tmp_path: Path) -> None:
+    for folder, shift in (("one", 0.3), ("two", 0.4)):
+        (tmp_path / folder).mkdir()
+        write_trc(standing(shift).rotated(Laboratory("z", 90.0).rotation.T), tmp_path / folder / "markers.trc")
+    write_trc(standing().rotated(Laboratory("z", 90.0).rotation.T), tmp_path / "static.trc")
+    files = (tmp_path / "one" / "markers.trc", tmp_path / "two" / "markers.trc", tmp_path / "static.trc")
+    prepared = prepare_study(AnalyzeRequest(files, 70.0, height=1.7), tmp_path / "out")
+    plan = read_plan(prepared.study)
+    assert [one.name for one in plan.trials] == ["one", "two"]
+    assert plan.subjects["subject"].static == tmp_path / "out" / ".." / "static.trc"
+    assert all(one.laboratory == Laboratory("z", 90.0) and one.contacts == "auto" for one in plan.trials)
+    assert plan.home(tmp_path / "out", "subject", "one") == tmp_path / "out" / "one"
+    assert any("static.trc is the static trial" in text for text in prepared.assumed)
+    assert any("No force was measured" in text for text in prepared.assumed)
+
+
+def test_a_wrong_height_is_said_first(tmp_path: Path) -> None:
+    write_trc(standing(0.3), tmp_path / "walk.trc")
+    prepared = prepare_study(AnalyzeRequest((tmp_path / "walk.trc",), 70.0, height=1.2), tmp_path / "out")
+    assert any("WARNING" in text and "--height" in text for text in prepared.assumed)
