@@ -132,8 +132,8 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
             rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
             advance(1)
     rows += [looked.joined(one.name, one.trials) for one in plan.together]
-    steps = {step for row in rows for step in row.computed}
-    compiles = looked.times.compiles(bool(steps & {"muscles", "tension"})) if steps else 0.0
+    computed = {step for row in rows for step in row.computed}
+    compiles = looked.times.compiles(bool(computed & {"muscles", "tension"})) if computed else 0.0
     return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(), compiles)
 
 

@@ -49,7 +49,7 @@ def put_fit_beside(writer: ResultWriter, motion: Path, model: Model, time: Array
     if len(frames) == 0 or frames[-1] >= len(fit.motion) or not np.allclose(fit.motion.time[frames], time, atol=1e-6):
         return False
     order = [fit.motion.names.index(name) for name in model.coordinate_names]
-    coordinates = Motion(time, model.coordinate_names, fit.motion.values[np.ix_(frames, order)])
+    coordinates = Motion(time, model.coordinate_names, fit.motion.values[frames][:, order])
     shown = replace(
         fit,
         motion=coordinates,
