@@ -171,6 +171,7 @@ def _tensions(folder: Path) -> Page:
         {
             "tension": lambda: tension.measure(folder),
             "elastic_forward": lambda: elastic.forward_rows(folder),
+            "elastic_fine": lambda: elastic.fine_rows(folder),
             "elastic_moco": lambda: elastic.moco_rows(folder),
             "loop_static": lambda: loop_forces.measure_static(folder),
             "reaction": lambda: reaction.measure_same(folder),
