@@ -27,6 +27,7 @@ from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.emg_files import channel_muscles
 from myomorph.study.trial.external_forces import bodies_of
+from myomorph.study.trial.fit_beside import put_fit_beside
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
@@ -158,6 +159,7 @@ def tension_command(
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+        put_fit_beside(writer, motion, trial.model, results[tension.Tensions].tension.time)
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")

@@ -75,6 +75,8 @@ class DryRun:
     ----------
     rows : in the order of the study file
     workers : jobs that run side by side
+    begins : what the run takes besides its steps [s]
+    compiles : what the first run on this machine takes longer [s]
     """
 
     plan: Plan
@@ -82,6 +84,8 @@ class DryRun:
     rows: tuple[Row, ...]
     excluded: tuple[Excluded, ...]
     workers: int = 1
+    begins: float = 0.0
+    compiles: float = 0.0
 
     @property
     def expected(self) -> Expected:
@@ -128,7 +132,9 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
             rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
             advance(1)
     rows += [looked.joined(one.name, one.trials) for one in plan.together]
-    return DryRun(plan, out, tuple(rows), plan.excluded, workers)
+    computed = {step for row in rows for step in row.computed}
+    compiles = looked.times.compiles(bool(computed & {"muscles", "tension"})) if computed else 0.0
+    return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(), compiles)
 
 
 def _makers(plan: Plan, subject: str) -> list[str]:
@@ -364,12 +370,15 @@ def _time(found: DryRun) -> Iterator[str]:
     seconds = expected.seconds or 0.0
     side = min(found.workers, sum(1 for row in found.rows if row.computed))
     longest = max((row.expected.seconds or 0.0) for row in found.rows)
-    lasts = in_words(max(seconds / side, longest))
-    yield f"expected: {lasts} with {_many(side, 'worker')}" + (f", {in_words(seconds)} of work" if side > 1 else "")
+    lasts = in_words(max(seconds / side, longest) + found.begins)
+    work = f"{in_words(seconds)} of work and {in_words(found.begins)} to begin and to write the study's page"
+    yield f"expected: {lasts} with {_many(side, 'worker')}, {work}"
+    if found.compiles:
+        yield f"  and {in_words(found.compiles)} more, once on this machine, to compile kernels"
     if expected.measured:
         yield "  by what steps took before, in timings.csv"
     else:
-        yield "  a guess, for steps that did not run here before by the times of another machine"
+        yield "  a guess: steps that did not run here before by the times of another machine and the speed of this one"
     if found.unknown:
         count = len(found.unknown)
         names = ", ".join(found.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")
