@@ -49,7 +49,7 @@ class Case:
     trial : whose results are compared, as its folder is called
     reference : the set's own moments, positive as those of OpenSim's Rajagopal model; None for none
     source : of that reference, in words
-    restarts : whether the reference's times begin at 0 with the recording's first frame
+    begins : frame of the recording at which the reference's times begin at 0; None where both have one clock
     """
 
     name: str
@@ -59,7 +59,7 @@ class Case:
     options: tuple[str, ...] = ()
     reference: Reference | None = None
     source: str = "none"
-    restarts: bool = False
+    begins: int | None = None
 
 
 def plug_in_gait(path: str) -> Reference:
@@ -238,7 +238,7 @@ def _agreement(found: TrialResult, case: Case, folder: Path, mass: float) -> dic
     if torques is None or wrenches is None:
         return {}
     reference = case.reference(folder, mass)
-    clock = reference.time + (torques.time[0] if case.restarts else 0.0)
+    clock = reference.time if case.begins is None else reference.time + torques.time[case.begins]
     pairs: dict[str, list[tuple[Array, Array]]] = {joint: [] for joint in JOINTS}
     for side in "rl":
         columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]
