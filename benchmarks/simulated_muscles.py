@@ -155,23 +155,32 @@ def as_degroote(model: Model) -> Model:
 
 
 def integrated_degroote(person: Model, lengths: Array, time: Array, activations: Array) -> Array:
-    """(frames, muscles) tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
+    """Tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
 
     The state is each muscle's normalized tendon force f; its rate follows from the path's speed less the fiber's.
 
     Parameters
     ----------
-    lengths : (frames, muscles) of the paths [m]
+    lengths : (frames, muscles) of the paths [m], or (frames, recordings * muscles) of several recordings side by side
+    activations : alike
+
+    Returns
+    -------
+    of the shape of lengths
     """
+    recordings = lengths.shape[1] // len(person.muscles)
     lo, ls, force, angle, most = (
-        np.array([getattr(one, name) for one in person.muscles])
+        np.tile([getattr(one, name) for one in person.muscles], recordings)
         for name in (
             "optimal_fiber_length", "tendon_slack_length", "max_isometric_force", "pennation_at_optimal",
             "max_contraction_velocity",
         )
     )  # fmt: skip
-    strain = np.array([one.parameters["passive_fiber_strain_at_one_norm_force"] for one in person.muscles])
-    height, k = lo * np.sin(angle), np.log(6.0) / 0.049
+    strain, stretch = (
+        np.tile([one.parameters[name] for one in person.muscles], recordings)
+        for name in ("passive_fiber_strain_at_one_norm_force", "tendon_strain_at_one_norm_force")
+    )
+    height, k = lo * np.sin(angle), np.log(6.0) / stretch
     path, a_of = CubicSpline(time, lengths), CubicSpline(time, activations)
     path_speed = path.derivative()
 
@@ -208,7 +217,7 @@ def integrated_degroote(person: Model, lengths: Array, time: Array, activations:
 
 def recorded(
     model: Model, person: Model, motion: Motion, activations: Array, errors: Errors, rng: np.random.Generator,
-    gains: Mapping[str, float], name: str,
+    gains: Mapping[str, float], name: str, forces: Array | None = None,
 ) -> PersonalTrial:  # fmt: skip
     """What is measured of a person: torques and EMG with errors.
 
@@ -216,12 +225,13 @@ def recorded(
     ----------
     model : the generic one, for joints' own torques
     gains : of the EMG of each muscle that has it
+    forces : (frames, muscles) of the person's tendons under these activations, None to integrate them [N]
     """
     told = tuple(gains)
     moved = muscle_kinematics(person, motion)
-    if KINDS[person.muscles[0].kind] == DEGROOTE:
+    if forces is None and KINDS[person.muscles[0].kind] == DEGROOTE:
         forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
-    else:
+    elif forces is None:
         forces = integrated_forces(person, motion, activations)
     torques = muscle_torques(model, moved.moment_arms, forces)
     tree = compile_tree(model)
@@ -233,6 +243,39 @@ def recorded(
     emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(gains.values())
     target = EmgTarget(told, emg) if told else None
     return PersonalTrial(name, motion, Series(motion.time, model.coordinate_names, torques), target)
+
+
+def all_recorded(
+    model: Model, person: Model, motions: Sequence[Motion], activations: Sequence[Array], errors: Errors,
+    rng: np.random.Generator, gains: Mapping[str, float],
+) -> list[PersonalTrial]:  # fmt: skip
+    """The same of several motions on one clock, of De Groote's class, integrated side by side."""
+    lengths = [muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths for one in motions]
+    together = integrated_degroote(person, np.hstack(lengths), np.array(motions[0].time), np.hstack(activations))
+    forces = np.split(together, len(motions), axis=1)
+    return [
+        recorded(model, person, motion, a, errors, rng, gains, f"recording {k}", forces[k])
+        for k, (motion, a) in enumerate(zip(motions, activations, strict=True))
+    ]
+
+
+def with_other_muscles(person: Model, rng: np.random.Generator) -> Model:
+    """The person with other tendons, pennation, velocity and passive curves, estimated only by groups or not at all."""
+    muscles = []
+    for one in person.muscles:
+        stretch, angle, most, strain = np.exp(rng.standard_normal(4) * [0.2, 0.15, 0.1, 0.1])
+        parameters = dict(one.parameters)
+        parameters["tendon_strain_at_one_norm_force"] *= float(stretch)
+        parameters["passive_fiber_strain_at_one_norm_force"] *= float(strain)
+        muscles.append(
+            replace(
+                one,
+                pennation_at_optimal=min(one.pennation_at_optimal * float(angle), 0.6),
+                max_contraction_velocity=one.max_contraction_velocity * float(most),
+                parameters=FrozenMap(parameters),
+            )
+        )
+    return replace(person, muscles=tuple(muscles))
 
 
 def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:

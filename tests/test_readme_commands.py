@@ -53,6 +53,7 @@ def test_there_are_commands():
         "muscles",
         "tension",
         "report",
+        "convert",
         "tension",
         "personalize",
         "tension",
@@ -71,5 +72,6 @@ def test_readme_commands_run(laboratory):
             print(run_command(line, "README.md"))
     for name in ("subject.osim", "walk1.mot", "walk1_torques.sto", "walk1_tension/report.html", "identified.osim"):
         assert (laboratory / name).is_file()
+    assert (laboratory / "walk1").is_dir()
     assert (laboratory / "walk1_contacts" / "contact_forces.xml").is_file()
     assert (laboratory / "walk1_loads" / "joint_contact_forces.sto").is_file()

@@ -324,39 +324,53 @@ FORCE_FAULTS = (
 
 
 def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
-    """Mended, found or missed; kinds that were found besides follow in brackets."""
+    """Whether a fault is mended, found or missed."""
     named = [one for one in findings if one.kind in fault.kinds]
-    besides = sorted({one.kind for one in findings if one.kind not in fault.kinds})
-    word = "missed" if not named else "mended" if all(one.mended for one in named) else "found"
-    return word + (f" ({', '.join(besides)})" if besides else "")
+    return "missed" if not named else "mended" if all(one.mended for one in named) else "found"
 
 
 def torque_error(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.ndarray) -> float:
-    """Largest difference of a joint torque from that of the clean forces [N m]."""
+    """Largest difference of a generalized force of a joint from that with the clean forces [N m or N]."""
     found = inverse_dynamics(clean.model, motion, resample_wrenches(wrenches, motion.time, 6.0)).values
     return float(np.nanmax(np.abs(found - torques)))
 
 
+def _error_of(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.ndarray) -> float | str:
+    """The error of faulty forces, where each acts on a body."""
+    return torque_error(clean, wrenches, motion, torques) if all(wrenches.bodies) else "refused before"
+
+
 def injected_force_faults(folder: Path) -> Iterator[Row]:
-    """Faults of forces put into clean recordings: what becomes of each."""
+    """Faults of forces put into clean recordings: how many were mended, found and missed."""
     for fault in FORCE_FAULTS:
-        row: Row = {"fault": fault.name}
+        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
         for walk in CLEAN:
             clean = of_its_mass(folder, walk)
             faulty = fault.change(clean)
-            if faulty is None:
-                row[walk.name] = "none"
-                continue
-            row[walk.name] = verdict(fault, on_feet(faulty.wrenches, faulty.model, faulty.motion).findings)
-        yield row
+            if faulty is not None:
+                findings = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
+                counts[verdict(fault, findings)].append(walk.name)
+        yield {
+            "fault": fault.name,
+            "recordings": sum(map(len, counts.values())),
+            **{word: len(names) for word, names in counts.items()},
+            "missed in": ", ".join(counts["missed"]) or "none",
+        }
 
 
 def clean_forces(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings as they are."""
+    """What is called on the same recordings as they are, and on their models as heavy as the plates say."""
     for walk in CLEAN:
-        clean = recorded(folder, walk)
-        found = on_feet(clean.wrenches, clean.model, clean.motion).findings
-        yield {"recording": walk.name, "findings": "; ".join(one.text for one in found) or "none"}
+        plain, heavy = recorded(folder, walk), of_its_mass(folder, walk)
+        found = on_feet(plain.wrenches, plain.model, plain.motion).findings
+        left = on_feet(heavy.wrenches, heavy.model, heavy.motion).findings
+        yield {
+            "recording": walk.name,
+            "model [kg]": plain.model.mass,
+            "frames": len(plain.motion),
+            "findings": "; ".join(one.text for one in found) or "none",
+            "with the mass of the plates": "; ".join(one.text for one in left) or "none",
+        }
 
 
 def mended_torques(folder: Path) -> Iterator[Row]:
@@ -370,9 +384,11 @@ def mended_torques(folder: Path) -> Iterator[Row]:
             if faulty is None:
                 continue
             found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
-            if any(one.mended for one in found.findings):
+            if verdict(fault, found.findings) == "mended":
+                faulty_error = _error_of(clean, faulty.wrenches, motion, torques)
                 yield {
                     "recording": walk.name,
                     "fault": fault.name,
-                    "largest error, mended [N m]": torque_error(clean, found, motion, torques),
+                    "error, faulty [N m]": faulty_error,
+                    "error, mended [N m]": torque_error(clean, found, motion, torques),
                 }

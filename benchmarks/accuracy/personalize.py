@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.io import loadmat
 
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.simulated_muscles import (
     Errors,
     Spread,
+    all_recorded,
     as_degroote,
     person,
-    recorded,
     resting_torques,
     smooth_activations,
     some_gains,
     swings,
+    with_other_muscles,
 )
 from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
@@ -36,47 +38,102 @@ ARM = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.2, 2.1)}
 """Within which no path of the model jumps."""
 CAREFUL = Errors(torque=0.02, emg=0.05, floor=0.01, gain=0.05)
 LENGTHS = ("optimal_fiber_length", "tendon_slack_length")
-PEOPLE = 16
+PEOPLE, FRESH = 20, 1000
+"""Simulated people of each case, and the first one's seed: constants were chosen on seeds below 100."""
+WALKER = "opensim-gait-subject01/ref_so_10dof18musc"
+PLANAR = {
+    f"{name}_{side}": ends
+    for side in "rl"
+    for name, ends in (("hip_flexion", (-0.35, 0.9)), ("knee_angle", (-1.2, -0.05)), ("ankle_angle", (-0.35, 0.3)))
+}
 
 
-def measure_truth(folder: Path, people: int = PEOPLE) -> Iterator[Row]:
-    """Errors and coverage over simulated people with six muscles of the arm, in two kinds of recordings."""
-    model = as_degroote(read_model(folder / "opensim-reference-small/arm26_bounds.osim"))
-    cases: Mapping[str, tuple[Errors, float, int, bool, float]] = {
-        "two of 5 s, gains unknown": (replace(Errors(), gain=0.3), 0.3, 2, False, 5.0),
-        "four of 8 s, gains known, passive torques": (CAREFUL, 0.05, 4, True, 8.0),
+@dataclass(frozen=True)
+class Case:
+    """People and what is recorded of them.
+
+    Attributes
+    ----------
+    model : file
+    ranges : of the swings, by coordinate
+    errors, gain_spread : of the recordings, and what `personalize` is told of gains
+    count, seconds : of the recordings
+    passive : whether passive torques are measured
+    most : of activations
+    measured : muscles with EMG, None for all
+    other_muscles : whether people differ in what is not estimated as well
+    """
+
+    model: str
+    ranges: Mapping[str, tuple[float, float]]
+    errors: Errors
+    gain_spread: float
+    count: int
+    seconds: float
+    passive: bool = False
+    most: float = 0.7
+    measured: tuple[str, ...] | None = None
+    other_muscles: bool = False
+
+
+def cases() -> dict[str, Case]:
+    """Of `measure_truth`."""
+    arm, walker = "opensim-reference-small/arm26_bounds.osim", f"{WALKER}/subject01_adjusted_spring.osim"
+    unknown = replace(Errors(), gain=0.3)
+    return {
+        "arm, two of 5 s, gains unknown": Case(arm, ARM, unknown, 0.3, 2, 5.0),
+        "arm, four of 8 s, gains known, passive torques": Case(arm, ARM, CAREFUL, 0.05, 4, 8.0, passive=True),
+        "legs, three of 4 s, gains unknown": Case(walker, PLANAR, unknown, 0.3, 3, 4.0, most=0.5),
+        "legs, other tendons and pennation too": Case(
+            walker, PLANAR, unknown, 0.3, 3, 4.0, most=0.5, other_muscles=True
+        ),
     }
-    for name, (errors, gain_spread, count, passive, seconds) in cases.items():
-        rows = [
-            one
-            for seed in range(people)
-            for one in _one_person(model, errors, gain_spread, count, passive, seconds, np.random.default_rng(seed))
-        ]
-        yield from _summary(name, rows)
 
 
-def _one_person(
-    model: Model, errors: Errors, gain_spread: float, count: int, passive: bool, seconds: float,
-    rng: np.random.Generator,
-) -> Iterator[tuple[str, str, float, bool]]:  # fmt: skip
-    """Parameter, whether identifiable, relative error, whether within its interval."""
-    time = np.arange(0.0, seconds, 0.01)
-    motions = [swings(model, ARM, time, rng) for _ in range(count)]
-    muscles = len(model.muscles)
-    groups = np.array([0, 0, 0, 1, 1, 1])[:muscles]
-    own = person(model, motions, Spread(), rng, groups)
-    gains = some_gains(model, errors, rng)
-    trials = [
-        recorded(model, own, motion, smooth_activations(time, muscles, rng), errors, rng, gains, f"trial {k}")
-        for k, motion in enumerate(motions)
-    ]
-    if passive:
-        trials.append(passive_trial(model, own, ARM, rng))
-    found = personalize(model, trials, PersonalizeOptions(gain_spread=gain_spread, hold_out=False))
+def measure_truth(folder: Path, people: int = PEOPLE, first: int = FRESH) -> Iterator[Row]:
+    """Errors and coverage over simulated people, whose seeds no constant was chosen on."""
+    for name, case in cases().items():
+        found = [one for seed in range(first, first + people) for one in simulated_person(folder, case, seed)[0]]
+        yield from _summary(name, found)
+
+
+Found = tuple[str, str, float, bool]
+
+
+def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], float]:
+    """Of each length: parameter, whether identifiable, relative error, whether within its interval; and seconds."""
+    rng = np.random.default_rng(seed)
+    model = as_degroote(read_model(folder / case.model))
+    own, trials = recorded_person(model, case, rng)
+    started = perf_counter()
+    found = personalize(model, trials, PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False))
+    seconds = perf_counter() - started
+    rows = []
     for one in found.estimates:
         if one.parameter in LENGTHS:
             true = getattr(own.muscles[model.muscle_names.index(one.of)], one.parameter)
-            yield one.parameter, one.identifiable, one.person / true - 1.0, one.low <= true <= one.high
+            within = bool(one.low <= true <= one.high)
+            rows.append((one.parameter, one.identifiable, float(one.person / true - 1.0), within))
+    return rows, seconds
+
+
+def recorded_person(model: Model, case: Case, rng: np.random.Generator) -> tuple[Model, list[PersonalTrial]]:
+    """A person and what is recorded."""
+    time, muscles = np.arange(0.0, case.seconds, 0.01), len(model.muscles)
+    motions = [swings(model, dict(case.ranges), time, rng) for _ in range(case.count)]
+    # The arm's flexors and extensors have strengths of their own.
+    groups = np.array([0, 0, 0, 1, 1, 1]) if muscles == 6 else np.zeros(muscles, np.int64)
+    own = person(model, motions, Spread(), rng, groups)
+    if case.other_muscles:
+        own = with_other_muscles(own, rng)
+    gains = some_gains(model, case.errors, rng)
+    if case.measured is not None:
+        gains = {name: gain for name, gain in gains.items() if name in case.measured}
+    activations = [smooth_activations(time, muscles, rng, case.most) for _ in motions]
+    trials = all_recorded(model, own, motions, activations, case.errors, rng, gains)
+    if case.passive:
+        trials.append(passive_trial(model, own, case.ranges, rng))
+    return own, trials
 
 
 def passive_trial(
@@ -93,7 +150,7 @@ def passive_trial(
     return PersonalTrial("passive", motion, Series(motion.time, model.coordinate_names, torques), passive=True)
 
 
-def _summary(case: str, rows: list[tuple[str, str, float, bool]]) -> Iterator[Row]:
+def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
     for parameter in LENGTHS:
         every = [row for row in rows if row[0] == parameter]
         for level in ("yes", "partly", "no", "all"):
@@ -102,12 +159,12 @@ def _summary(case: str, rows: list[tuple[str, str, float, bool]]) -> Iterator[Ro
                 errors = np.abs([row[2] for row in those])
                 yield {
                     "recordings": case,
-                    "parameter": parameter,
+                    "parameter": parameter.replace("_", " "),
                     "identifiable": level,
                     "count": len(those),
-                    "median_error_percent": 100.0 * float(np.median(errors)),
-                    "error_of_90_percent": 100.0 * float(np.quantile(errors, 0.9)),
-                    "within_interval_percent": 100.0 * float(np.mean([row[3] for row in those])),
+                    "median error [%]": 100.0 * float(np.median(errors)),
+                    "error, 90 % of them below [%]": 100.0 * float(np.quantile(errors, 0.9)),
+                    "within the 90 % interval [%]": 100.0 * float(np.mean([row[3] for row in those])),
                 }
 
 
@@ -140,14 +197,14 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
             yield {
                 "walk": walk.name,
                 "emg": "with" if with_emg else "without",
-                "score_generic": checked.score_generic,
+                "score, generic": checked.score_generic,
                 "score": checked.score,
-                "left_generic": _rms(checked.left_generic),
-                "left": _rms(checked.left),
-                "kept": ", ".join(checked.kept) or "none",
-                "lengths_identified": sum(one.identifiable == "yes" for one in lengths),
+                "left, generic [N m]": _rms(checked.left_generic),
+                "left [N m]": _rms(checked.left),
+                "groups kept": ", ".join(checked.kept) or "none",
+                "lengths identified": sum(one.identifiable == "yes" for one in lengths),
                 "partly": sum(one.identifiable == "partly" for one in lengths),
-                "of": len(lengths),
+                "of lengths": len(lengths),
                 "seconds": took,
             }
 
@@ -171,12 +228,45 @@ def measure_map(folder: Path) -> Iterator[Row]:
         yield {
             "models": name,
             "muscles": len(found.muscles),
-            "not_mapped": len(found.notes),
-            "median_before": float(np.median(found.before)),
-            "largest_before": float(np.max(found.before)),
-            "median_after": float(np.median(found.after)),
-            "largest_after": float(np.max(found.after)),
+            "not mapped": len(found.notes),
+            "median before": float(np.median(found.before)),
+            "largest before": float(np.max(found.before)),
+            "median after": float(np.median(found.after)),
+            "largest after": float(np.max(found.after)),
         }
+
+
+PUBLISHED = "muscle-parameter-map/manuscript_material"
+"""The models and results that Modenese et al. 2016 published, github.com/modenaxe/MuscleParamOptimizer (Apache-2.0)."""
+
+
+def measure_published(folder: Path) -> Iterator[Row]:
+    """Our map against the models that its source's authors published, of the same generic and scaled models."""
+    at = folder / PUBLISHED
+    if not at.is_dir():
+        return
+    examples = {
+        "running model, scaled": ("Example1", "Reference_Hamner_L", "Target_Hamner_scaled_L"),
+        "hip from images": ("Example2", "Reference_Arnold_R", "Target_LHDL_Schutte_R"),
+    }
+    for name, (example, generic, target) in examples.items():
+        models = [read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)]
+        theirs = read_model(at / example / "OptimModels" / f"{target}_opt_N10.osim")
+        results = loadmat(at / example / "Results/Results_MusMapMetrics_N10_NError10.mat", squeeze_me=True)
+        published = np.asarray(results["Results_MusMapMetrics"]["RMSE"].item(), dtype=np.float64)
+        found = map_generic(*models)
+        # A muscle that our map leaves alone cannot be compared.
+        mapped = [m for m in found.muscles if not any(f"'{m}'" in note for note in found.notes)]
+        ours = [found.model.muscles[found.model.muscle_names.index(m)] for m in mapped]
+        other = [theirs.muscles[theirs.muscle_names.index(m)] for m in mapped]
+        row: Row = {"models": name, "muscles": len(found.muscles), "mapped": len(mapped)}
+        for parameter in LENGTHS:
+            a, b = (np.array([getattr(one, parameter) for one in some]) for some in (ours, other))
+            apart, word = 1e3 * np.abs(a - b), parameter.replace("_", " ")
+            row |= {f"{word}: median [mm]": float(np.median(apart)), f"{word}: largest [mm]": float(apart.max())}
+        kept = [found.muscles.index(m) for m in mapped]
+        row |= {"largest RMS of fiber lengths": float(found.after[kept].max()), "published": float(published.max())}
+        yield row
 
 
 LEGS = {
@@ -189,31 +279,14 @@ LEGS = {
 MEASURED = ("soleus", "gasmed", "gaslat", "tibant", "vaslat", "vasmed", "recfem", "bflh", "semiten", "glmax1", "glmed1")
 
 
-def measure_many(folder: Path, people: int = 2) -> Iterator[Row]:
-    """The same with 80 muscles of both legs, EMG of 22 of them, three recordings of 2.4 s."""
-    model = as_degroote(read_model(folder / "rajagopal-walk-emg/subject_walk_scaled.osim"))
+def measure_many(folder: Path, people: int = 5, first: int = FRESH) -> Iterator[Row]:
+    """The same with 80 muscles of both legs, EMG of 22 of them."""
     ranges = {f"{name}_{side}": ends for name, ends in LEGS.items() for side in "rl"}
-    told = [f"{name}_{side}" for name in MEASURED for side in "rl"]
-    time = np.arange(0.0, 2.4, 0.01)
-    rows: list[tuple[str, str, float, bool]] = []
-    seconds = []
-    for seed in range(people):
-        rng = np.random.default_rng(100 + seed)
-        motions = [swings(model, ranges, time, rng) for _ in range(3)]
-        own = person(model, motions, Spread(), rng, np.zeros(len(model.muscles), np.int64))
-        gains = {name: gain for name, gain in some_gains(model, Errors(), rng).items() if name in told}
-        trials = [
-            recorded(
-                model, own, motion, smooth_activations(time, len(model.muscles), rng, 0.4), Errors(), rng, gains, f"{k}"
-            )
-            for k, motion in enumerate(motions)
-        ]
-        started = perf_counter()
-        found = personalize(model, trials)
-        seconds.append(perf_counter() - started)
-        for one in found.estimates:
-            if one.parameter in LENGTHS:
-                true = getattr(own.muscles[model.muscle_names.index(one.of)], one.parameter)
-                rows.append((one.parameter, one.identifiable, one.person / true - 1.0, one.low <= true <= one.high))
-    for row in _summary("80 muscles, EMG of 22, three of 2.4 s", rows):
-        yield row | {"seconds_median": float(np.median(seconds))}
+    measured = tuple(f"{name}_{side}" for name in MEASURED for side in "rl")
+    model = "rajagopal-walk-emg/subject_walk_scaled.osim"
+    for name, count, seconds in (("three of 2.4 s", 3, 2.4),):
+        case = Case(model, ranges, Errors(), 0.3, count, seconds, most=0.4, measured=measured)
+        made = [simulated_person(folder, case, seed) for seed in range(first, first + people)]
+        rows = [row for person_rows, _ in made for row in person_rows]
+        for row in _summary(f"80 muscles, EMG of 22, {name}", rows):
+            yield row | {"seconds, median": float(np.median([took for _, took in made]))}

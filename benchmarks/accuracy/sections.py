@@ -17,6 +17,7 @@ from benchmarks.accuracy import (
     cutoff,
     elastic,
     emg,
+    faults,
     groups,
     hands,
     hidden_plates,
@@ -35,6 +36,7 @@ from benchmarks.accuracy import (
     pair,
     passive,
     personalize,
+    personalize_passive,
     reaction,
     regressor,
     scale,
@@ -84,6 +86,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _joint_loads(folder),
         _emg_and_sound(folder),
         _hands(folder),
+        _faults(folder),
         _ground_forces(folder),
         _two_bodies(folder),
         _calibration(folder),
@@ -203,7 +206,9 @@ def _personal(folder: Path) -> Page:
             "personal_truth": lambda: personalize.measure_truth(folder),
             "personal_many": lambda: personalize.measure_many(folder),
             "personal_walks": lambda: personalize.measure_walks(folder),
+            "personal_passive": lambda: personalize_passive.measure(folder),
             "personal_map": lambda: personalize.measure_map(folder),
+            "personal_published": lambda: personalize.measure_published(folder),
         },
     )
 
@@ -257,6 +262,19 @@ def _ground_forces(folder: Path) -> Page:
             "certificates": lambda: certificates.measure(folder),
             "certificates_programs": lambda: certificates.measure_programs(folder),
             "certificates_faults": lambda: certificates.measure_faults(folder),
+        },
+    )
+
+
+def _faults(folder: Path) -> Page:
+    return Page(
+        "faults",
+        "Faults of recordings",
+        "Faults that were put into clean recordings: found, mended or missed, and what is called on clean ones.",
+        {
+            "force_faults": lambda: faults.injected_force_faults(folder),
+            "force_faults_clean": lambda: faults.clean_forces(folder),
+            "force_faults_mended": lambda: faults.mended_torques(folder),
         },
     )
 

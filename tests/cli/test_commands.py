@@ -35,7 +35,7 @@ def test_ik_finds_the_motion_again(arm, command):
     for name in known.names:
         # Markers are written with six decimals of a millimetre.
         np.testing.assert_allclose(np.deg2rad(found[name]), known[name], atol=1e-5)
-    assert "61 frames, 4 markers" in told.out
+    assert "61 frames, all 4 markers of the model" in told.out
     assert (arm.folder / "found_ik.nc").is_file()
 
 

@@ -31,7 +31,7 @@ def test_a_recording_is_followed_and_its_delays_told(
         (["--lsl-markers", "Cameras", "--loads", "grf.xml"], "give --lsl-forces NAME"),
         (["--markers", "walk.trc", "--lsl-forces", "Plates"], "give --loads FILE"),
         (["--markers", "nowhere.trc"], "nowhere.trc"),
-        (["--markers", "MARKERS", "--loads", "TABLE"], "holds no plate"),
+        (["--markers", "MARKERS", "--loads", "TABLE"], "no columns of a force"),
         (["--markers", "MARKERS", "--cutoff", "-1"], "cutoff -1"),
         (["--markers", "MARKERS", "--speed", "-1"], "speed -1"),
         (["--markers", "MARKERS", "--speed", "0", "--web", "0"], "port 0"),

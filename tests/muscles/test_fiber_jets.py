@@ -9,7 +9,7 @@ from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
 from myomorph.muscles.elastic_arrays import compile_elastic, has_elastic_tendon
 from myomorph.muscles.fiber_equations import degroote_stretch, tendon_factor
-from myomorph.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
+from myomorph.muscles.fiber_jets import FLOOR, TAKEN_UP, TONE, fiber_jet, tendon_jet
 from myomorph.muscles.hill import active_length_factor, passive_length_factor, velocity_factor
 from myomorph.rigid.kernels import kernel
 from myomorph.tension.elastic.elements import elements, integrate
@@ -89,7 +89,9 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     x, v, a = rng.uniform(0.6, 1.5, 200), rng.uniform(-0.6, 0.6, 200), rng.uniform(0.3, 1.0, 200)
     kappa = 1.0 - E.slowed[0] * (1.0 - a)
     v *= kappa
+    # Outside of where corners of Thelen's curves are rounded; how much that changes is a test of its own.
     v = np.where(np.abs(v / kappa) < 0.02, 0.02 * kappa, v)
+    x = np.where(np.abs(x - 1.0) < TAKEN_UP, 1.0 + TAKEN_UP, x)
     factors, out = np.empty((200, 3)), np.empty((200, 10))
     _curves(E, x, v / kappa, factors)
     _pulls(E, x * E.hill.fiber[0], v * E.hill.speed[0], a, out)
@@ -97,6 +99,18 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     pulling = expected > 0.05
     assert pulling.sum() > 100
     assert np.abs(out[:, 0] - expected - TONE - FLOOR * a)[pulling].max() < 1e-4
+
+
+def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
+    E, x = arrays("Thelen2003Muscle"), np.linspace(1.0 - 1.5 * TAKEN_UP, 1.0 + 1.5 * TAKEN_UP, 300)
+    factors, out = np.empty((300, 3)), np.empty((300, 10))
+    _pulls(E, x * E.hill.fiber[0], np.full(300, 0.1 * E.hill.speed[0]), np.ones(300), out)
+    _curves(E, x, np.full(300, 0.1), factors)
+    left = out[:, 0] - factors[:, 0] * factors[:, 2] - factors[:, 1] - TONE - FLOOR
+    assert 1e-4 < np.abs(left).max() < 1e-3
+    # No step in the slope any more: neighbors differ by a small part of the slope with which the curve begins.
+    steps, begins = np.abs(np.diff(out[:, 1])), (factors[-1, 1] - factors[-2, 1]) / (x[-1] - x[-2]) / E.hill.fiber[0]
+    assert steps.max() < 0.1 * begins
 
 
 @pytest.mark.parametrize("kind", CLASSES)

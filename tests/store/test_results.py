@@ -218,3 +218,24 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
         write()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_mass_is_a_number_with_a_unit_and_survives_a_copy(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    with new_result(tmp_path / "x.nc", "ik") as writer:
+        writer.time(TIME)
+        writer.fact("mass", repr(72.6))
+    with new_result(tmp_path / "y.nc") as writer:
+        writer.copy(tmp_path / "x.nc", ("ik",))
+    for name in ("x.nc", "y.nc"):
+        with xarray.open_dataset(tmp_path / name) as found:
+            assert found.attrs["mass"] == 72.6
+            assert found.attrs["mass_unit"] == "kg"
+        assert read_result(tmp_path / name).facts["mass"] == "72.6"
+
+
+def test_a_mass_that_is_not_known_is_left_out(tmp_path):
+    with new_result(tmp_path / "x.nc") as writer:
+        writer.time(TIME)
+        writer.fact("mass", "")
+    assert "mass" not in read_result(tmp_path / "x.nc").facts

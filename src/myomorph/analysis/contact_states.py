@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.analysis.phases import PhaseOptions, contacts
 from myomorph.analysis.selection import Subject, printed
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.model import GROUND
 from myomorph.model.series import Wrenches
@@ -95,8 +95,7 @@ def solved_contacts(forces: ContactForces) -> Contacts:
     """Contacts that estimated forces were allowed at: runs of a strength above 0."""
     touches = []
     for k, site in enumerate(forces.sites):
-        on = np.concatenate([[False], forces.strengths[:, k] > 0.0, [False]])
-        for start, stop in np.flatnonzero(np.diff(on.astype(np.int8))).reshape(-1, 2):
+        for start, stop in runs(forces.strengths[:, k] > 0.0):
             sure = float(forces.strengths[start:stop, k].max())
             touches.append(
                 Touch(site.name, float(forces.time[start]), float(forces.time[stop - 1]), site.against, min(sure, 1.0))

@@ -23,7 +23,7 @@ from myomorph.analysis.permutations import (
     p_floor,
     permutation_test,
 )
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 
@@ -353,6 +353,5 @@ def _curves(
 
 def regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:
     """Start and stop [%] of every run of samples that differ."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], differs, [False]]).astype(np.int8)))
     step = 100.0 / max(len(differs) - 1, 1)
-    return tuple((float(a * step), float((b - 1) * step)) for a, b in edges.reshape(-1, 2))
+    return tuple((float(a * step), float((b - 1) * step)) for a, b in runs(differs))

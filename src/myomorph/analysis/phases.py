@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
@@ -133,15 +133,15 @@ def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tu
     """
     width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
     smooth = np.convolve(np.pad(force, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
-    steps = np.flatnonzero(np.diff(np.concatenate([[False], smooth > threshold, [False]]).astype(np.int8)))
     joined: list[tuple[int, int]] = []
-    for start, stop in zip(steps[::2], steps[1::2] - 1, strict=True):
+    for start, end in runs(smooth > threshold):
+        stop = end - 1
         if np.max(smooth[start : stop + 1]) < 3.0 * threshold:
             continue
         if joined and time[start] - time[joined[-1][1]] < shortest:
-            joined[-1] = (joined[-1][0], int(stop))
+            joined[-1] = (joined[-1][0], stop)
         else:
-            joined.append((int(start), int(stop)))
+            joined.append((start, stop))
     return tuple((start, stop) for start, stop in joined if time[stop] - time[start] >= shortest)
 
 

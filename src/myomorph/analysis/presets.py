@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from myomorph.analysis.selection import MAJOR_MUSCLES, SIDES, Pair, spelled, with_right
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
 from myomorph.model.sides import split_side
@@ -102,8 +102,7 @@ class Preset:
             ("cut", self.cuts, CUTS),
         ):
             for one in names:
-                if one not in known:
-                    raise UnknownName(kind, one, known, f"the preset '{self.name}': the report")
+                check_name(kind, one, known, f"the preset '{self.name}': the report")
 
 
 _ARM = ("Deltoid, anterior", "Deltoid, posterior", "Biceps brachii, long head", "Triceps brachii, lateral head")
@@ -142,8 +141,7 @@ PRESETS: Mapping[str, Preset] = FrozenMap(
 
 def preset_of(name: str) -> Preset:
     """The preset of that name; raises `UnknownName`."""
-    if name not in PRESETS:
-        raise UnknownName("preset", name, tuple(PRESETS), "the report")
+    check_name("preset", name, PRESETS, "the report")
     return PRESETS[name]
 
 

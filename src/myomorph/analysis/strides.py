@@ -164,15 +164,9 @@ def find_strides(
     [1.0, 1.0, 1.0, 1.0, 1.0]
     """
     options = options or StrideOptions()
-    if not limbs:
-        raise BadData("no limb is named: strides need at least one")
-    if points.values.ndim != 3:
-        raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
     if wrenches is not None and not (weight is not None and weight > 0.0):
         raise BadData("plates tell contact by the share of body weight on them: the weight is missing")
-    trunk = _mean(points, body)
-    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
-        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    trunk = _trunk(points, limbs, body)
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     notes: list[str] = []
     up = np.asarray(up, dtype=np.float64)
@@ -215,6 +209,18 @@ def find_strides(
         ground,
         tuple(notes),
     )
+
+
+def _trunk(points: Series, limbs: Sequence[Limb], body: Sequence[str]) -> Array:
+    """(frames, 3) of the trunk; raises `BadData` where strides cannot be found from the points."""
+    if not limbs:
+        raise BadData("no limb is named: strides need at least one")
+    if points.values.ndim != 3:
+        raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
+    trunk = _mean(points, body)
+    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
+        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    return trunk
 
 
 def _mean(points: Series, names: Sequence[str]) -> Array:

@@ -7,7 +7,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import (
+    LabelsFile,
+    ModelFile,
+    Threads,
+    Time,
+    labels_of,
+    options_class,
+    settings_dict,
+    use_threads,
+)
 from myomorph.cli.output import said, warn
 from myomorph.motion.calibration import CalibrationOptions
 
@@ -26,6 +35,7 @@ def calibrate_command(
         Path | None, Parameter(help="OpenSim marker set (.xml) that comes before the model's markers.")
     ] = None,
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
+    labels: LabelsFile = None,
     time: Time = None,
     options: CalibrateSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
@@ -38,7 +48,7 @@ def calibrate_command(
     from myomorph.study.subject.subjects import check_out_model
 
     use_threads(threads)
-    files = CalibrationFiles(model, markers, static, marker_set, tasks, time)
+    files = CalibrationFiles(model, markers, static, marker_set, tasks, time, labels_of(labels))
     check_out_model(out, read=(model,))
     calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), settings_dict(options)))
     lost = calibrating.write_calibrated(calibrated, out)

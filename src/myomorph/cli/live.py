@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import ModelFile, options_class, settings_dict
+from myomorph.cli.options import LabelsFile, ModelFile, labels_of, options_class, settings_dict
 from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
 from myomorph.model.errors import BadData
@@ -30,6 +30,7 @@ def live_command(
             "to the foot that is nearest. A C3D file's own plates by default."
         ),
     ] = None,
+    labels: LabelsFile = None,
     speed: Annotated[float, Parameter(help="Of the recording, times real time; 0 as fast as it goes.")] = 1.0,
     lsl_markers: Annotated[str, Parameter(help="Stream of markers of the Lab Streaming Layer.")] = "",
     lsl_forces: Annotated[str, Parameter(help="Stream of forces of the Lab Streaming Layer.")] = "",
@@ -54,7 +55,13 @@ def live_command(
         raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
     if markers is not None and lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
-    frames = LiveStreams(lsl_markers, lsl_forces, up) if markers is None else LiveFiles(markers, loads, speed)
+    if lsl_markers and labels is not None:
+        raise BadData("--labels belongs to a recording (--markers): a stream names its channels itself")
+    frames = (
+        LiveStreams(lsl_markers, lsl_forces, up)
+        if markers is None
+        else LiveFiles(markers, loads, speed, labels_of(labels))
+    )
     settings = settings_dict(options)
     session = run_live_chain(
         model,

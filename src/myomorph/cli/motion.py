@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     ForceBodies,
+    LabelsFile,
     LoadsFile,
     ModelFile,
     MotionFile,
@@ -16,11 +17,13 @@ from myomorph.cli.options import (
     PlateBodies,
     Threads,
     Time,
+    labels_of,
     options_class,
     settings_dict,
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
+from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
 from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import id as dynamics
@@ -37,19 +40,20 @@ def ik_command(
     markers: Annotated[Path, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")],
     out: OutFile,
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
+    labels: LabelsFile = None,
     time: Time = None,
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
-    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time)
+    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
     trial = open_trial(files, {"ik": settings_dict(options)})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
     warn((*poses.notes, *trial.warnings))
     assert poses.fit is not None
-    said(f"{poses.fit.summary}; wrote {out}")
+    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}; wrote {out}")
     return 0
 
 
@@ -76,5 +80,7 @@ def id_command(
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
-    said(f"{counts}{dynamics.filter_summary(trial, poses.recorded)}; wrote {out}")
+    residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
+    filtered = dynamics.filter_summary(trial, poses.recorded)
+    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}; wrote {out}")
     return 0

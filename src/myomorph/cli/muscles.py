@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
@@ -24,6 +23,7 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
+from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.emg_files import channel_muscles
 from myomorph.study.trial.external_forces import bodies_of
@@ -31,10 +31,25 @@ from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
-from myomorph.tension.solve import Tension
 
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
+
+TorquesFile = Annotated[
+    Path | None,
+    Parameter(
+        help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
+        "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
+    ),
+]
+ContactPoints = Annotated[
+    str,
+    Parameter(
+        help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
+        "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
+        "of points (.toml)."
+    ),
+]
 
 
 def muscles_command(
@@ -66,13 +81,7 @@ def tension_command(
     loads: LoadsFile = None,
     bodies: ForceBodies = (),
     plates: PlateBodies = "",
-    torques: Annotated[
-        Path | None,
-        Parameter(
-            help="Joint torques from elsewhere (.sto, .mot), in the place of --loads and inverse dynamics: columns "
-            "named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N]."
-        ),
-    ] = None,
+    torques: TorquesFile = None,
     emg: Annotated[
         Path | None,
         Parameter(help="EMG (.sto, .mot, .csv, .c3d), raw or envelopes. A channel named as a muscle is its target."),
@@ -100,14 +109,7 @@ def tension_command(
             "where nothing was measured), shared (each is known for all sites on it together) or hidden."
         ),
     ] = None,
-    contact_points: Annotated[
-        str,
-        Parameter(
-            help="Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral "
-            "point of every knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file "
-            "of points (.toml)."
-        ),
-    ] = "",
+    contact_points: ContactPoints = "",
     actuators: Annotated[
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
@@ -147,22 +149,6 @@ def tension_command(
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
-    summary = tension_summary(results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
+    summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")
     return 0
-
-
-def tension_summary(tension: Tension) -> str:
-    """What was found, in a line."""
-    text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {int(tension.optimal.sum())} frames optimal"
-    if tension.reserves.size:
-        worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
-        text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
-    if tension.contacts is not None:
-        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
-        groups = len({one.group for one in tension.contacts.sites})
-        text += f"; {groups} contacts carry up to {peak:.4g} N together"
-    if tension.pushing:
-        some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
-        text += f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity ({some})"
-    return text

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.settings import settings_of
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
@@ -40,6 +42,13 @@ Time = Annotated[
     tuple[float, float] | None,
     Parameter(name="--time", help="START END: use only this part of the recording [s].", consume_multiple=True),
 ]
+LabelsFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--labels",
+        help='Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker.',
+    ),
+]
 EmgMuscles = Annotated[
     tuple[str, ...],
     Parameter(
@@ -69,6 +78,14 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
             fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
     made = dataclasses.make_dataclass("Options", fields, frozen=True, namespace={"__module__": __name__})
     return Annotated[made, Parameter(name="*")]
+
+
+def labels_of(path: Path | None) -> Mapping[str, str]:
+    """What `LabelsFile` says."""
+    # Most commands run without: loaded where labels are given.
+    from myomorph.io.labels import read_labels
+
+    return FrozenMap({} if path is None else read_labels(path))
 
 
 def settings_dict(options: Any) -> dict[str, Any]:

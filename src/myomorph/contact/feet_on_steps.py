@@ -344,9 +344,8 @@ def stairs_contacts(paws: FeetOnSteps) -> Contacts:
     for i, site in enumerate(paws.sites):
         on = paws.standing[:, :, i]
         for k, step in enumerate(paws.steps):
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], on[:, k], [False]]).astype(np.int8))).reshape(-1, 2)
             touches += [
                 Touch(site.name, float(paws.time[a]), float(paws.time[b - 1]), source=f"step {step.name}")
-                for a, b in edges
+                for a, b in runs(on[:, k])
             ]
     return Contacts(tuple(site.name for site in paws.sites), tuple(touches))

@@ -5,19 +5,23 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import FootPoses
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.contact.force_samples import Change, ForceSamples
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0
 """Low-pass filter of the compared forces, of a human body [Hz]."""
 
-MASS = 0.07
+MASS = 0.09
 """Part by which plates and model may differ in weight."""
+
+CARRIED = 0.55
+"""Share of the weight that walkers put on plates whenever all standing feet are on them."""
 
 SHARP_MASS, SHARP_FEET = 0.7, 0.4
 """Part of the disagreement at no lag that may be left at the lag found: of the center of mass, and of standing feet."""
@@ -55,7 +59,7 @@ def balance(inspection: Inspection) -> tuple[Array, Array] | None:
     return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(lowpass(feet.needed, rate, cutoff))
 
 
-def covered(inspection: Inspection, measured: Array, needed: Array) -> Array:
+def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
     """Frames (frames,) in which the plates carry about what the center of mass needs."""
     up, weight = inspection.feet.up, inspection.feet.model.weight
     carried, wanted = measured @ up, needed @ up
@@ -90,8 +94,12 @@ def turns(up: Array) -> list[Turn]:
 def check_directions(inspection: Inspection) -> None:
     """Horizontal axes of forces and points that are turned or mirrored against those of the motion."""
     choices = turns(inspection.feet.up)
-    forces = _turn_of_forces(inspection, choices)
+    errors = _turn_errors(inspection, choices)
+    forces = _turn_of_forces(inspection, choices, errors)
     points = _turn_of_points(inspection, choices, forces)
+    # Points that are turned come with forces that are, unless the center of mass shows that these are right.
+    if points and not forces and (errors is None or errors[points] < 1.3 * errors[0]):
+        forces = points
     if forces == points == 0:
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
@@ -113,30 +121,38 @@ def _changed(forces: Array, points: Array) -> Change:
     return lambda f, p, t: (f @ forces.T, p @ points.T, sign * t @ forces.T)
 
 
-def _turn_of_forces(inspection: Inspection, choices: list[Turn]) -> int:
-    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
+    """What horizontal forces leave of what the center of mass needs, turned each way [N^2]; None where too little acts.
+
+    The last entry is that of no force at all.
+    """
     found = balance(inspection)
     if found is None:
-        return 0
+        return None
     measured, needed = found
     here = covered(inspection, measured, needed)
     time = inspection.feet.time
     if here.sum() < 15 or here.sum() * np.median(np.diff(time)) < 0.25:
-        return 0
+        return None
     level = np.eye(3) - np.outer(inspection.feet.up, inspection.feet.up)
     measured, needed = measured[here] @ level, needed[here] @ level
     if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
+        return None
+    turned = [measured @ one.matrix.T for one in choices]
+    return np.array([float(np.mean(np.sum((one - needed) ** 2, axis=1))) for one in (*turned, 0.0 * needed)])
+
+
+def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array | None) -> int:
+    """Which turn makes the horizontal forces accelerate the center of mass as it moves; 0 for none."""
+    if errors is None:
         return 0
-    errors = [float(np.mean(np.sum((measured @ one.matrix.T - needed) ** 2, axis=1))) for one in choices]
-    best = int(np.argmin(errors))
+    best = int(np.argmin(errors[:-1]))
     if best:
         # Forces to one side only may not tell a turn from a reflection: the points do.
         alike = [k for k in range(1, len(choices)) if errors[k] < 1.5 * errors[best]]
         best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
-    # As much as nothing explains: no turn makes sense of forces that the center of mass does not feel.
-    if best and errors[best] < 0.35 * errors[0] and errors[best] < 0.5 * float(np.mean(np.sum(needed**2, axis=1))):
-        return best
-    return 0
+    # No turn makes sense of forces that the center of mass does not feel.
+    return best if best and errors[best] < min(0.35 * errors[0], 0.5 * errors[-1]) else 0
 
 
 def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
@@ -206,7 +222,7 @@ def check_mass(inspection: Inspection) -> None:
     )
 
 
-def _supported(inspection: Inspection) -> Array:
+def _supported(inspection: Inspection) -> NDArray[np.bool_]:
     """Frames (frames,) in which every foot either carries a measured force or moves as one that does not stand."""
     feet = inspection.feet
     heels, tips = feet.soles
@@ -238,9 +254,10 @@ def check_clock(inspection: Inspection) -> None:
     lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
     found, lag, how = balance(inspection), 0.0, ""
     if found is not None:
-        by_mass, left = _least(lags, _unbalanced(inspection, *found, lags))
-        if left < SHARP_MASS and abs(by_mass) > CLOCK:
-            lag, how = by_mass, "by the acceleration of the center of mass"
+        for frames in (_core(inspection), _between_steps(inspection, found[0])):
+            by_mass, left = _least(lags, _unbalanced(inspection, *found, lags, frames))
+            if left < SHARP_MASS and abs(by_mass) > CLOCK and not how:
+                lag, how = by_mass, "by the acceleration of the center of mass"
     if not how:
         gliding = _gliding(inspection, lags)
         if gliding is None:
@@ -269,16 +286,33 @@ def _least(lags: Array, values: Array) -> tuple[float, float]:
     return lag, float(values[k] / max(values[len(lags) // 2], 1e-300))
 
 
-def _unbalanced(inspection: Inspection, measured: Array, needed: Array, lags: Array) -> Array:
-    """What the center of mass lacks at each lag (lags,), offsets taken off [N]."""
+def _core(inspection: Inspection) -> NDArray[np.bool_]:
+    """Frames (frames,) that no lag moves out of the recording."""
     time = inspection.feet.time
-    core = (time > time[0] + SLACK) & (time < time[-1] - SLACK)
-    if core.sum() < 10:
+    return np.asarray((time > time[0] + SLACK) & (time < time[-1] - SLACK))
+
+
+def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
+    """Those among them (frames,) in which the plates carry most of the weight at every lag: from step to step."""
+    time, weight = inspection.feet.time, inspection.feet.model.weight
+    carries = measured @ inspection.feet.up > CARRIED * weight
+    found = np.zeros(len(time), bool)
+    for start, stop in runs(carries):
+        found[start:stop] = (time[start:stop] > time[start] + SLACK) & (time[start:stop] < time[stop - 1] - SLACK)
+    return found & _core(inspection)
+
+
+def _unbalanced(
+    inspection: Inspection, measured: Array, needed: Array, lags: Array, frames: NDArray[np.bool_]
+) -> Array:
+    """What the center of mass lacks in some frames at each lag (lags,), offsets taken off [N]."""
+    time = inspection.feet.time
+    if frames.sum() < 10 or frames.sum() * np.median(np.diff(time)) < 2.0 * SLACK:
         return np.ones(len(lags))
     found = []
     for lag in lags:
         late = np.column_stack([np.interp(time + lag, time, column) for column in measured.T])
-        apart = (late - needed)[core]
+        apart = (late - needed)[frames]
         found.append(float(np.sqrt(np.mean((apart - apart.mean(axis=0)) ** 2))))
     return np.array(found)
 

@@ -41,8 +41,8 @@ class Inspection:
             [k for k, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners], np.int64
         )
         samples = sampled(self.wrenches, self.feet.time, LOADED * self.feet.model.weight)
-        known = np.isfinite(self.feet.center).all(axis=1)[:, None]
-        self.samples = replace(samples, loaded=samples.loaded & known)
+        known = np.asarray(np.isfinite(self.feet.center).all(axis=1))
+        self.samples = replace(samples, loaded=samples.loaded & known[:, None])
 
     def weights(self, number: int) -> Array:
         """Size of a force where it is loaded, else 0 (frames,) [N]."""

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_samples import Change
@@ -31,6 +32,9 @@ BETWEEN = 0.06
 
 MILLI = 2.0
 """Moment over force of a human foot beyond which the moment may be in N mm [m]."""
+
+LARGE = 0.5
+"""The same, for moments of a force whose points are in mm [m]."""
 
 FIRM = 0.4
 """Share of the weight that two feet on one plate carry at least."""
@@ -73,21 +77,23 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     force, point, torque = (getattr(samples, part)[loaded, number] for part in ("forces", "points", "torques"))
     away = float(np.median(np.linalg.norm(point, axis=1)))
     arm = float(np.median(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)))
+    large = float(np.percentile(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1), 90))
     worst = float(np.linalg.norm(torque, axis=1).max())
     found = []
     if away > 5.0:
         for factor, word in ((1e-3, "mm"), (1e-2, "cm")):
             text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
-            for also, scaled in (("", 1.0), (" and moments", factor)):
-                found.append(
-                    Remedy(
-                        f"{word} for m",
-                        text,
-                        f"its points{also} were taken as {word}",
-                        f"are its points in {word}?",
-                        lambda f, p, t, factor=factor, scaled=scaled: (f, factor * p, scaled * t),
-                    )
+            # A free moment is at most a few centimetres of a foot's force; one of metres is in the same unit.
+            scaled, also = (factor, " and moments") if large > LARGE * inspection.feet.unit else (1.0, "")
+            found.append(
+                Remedy(
+                    f"{word} for m",
+                    text,
+                    f"its points{also} were taken as {word}",
+                    f"are its points{also} in {word}?",
+                    _scaled(factor, scaled),
                 )
+            )
     if arm < 0.05 * inspection.feet.unit:
         return found
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
@@ -122,6 +128,11 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
             )
         )
     return found
+
+
+def _scaled(points: float, moments: float) -> Change:
+    """The change that multiplies points and moments."""
+    return lambda force, point, torque: (force, points * point, moments * torque)
 
 
 def _origin(force: Array, point: Array, torque: Array) -> Array:
@@ -238,7 +249,7 @@ def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time:
     return replace(wrenches, names=tuple(names), bodies=tuple(bodies), forces=forces, points=points, torques=torques)
 
 
-def _between(inspection: Inspection, distances: Array) -> np.ndarray:
+def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
     """Frames (frames,) in which a center of pressure lies between two soles, by its distances (frames, feet)."""
     feet = inspection.feet
     if len(feet.feet) < 2:

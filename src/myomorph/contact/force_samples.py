@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.series import Wrenches
@@ -28,7 +29,7 @@ class ForceSamples:
     forces: Array
     points: Array
     torques: Array
-    loaded: Array
+    loaded: NDArray[np.bool_]
 
     def centers(self, up: Array) -> Array:
         """Where each wrench meets the height of its points without horizontal moment (frames, wrenches, 3) [m]."""

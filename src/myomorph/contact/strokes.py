@@ -140,10 +140,9 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
         where coordinates move no mass
     """
     tree = compile_tree(model)
-    check_name("body", body, tree.body_index)
+    b = tree.body_number(body)
     coordinates = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, coordinates)
-    b = tree.body_index[body]
     places = poses.points(np.array([b]), np.atleast_2d(np.asarray(point, float)))[:, 0]
     along = np.broadcast_to(np.asarray(direction, float), places.shape)
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -329,9 +328,9 @@ def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Ar
 def site_places(model: Model, motion: Motion, site: Site) -> Array:
     """Middle of a site (frames, 3) in ground [m]."""
     tree = compile_tree(model)
-    check_name("body", site.body, tree.body_index)
+    number = tree.body_number(site.body)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    return poses.points(np.array([tree.body_index[site.body]]), site.points.mean(axis=0)[None])[:, 0]
+    return poses.points(np.array([number]), site.points.mean(axis=0)[None])[:, 0]
 
 
 def _jump(time: Array, places: Array, at: float) -> Array:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.contact.plan import ContactPlan
+from myomorph.model.arrays import runs
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -122,8 +123,7 @@ def touches_of(states: Series) -> Contacts:
     """Spans in which each site touches."""
     touches = []
     for name, column in zip(states.names, states.values.T, strict=True):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0.0], column > 0.5, [0.0]])))
-        for first, last in edges.reshape(-1, 2):
+        for first, last in runs(column > 0.5):
             touches.append(Touch(name, float(states.time[first]), float(states.time[last - 1]), source="simulation"))
     return Contacts(states.names, tuple(touches))
 

@@ -186,7 +186,6 @@ def transfer(
     lower_centers = {key: centers[0][key] for key in shared}
     targets = {key: rotation @ place for key, place in center_positions(lower, lower_centers, lower_pose).items()}
     cues = hinge_cues(lower, higher, lower_pose, centers, shared, rotation)
-
     fit = CenterFit(skeleton(higher), regions[1], {key: centers[1][key] for key in shared}, targets, cues)
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
@@ -194,12 +193,7 @@ def transfer(
     model, masses = _with_masses(lower, model, lower_pose, higher_pose, regions, rotation)
     markers, notes = _markers(lower, model, lower_pose, higher_pose, regions, rotation, options)
     model = replace(model, markers=markers)
-
     places = center_positions(model, centers_of(model, regions[1]), higher_pose)
-    errors = {key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}
-    lonely = sorted(set(centers[0]) ^ set(centers[1]))
-    common = set(regions[0].values()) & set(regions[1].values())
-    apart = [name for table in regions for name, region in table.items() if region not in common]
     return Transfer(
         model,
         lower_pose,
@@ -207,13 +201,19 @@ def transfer(
         rotation,
         FrozenMap(factors),
         FrozenMap(shifts),
-        FrozenMap(errors),
+        FrozenMap({key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}),
         fit.lengths(places),
         masses,
-        tuple(lonely),
-        tuple(apart),
+        tuple(sorted(set(centers[0]) ^ set(centers[1]))),
+        _without_counterpart(regions),
         tuple(notes),
     )
+
+
+def _without_counterpart(regions: tuple[Mapping[str, Region], Mapping[str, Region]]) -> tuple[str, ...]:
+    """Bodies of both models whose region the other lacks."""
+    common = set(regions[0].values()) & set(regions[1].values())
+    return tuple(name for table in regions for name, region in table.items() if region not in common)
 
 
 def _shared_centers(

@@ -13,7 +13,7 @@ from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.body.points import Links, MassPoints
 from myomorph.identify.least_squares import Recording, absorb
 from myomorph.model.arrays import Array, checked_array, frozen_array, read_only
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
@@ -148,8 +148,7 @@ class CrossValidation:
         ------
         UnknownName : no model of that name was compared
         """
-        if name not in self.predicted:
-            raise UnknownName("model", name, tuple(self.predicted), "the cross-validation")
+        check_name("model", name, self.predicted, "the cross-validation")
         error = self.errors[name]
         error = error[np.isfinite(error).all(axis=1)]
         halves = (error[:, :3], error[:, 3:])

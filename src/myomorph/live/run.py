@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -42,11 +42,13 @@ class LiveFiles:
     markers : file of markers, or of coordinates (.mot, .sto)
     loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
     speed : times real time; 0 as fast as it goes
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
     """
 
     markers: Path
     loads: Path | None = None
     speed: float = 1.0
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
 
 @dataclass(frozen=True)
@@ -143,8 +145,9 @@ def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, t
         names = [one for one in (given.markers, given.forces) if one]
         return streams, tuple(value_source("stream", name, name) for name in names)
     files = [("markers", given.markers)] + ([("loads", given.loads)] if given.loads else [])
-    series, wrenches = open_recording(model, given.markers, given.loads)
-    return Replay(series, wrenches, given.speed), tuple(file_source(role, path) for role, path in files)
+    series, wrenches = open_recording(model, given.markers, given.loads, labels=given.labels)
+    told = [value_source("markers", "labels of markers", sorted(given.labels.items()))] if given.labels else []
+    return Replay(series, wrenches, given.speed), (*(file_source(role, path) for role, path in files), *told)
 
 
 STEP = "live"

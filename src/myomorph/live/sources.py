@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -176,7 +176,11 @@ class LiveRecording(NamedTuple):
 
 
 def open_recording(
-    model: Model, motion: Path, loads: Path | None = None, time: tuple[float, float] | None = None
+    model: Model,
+    motion: Path,
+    loads: Path | None = None,
+    time: tuple[float, float] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
     """Files to play.
 
@@ -185,6 +189,7 @@ def open_recording(
     motion : markers (.trc, .c3d) or coordinates (.mot, .sto)
     loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
     time : first and last time that is played [s]; None for all
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
 
     Raises
     ------
@@ -195,7 +200,8 @@ def open_recording(
     if motion.suffix.lower() in inputs.TABLE_FILES:
         series = posed = inputs.read_motion(motion, model)
     else:
-        trial = inputs.fitted_to(model, inputs.read_recording(motion))
+        inputs.check_labels(labels or {}, model)
+        trial = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(motion), labels or {}))
         assert trial.markers is not None
         series = trial.markers
         posed = Motion(series.time[:1], (), np.zeros((1, 0)))

@@ -31,9 +31,6 @@ MOST_SWAPS = 4
 WORSE = 1.3
 """A part of a recording whose labels are exchanged has errors of the two markers larger by this factor at least."""
 
-ENOUGH = 3
-"""Other markers on a body that tell its pose when one is left out."""
-
 
 @dataclass(frozen=True)
 class MarkerCheckOptions:
@@ -41,7 +38,7 @@ class MarkerCheckOptions:
 
     Attributes
     ----------
-    mend : put right what is evident: exchanged labels, and a jumping marker left out in these frames; else it is only
+    mend : put right what is evident: exchanged labels, and a jumping marker bridged in these frames; else it is only
         reported
     """
 
@@ -108,7 +105,7 @@ def _only_told(finding: Finding) -> Finding:
 
 
 def mended_in_time(model: Model, markers: Markers, unit: float) -> tuple[Markers, tuple[Finding, ...]]:
-    """Labels exchanged for some frames put back, and jumping markers left out there, with what was found.
+    """Labels exchanged for some frames put back, and jumping markers bridged there, with what was found.
 
     Parameters
     ----------
@@ -127,7 +124,7 @@ def mended_in_time(model: Model, markers: Markers, unit: float) -> tuple[Markers
     found += [_exchanged(markers, pairs, *part) for part, pairs in parts.items()]
     if found:
         edges = edges_of(markers.time, values[:, columns], unit)
-    found += _left_out(model, markers, values, columns, edges)
+    found += _bridged(markers, values, columns, edges)
     return (replace(markers, values=values) if found else markers), tuple(found)
 
 
@@ -155,34 +152,39 @@ def _pairs(pairs: Sequence[tuple[str, str]], most: int = 3) -> str:
     return ", ".join(f"'{one}' and '{other}'" for one, other in pairs[:most]) + more
 
 
-def _left_out(
-    model: Model, markers: Markers, values: Array, columns: Sequence[int], edges: Sequence[Steps]
-) -> Iterator[Finding]:
-    """Jumping markers, hidden in `values` where others tell their body's pose, else bridged by a straight line."""
+def _bridged(markers: Markers, values: Array, columns: Sequence[int], edges: Sequence[Steps]) -> Iterator[Finding]:
+    """Jumping markers, put where their path leads from before to after; at the ends of the recording left out.
+
+    A marker that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
+    """
     jumping: dict[int, list[tuple[int, int, float]]] = {}
     for one in excursions(markers.time, edges):
         jumping.setdefault(columns[one.marker], []).append((one.start, one.stop, one.size))
-    body = {marker.name: marker.body for marker in model.markers}
-    recorded = [markers.names[i] for i in columns]
     for column, parts in jumping.items():
         name = markers.names[column]
-        others = sum(body[other] == body[name] for other in recorded) - 1
         for start, stop, _ in parts:
-            values[start:stop, column] = np.nan
-            if others < ENOUGH and start > 0 and stop < len(values):
-                share = (markers.time[start:stop] - markers.time[start - 1]) / (
-                    markers.time[stop] - markers.time[start - 1]
-                )
-                values[start:stop, column] = (1.0 - share[:, None]) * values[start - 1, column] + share[
-                    :, None
-                ] * values[stop, column]
+            values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
         spans = [_span(markers.time, start, stop) for start, stop, _ in parts]
         worst = max(size for _, _, size in parts)
         count = sum(stop - start for start, stop, _ in parts)
-        how = "left out there" if others >= ENOUGH else "bridged by a straight line there"
+        gone = bool(np.isnan(values[[start for start, _, _ in parts], column]).any())
         jump = f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {_when(spans)} ({_frames(count)})"
-        text = f"{jump}; mended: {how}"
-        yield Finding("jumping marker", name, text, tuple(spans), True)
+        how = "left out there" if gone else "bridged there from the frames around"
+        yield Finding("jumping marker", name, f"{jump}; mended: {how}", tuple(spans), True)
+
+
+def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
+    """(stop - start, 3) a cubic from the frames before to those after; NaN where these are missing."""
+    if start < 2 or stop > len(path) - 2:
+        return np.full((stop - start, 3), np.nan)
+    t0, t1 = time[start - 1], time[stop]
+    span = t1 - t0
+    slope0 = span * (path[start - 1] - path[start - 2]) / (t0 - time[start - 2])
+    slope1 = span * (path[stop + 1] - path[stop]) / (time[stop + 1] - t1)
+    u = ((time[start:stop] - t0) / span)[:, None]
+    before = (1.0 + 2.0 * u) * (1.0 - u) ** 2 * path[start - 1] + u * (1.0 - u) ** 2 * slope0
+    after = u**2 * (3.0 - 2.0 * u) * path[stop] + u**2 * (u - 1.0) * slope1
+    return np.asarray(before + after)
 
 
 def _without_swaps(

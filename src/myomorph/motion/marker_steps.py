@@ -1,8 +1,8 @@
 """Faults of labels that show in time alone: a marker that jumps and returns, and two that exchange their labels.
 
 A marker moves from frame to frame about as it does in the frames around. The step that does not is an edge: its excess
-is the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when it
-returns; two markers that exchange their labels have edges in the same frame that lead to each other's path.
+is the difference from the median of the neighboring steps. A marker that jumps leaves an edge and an opposite one when
+it returns; two markers that exchange their labels have edges in the same frame that lead to each other's path.
 """
 
 from __future__ import annotations

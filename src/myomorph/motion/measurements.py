@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, check_name
+from myomorph.model.errors import BadData
 from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Marker, Model, index_of
 from myomorph.model.series import Markers, Motion
@@ -253,9 +253,8 @@ def place_markers(model: Model, motion: Motion, markers: Markers, bodies: Mappin
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     placed = []
     for name, body in bodies.items():
-        check_name("body", body, tree.body_index)
+        b = tree.body_number(body)
         column = markers.values[:, index_of("marker", name, markers.names, "the recording")]
-        b = tree.body_index[body]
         local = np.einsum("fji,fj->fi", poses.rotations[:, b], column - poses.origins[:, b])
         seen = np.isfinite(local).all(axis=1)
         if not seen.any():

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.muscles.hill_classes import MILLARD, THELEN
+from myomorph.muscles.hill_curves import parameter_at
 from myomorph.rigid.kernels import inner
 
 FLOOR, TONE = 1e-3, 5e-4
@@ -26,10 +27,13 @@ SLACKENED = 1e-3
 ROUNDED = 0.01
 """Normalized velocity up to which the corner of Thelen's force-velocity curve is rounded, by at most 0.013."""
 
+TAKEN_UP = 0.02
+"""Normalized length on both sides of 1 over which Thelen's passive force sets in, by at most 0.001 from his curve."""
+
 
 @inner
 def curve_jet(C, i, x):
-    """Value, slope and curvature of curve i at x; `hill_curves.curve_value` has the search for u."""
+    """Value, slope and curvature of curve i at x."""
     low, high = C.first[i], C.first[i + 1] - 1
     if not x >= C.start[low]:
         return C.pieces[low, 1, 0] + C.left[i] * (x - C.start[low]), C.left[i], 0.0
@@ -38,42 +42,9 @@ def curve_jet(C, i, x):
     while high > low and x < C.start[high]:
         high -= 1
     P = C.pieces
-    a0, a1, a2, a3, a4, a5 = (
-        P[high, 0, 0],
-        P[high, 0, 1],
-        P[high, 0, 2],
-        P[high, 0, 3],
-        P[high, 0, 4],
-        P[high, 0, 5],
-    )
-    u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
-    below, above = 0.0, 1.0
-    for _ in range(60):
-        error = a0 + u * (a1 + u * (a2 + u * (a3 + u * (a4 + u * a5)))) - x
-        if error == 0.0:
-            break
-        if error > 0.0:
-            above = u
-        else:
-            below = u
-        slope = a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5)))
-        step = error / slope if slope > 0.0 else 2.0
-        if below < u - step < above:
-            u -= step
-            if abs(step) < 1e-9:  # Newton doubles the digits: the next step would be 1e-16
-                break
-        else:
-            u = 0.5 * (below + above)
-            if above - below < 1e-13:
-                break
-    b0, b1, b2, b3, b4, b5 = (
-        P[high, 1, 0],
-        P[high, 1, 1],
-        P[high, 1, 2],
-        P[high, 1, 3],
-        P[high, 1, 4],
-        P[high, 1, 5],
-    )
+    u = parameter_at(P, high, x)
+    a1, a2, a3, a4, a5 = P[high, 0, 1], P[high, 0, 2], P[high, 0, 3], P[high, 0, 4], P[high, 0, 5]
+    b0, b1, b2, b3, b4, b5 = P[high, 1, 0], P[high, 1, 1], P[high, 1, 2], P[high, 1, 3], P[high, 1, 4], P[high, 1, 5]
     x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
     x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
     y0 = b0 + u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))
@@ -127,6 +98,16 @@ def active_jet(H, m, x):
     return y0, y1 / width, y2 / (width * width)
 
 
+@inner(forceinline=True)
+def _rounded(x, half, y0, s0, y1, s1):
+    """The cubic over -half ... half with values y0, y1 and slopes s0, s1 at its ends: value, slope, curvature at x."""
+    width = 2.0 * half
+    t, rise = (x + half) / width, y1 - y0
+    c1, c2, c3 = s0 * width, 3.0 * rise - (2.0 * s0 + s1) * width, (s0 + s1) * width - 2.0 * rise
+    y = y0 + t * (c1 + t * (c2 + t * c3))
+    return y, (c1 + t * (2.0 * c2 + 3.0 * c3 * t)) / width, (2.0 * c2 + 6.0 * c3 * t) / (width * width)
+
+
 @inner
 def _thelen_velocity(shape, most, share, v):
     """Thelen's f_V with its tangent beyond the eccentric end; slope and curvature."""
@@ -159,11 +140,7 @@ def velocity_jet(H, m, v):
         # Both branches meet at rest with slopes 1 : 2, where no Newton step would end: a cubic between them.
         y0, s0, _ = _thelen_velocity(shape, most, share, -ROUNDED)
         y1, s1, _ = _thelen_velocity(shape, most, share, ROUNDED)
-        width = 2.0 * ROUNDED
-        t, rise = (v + ROUNDED) / width, y1 - y0
-        c1, c2, c3 = s0 * width, 3.0 * rise - (2.0 * s0 + s1) * width, (s0 + s1) * width - 2.0 * rise
-        y = y0 + t * (c1 + t * (c2 + t * c3))
-        return y, (c1 + t * (2.0 * c2 + 3.0 * c3 * t)) / width, (2.0 * c2 + 6.0 * c3 * t) / (width * width)
+        return _rounded(v, ROUNDED, y0, s0, y1, s1)
     z = -8.149 * v - 0.374
     root = np.sqrt(z * z + 1.0)
     y = -0.3211346127989808 * np.log(z + root) + 0.8825327733249912
@@ -179,10 +156,13 @@ def passive_jet(H, m, x):
     if H.kind[m] == MILLARD:
         return curve_jet(H.curves, H.curve[m, 2], x)
     if H.kind[m] == THELEN:
-        if x <= 1.0:
+        if x <= 1.0 - TAKEN_UP:
             return 0.0, 0.0, 0.0
         rate, full = H.parameters[m, 2] / H.parameters[m, 1], np.exp(H.parameters[m, 2]) - 1.0
-        y = np.exp(rate * (x - 1.0))
+        # The curve begins with a slope, at which no Newton step would end.
+        y = np.exp(rate * max(x - 1.0, TAKEN_UP))
+        if x < 1.0 + TAKEN_UP:
+            return _rounded(x - 1.0, TAKEN_UP, 0.0, 0.0, (y - 1.0) / full, rate * y / full)
         return (y - 1.0) / full, rate * y / full, rate * rate * y / full
     rate = 4.0 / H.parameters[m, 1]
     least = np.exp(-0.8 * rate)

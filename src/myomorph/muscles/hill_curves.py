@@ -94,25 +94,10 @@ def pack_curves(curves: Sequence[Curve]) -> CurveArrays:
     )
 
 
-@inner
-def curve_value(C, i, x):
-    """Value of curve i at x; NaN stays NaN."""
-    low, high = C.first[i], C.first[i + 1] - 1
-    if not x >= C.start[low]:
-        return C.pieces[low, 1, 0] + C.left[i] * (x - C.start[low])
-    if x >= C.end_x[i]:
-        return C.end_y[i] + C.right[i] * (x - C.end_x[i])
-    while high > low and x < C.start[high]:
-        high -= 1
-    P = C.pieces
-    a0, a1, a2, a3, a4, a5 = (
-        P[high, 0, 0],
-        P[high, 0, 1],
-        P[high, 0, 2],
-        P[high, 0, 3],
-        P[high, 0, 4],
-        P[high, 0, 5],
-    )
+@inner(forceinline=True)
+def parameter_at(P, k, x):
+    """Parameter of the quintic of piece k at which it is at x: Newton steps inside brackets."""
+    a0, a1, a2, a3, a4, a5 = P[k, 0, 0], P[k, 0, 1], P[k, 0, 2], P[k, 0, 3], P[k, 0, 4], P[k, 0, 5]
     u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
     below, above = 0.0, 1.0
     for _ in range(60):
@@ -131,6 +116,21 @@ def curve_value(C, i, x):
                 break
         else:
             u = 0.5 * (below + above)
+    return u
+
+
+@inner
+def curve_value(C, i, x):
+    """Value of curve i at x; NaN stays NaN."""
+    low, high = C.first[i], C.first[i + 1] - 1
+    if not x >= C.start[low]:
+        return C.pieces[low, 1, 0] + C.left[i] * (x - C.start[low])
+    if x >= C.end_x[i]:
+        return C.end_y[i] + C.right[i] * (x - C.end_x[i])
+    while high > low and x < C.start[high]:
+        high -= 1
+    P = C.pieces
+    u = parameter_at(P, high, x)
     return P[high, 1, 0] + u * (
         P[high, 1, 1] + u * (P[high, 1, 2] + u * (P[high, 1, 3] + u * (P[high, 1, 4] + u * P[high, 1, 5])))
     )

@@ -126,10 +126,10 @@ class _Builder:
             raise BadModel(f"the path of muscle '{muscle.name}' has {len(path.points)} points: expected two or more")
         if len({isinstance(wrap, TendonWrap) for wrap in path.wraps}) > 1:
             raise BadModel(f"the path of muscle '{muscle.name}' mixes the wraps of OpenSim and MuJoCo")
-        point_bodies = [self._body(point.body) for point in path.points]
+        point_bodies = [self.tree.body_number(point.body) for point in path.points]
         wraps: list[PathWrap | TendonWrap] = list(path.wraps)
         objects = [self._object(wrap.wrap_object) for wrap in wraps]
-        wrap_bodies = [self._body(self.model.wrap_objects[i].body) for i in objects]
+        wrap_bodies = [self.tree.body_number(self.model.wrap_objects[i].body) for i in objects]
         bodies = sorted({*point_bodies, *wrap_bodies})
         moved = {name for point in path.points if isinstance(point, MovingPathPoint) for name in point.coordinates}
         slots = self._add_axes(bodies, {self._coordinate(name) for name in moved} - {-1})
@@ -144,10 +144,6 @@ class _Builder:
         self.start.append(list(counts))
         here = (len(path.points) + 2 * len(path.wraps), len(path.wraps), len(bodies))
         self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
-
-    def _body(self, name: str) -> int:
-        check_name("body", name, self.tree.body_index)
-        return self.tree.body_index[name]
 
     def _object(self, name: str) -> int:
         check_name("wrap object", name, self.objects)
@@ -179,7 +175,7 @@ class _Builder:
         if isinstance(wrap, TendonWrap):
             if not 0 <= wrap.after < points - 1:
                 raise BadModel(f"wrap object '{wrap.wrap_object}' stands after point {wrap.after} of {points}")
-            return [0, 0, points - 1, wrap.after, -1 if wrap.side is None else self._body(wrap.side_body)]
+            return [0, 0, points - 1, wrap.after, -1 if wrap.side is None else self.tree.body_number(wrap.side_body)]
         if wrap.method not in METHODS:
             known = ", ".join(METHODS)
             raise BadModel(f"wrap object '{wrap.wrap_object}' has the method '{wrap.method}': expected {known}")
@@ -241,7 +237,13 @@ class _Builder:
 
     def _object_row(self, one: WrapObject) -> list[int]:
         side = 0 if not one.quadrant else -1 if one.quadrant.startswith("-") else 1
-        return [KINDS.index(one.kind), self._body(one.body), "xyz".index(one.quadrant[-1:] or "x"), side, one.active]
+        return [
+            KINDS.index(one.kind),
+            self.tree.body_number(one.body),
+            "xyz".index(one.quadrant[-1:] or "x"),
+            side,
+            one.active,
+        ]
 
 
 def _weight(divisors: tuple[float, ...], k: int) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, check_name
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.coordinates import Ints
@@ -123,9 +123,7 @@ def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tu
             f"external forces have {len(wrenches)} frames from {wrenches.time[:1]} s, the motion {len(motion)} from "
             f"{motion.time[:1]} s: resample the forces to the motion's times first"
         )
-    for body in wrenches.bodies:
-        check_name("body", body, tree.body_index)
-    bodies = np.array([tree.body_index[body] for body in wrenches.bodies], np.int64)
+    bodies = np.array([tree.body_number(body) for body in wrenches.bodies], np.int64)
     # A point of application is unknown (NaN) where nothing touches, and then does not matter.
     points = np.where(np.isnan(wrenches.points) & (wrenches.forces == 0.0).all(axis=2)[..., None], 0.0, wrenches.points)
     # Copies, because a kernel is compiled anew for arrays that are read-only.
@@ -214,9 +212,7 @@ class OnlineDynamics:
 
     def __init__(self, model: Model, bodies: Sequence[str]):
         self._tree = compile_tree(model)
-        for one in bodies:
-            check_name("body", one, self._tree.body_index)
-        self._bodies = np.array([self._tree.body_index[one] for one in bodies], np.int64)
+        self._bodies = np.array([self._tree.body_number(one) for one in bodies], np.int64)
         n, wrenches = len(model.coordinates), len(bodies)
         self.coordinates, self.rates, self.accelerations = np.zeros((3, 1, n))
         self.torques = np.zeros((1, n))

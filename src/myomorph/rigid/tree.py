@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadModel
+from myomorph.model.errors import BadModel, check_name
 from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
@@ -99,6 +99,11 @@ class Tree:
     model: Model
     arrays: TreeArrays
     body_index: dict[str, int] = field(repr=False)
+
+    def body_number(self, name: str, where: str = "the model") -> int:
+        """Number of a body in the arrays; raises `UnknownName`, by default of "the model"."""
+        check_name("body", name, self.body_index, where)
+        return self.body_index[name]
 
     @cached_property
     def defaults(self) -> Array:

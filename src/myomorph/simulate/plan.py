@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import check_name
 from myomorph.model.spatial import axis_rotation
 from myomorph.simulate.fighter import APART, CUFF, GRIP, LAPEL, LEG, PARTS, Build, sole_points
 
@@ -201,8 +201,7 @@ def make_plan(
     UnknownName
         where there is no such kind
     """
-    if kind not in get_args(Kind):
-        raise UnknownName("kind of bout", kind, get_args(Kind), "the simulation")
+    check_name("kind of bout", kind, get_args(Kind), "the simulation")
     base = Stance(
         0.0,
         (0.12 * vigor, 0.12 * vigor),

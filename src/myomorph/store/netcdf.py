@@ -22,6 +22,10 @@ INTERNAL = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue", "
 """Attributes that belong to the format itself."""
 
 
+NUMBERS = {"mass": "kg"}
+"""Attributes of a whole file that are numbers, with their units; one that is not known is left out."""
+
+
 class NetcdfFile:
     """An open file that takes dimensions, variables and attributes; made by `new_netcdf`."""
 
@@ -77,7 +81,12 @@ class NetcdfFile:
                 for axis, dimension in enumerate(dimensions):
                     variable.dims[axis].attach_scale(scales[dimension])
         for name, text in self.attributes.items():
-            self._write_text(self._file, name, text)
+            if name in NUMBERS:
+                if text:
+                    self._file.attrs[name] = float(text)
+                    self._write_text(self._file, f"{name}_unit", NUMBERS[name])
+            elif name.removesuffix("_unit") not in NUMBERS:
+                self._write_text(self._file, name, text)
 
 
 def _texts_of() -> Callable[[Any, str, str], None]:

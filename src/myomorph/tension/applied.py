@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import check_name
 from myomorph.model.model import GROUND, Actuator
 from myomorph.model.paths import Bushing
 from myomorph.model.series import Wrenches
@@ -58,8 +57,8 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
     for one, force in zip(actuators, forces.T, strict=True):
         if one.kind == "coordinate":
             continue
-        body = _body(tree, one.body or GROUND, one.name)
-        other = _body(tree, one.other_body, one.name) if one.other_body else -1
+        body = tree.body_number(one.body or GROUND, f"for '{one.name}' the model")
+        other = tree.body_number(one.other_body, f"for '{one.name}' the model") if one.other_body else -1
         R, p = poses.rotations, poses.origins
         direction = np.broadcast_to(one.direction / (np.linalg.norm(one.direction) or 1.0), (len(forces), 3))
         if not one.direction_is_global:
@@ -120,10 +119,5 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
     points = np.where(still, 0.0, wrenches.points)
     for k, body in enumerate(wrenches.bodies):
         wrench = about_origin(wrenches.forces[:, k], points[:, k], wrenches.torques[:, k])
-        found[:, _body(tree, body, wrenches.names[k])] += wrench
+        found[:, tree.body_number(body, f"for '{wrenches.names[k]}' the model")] += wrench
     return found
-
-
-def _body(tree: Tree, body: str, of: str) -> int:
-    check_name("body", body, tree.body_index, f"for '{of}' the model")
-    return tree.body_index[body]

@@ -25,9 +25,10 @@ def walk(data):
     return model, motion, read_loads(data(f"{FOLDER}/grf_walk.xml"), model, motion)
 
 
-def by_body(wrenches, body):
-    """Force (frames, 3) on a body."""
-    return sum(wrenches.forces[:, k] for k, name in enumerate(wrenches.bodies) if name == body)
+def by_body(wrenches, body, motion):
+    """Force (frames, 3) on a body while a motion lasts."""
+    during = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    return sum(wrenches.forces[during, k] for k, name in enumerate(wrenches.bodies) if name == body)
 
 
 def table_of(wrenches, path, **changes):
@@ -38,9 +39,8 @@ def table_of(wrenches, path, **changes):
 def test_a_table_needs_no_bodies(walk, data) -> None:
     model, motion, named = walk
     found = read_loads(data(f"{FOLDER}/grf_walk.mot"), model, motion)
-    inside = (named.time >= motion.time[0]) & (named.time <= motion.time[-1])
     for body in ("calcn_r", "calcn_l"):
-        np.testing.assert_allclose(by_body(found, body), by_body(named, body)[inside], atol=0.5)
+        np.testing.assert_allclose(by_body(found, body, motion), by_body(named, body, motion), atol=0.5)
 
 
 def test_a_plate_that_nobody_steps_on_is_left_out(walk, tmp_path) -> None:
@@ -72,9 +72,9 @@ def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path)
     assert set(found.bodies) == {"calcn_r", "calcn_l"}
     inside = (named.time >= motion.time[0]) & (named.time <= motion.time[-1])
     for body in ("calcn_r", "calcn_l"):
-        mine = by_body(named, body)[inside]
+        mine = by_body(named, body, motion)
         expected = np.where((alone[inside] & (mine[:, 1] > 30.0))[:, None], mine, 0.0)
-        assert np.abs(by_body(found, body) - expected).max() < 30.0
+        assert np.abs(by_body(found, body, motion) - expected).max() < 30.0
 
 
 def test_prefixes_and_plates_as_texts() -> None:

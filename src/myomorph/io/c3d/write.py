@@ -273,7 +273,7 @@ def _header(points: int, channels: int, every: int, first: int, frames: int, blo
 def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:
     """Points with their residuals, then the analog samples of each frame."""
     frames, count = markers.values.shape[:2]
-    seen = np.isfinite(markers.values).all(axis=2)
+    seen = np.asarray(np.isfinite(markers.values).all(axis=2))
     points = np.zeros((frames, count, 4), "<f4")
     points[:, :, :3] = np.where(seen[:, :, None], MILLI * markers.values, 0.0)
     points[:, :, 3] = np.where(seen, 0.0, -1.0)

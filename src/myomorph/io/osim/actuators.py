@@ -14,7 +14,7 @@ from lxml import etree
 from myomorph.io.osim.document import Node, child, legal, put, read_document
 from myomorph.io.osim.joints import plain_name
 from myomorph.io.parsing.text import written
-from myomorph.model.errors import BadFile, UnknownName
+from myomorph.model.errors import BadFile, UnknownName, check_name
 from myomorph.model.model import GROUND, Actuator, Model
 from myomorph.model.series import Table
 from myomorph.model.spatial import Transform
@@ -97,8 +97,7 @@ def placed_actuator(
         It names a body or coordinate that the model does not have.
     """
     if actuator.kind == "coordinate":
-        if actuator.coordinate not in coordinates:
-            raise UnknownName("coordinate", actuator.coordinate, coordinates, where)
+        check_name("coordinate", actuator.coordinate, coordinates, where)
         return actuator
     body, pose = pose_of(actuator.body)
     other, other_pose = pose_of(actuator.other_body) if actuator.other_body else ("", pose)

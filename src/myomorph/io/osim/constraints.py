@@ -13,7 +13,7 @@ from myomorph.io.osim.frames import Frames, body_path, write_offset_frame
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
 from myomorph.io.osim.kept import keep
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import UnknownName, check_name
 from myomorph.model.functions import PiecewisePolynomial, constant, linear
 from myomorph.model.model import Coordinate, Coupler, Kept, Loop
 from myomorph.model.paths import Bushing, PassiveTorque
@@ -89,8 +89,7 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
         if node.kind not in KINDS or not node.is_applied:
             continue
         name = plain_name(node.text("", "coordinate"))
-        if name not in by_name:
-            raise UnknownName("coordinate", name, tuple(by_name), f"{node.document.path}: {node.kind} '{node.name}'")
+        check_name("coordinate", name, by_name, f"{node.document.path}: {node.kind} '{node.name}'")
         if node.kind == "SpringGeneralizedForce":
             stiffness, rest = node.number("stiffness", 0.0), node.number("rest_length", 0.0)
             spring = linear(-stiffness, stiffness * rest)

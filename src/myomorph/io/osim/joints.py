@@ -12,7 +12,7 @@ from myomorph.io.osim.document import Node
 from myomorph.io.osim.frames import Frames
 from myomorph.io.osim.functions import read_function
 from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, check_name
 from myomorph.model.functions import Function, SineProduct, constant, linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint
 from myomorph.model.spatial import Transform
@@ -198,8 +198,7 @@ def _custom(node: Node, given: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...]
             raise node.bad(f"two of its {three[0].kind} axes are parallel")
     known = [one.name for one in given]
     for one in motions:
-        if one not in known:
-            raise UnknownName("coordinate", one, known, f"{node.document.path}: joint '{node.name}'")
+        check_name("coordinate", one, known, f"{node.document.path}: joint '{node.name}'")
     unused = [one for one in known if one not in motions]
     if unused:
         raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")

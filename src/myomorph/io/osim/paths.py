@@ -12,7 +12,7 @@ from myomorph.io.osim.document import Node, child, legal, number, put
 from myomorph.io.osim.frames import Frames, body_path
 from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, UnknownName, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, SineProduct, constant
 from myomorph.model.model import Kept
@@ -85,8 +85,7 @@ class PathReader:
 
     def _wrap(self, node: Node, points: int) -> PathWrap:
         name = node.text("", "wrap_object")
-        if name not in self._wraps:
-            raise UnknownName("wrap object", name, tuple(self._wraps), f"{node.document.path}: the model")
+        check_name("wrap object", name, self._wraps, f"{node.document.path}: the model")
         first, last = (int(one) for one in node.vector("range", (-1.0, -1.0)))
         method = node.text("hybrid", "method").lower()
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):

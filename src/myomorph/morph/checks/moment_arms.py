@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import check_name
 from myomorph.model.model import Coordinate, Model, index_of
 from myomorph.muscles.path import compile_paths
 
@@ -83,8 +83,7 @@ def paired_postures(
 
 def _standing(model: Model, values: Mapping[str, float]) -> Array:
     for name in values:
-        if name not in model.coordinate_names:
-            raise UnknownName("coordinate", name, model.coordinate_names)
+        check_name("coordinate", name, model.coordinate_names)
     row = [values.get(one.name, one.default) for one in model.coordinates]
     return np.tile(np.array(row, dtype=np.float64), (COUNT + 1, 1))
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadModel, UnknownName
+from myomorph.model.errors import BadModel, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import GROUND, Model
@@ -169,8 +169,7 @@ def other_side_of(
     if normal.shape != (3,) or not np.linalg.norm(normal) > 0.0:
         raise BadModel(f"the axis across the plane of symmetry is {axis!r}: expected 'x', 'y', 'z' or a vector")
     for name in middle or ():
-        if name not in model.body_names:
-            raise UnknownName("body", name, model.body_names)
+        check_name("body", name, model.body_names)
     resting = standing_poses(model, dict.fromkeys(model.coordinate_names, 0.0))
     ground = Reflection(normal, float(Reflection(normal).normal @ np.asarray(point, dtype=np.float64)))
     origins = np.array([pose.translation for pose in resting.values()])

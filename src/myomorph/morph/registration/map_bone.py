@@ -99,7 +99,7 @@ def map_bone(
     """
     match = match or MatchOptions()
     landmarks = landmarks if landmarks is not None and len(landmarks) else None
-    told = progress or (lambda _: None)
+    advance = progress or (lambda _: None)
     notes: list[str] = []
     measures: dict[str, float] = {}
     basis: Basis = "landmarks"
@@ -108,12 +108,8 @@ def map_bone(
     placed = None
     if target is not None:
         target = repaired_bone(target, f"the bone of '{body}'", notes)
-        if source is not None:
-            placed = place_bone(source, target, landmarks, start, match)
-            _check_side(body, placed, notes)
-        known = None if placed is None else placed.similarity
-        notes += check_bone(body, target, source, landmarks, known)
-    told(1)
+        placed = _bone_placed(body, source, target, landmarks, start, match, notes)
+    advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
         found = match_surfaces(source, target, landmarks, match, placed)
@@ -124,14 +120,10 @@ def map_bone(
         features = landmarks
     else:
         features = _found_by_rules(body, source, target, placed, notes)
-    told(1)
+    advance(1)
     features, mapping = _unfolded(features, landmarks, source, map_options)
-    notes += feature_warnings(features)
-    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
-    measures |= {"features": float(len(features)), "map inverted": inside_out}
-    if inside_out > 0:
-        notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
-    told(1)
+    measures |= _map_measures(features, mapping, source, notes)
+    advance(1)
     return BoneMap(
         body=body,
         target_body=target_body or body,
@@ -194,6 +186,36 @@ def _features(
     reach = np.maximum(BESIDE * spacing, STEEP * apart / found.placed.similarity.scale)
     away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
     return _joined(landmarks, _chosen(dense, np.flatnonzero((away > reach).all(axis=1))))
+
+
+def _map_measures(
+    features: FeaturePoints, mapping: PointMap, source: Surface | None, notes: list[str]
+) -> dict[str, float]:
+    """How many features the map goes through, and the share of the bone where it turns space inside out."""
+    notes += feature_warnings(features)
+    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
+    if inside_out > 0:
+        notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
+    return {"features": float(len(features)), "map inverted": inside_out}
+
+
+def _bone_placed(
+    body: str,
+    source: Surface | None,
+    target: Surface,
+    landmarks: FeaturePoints | None,
+    start: Similarity | None,
+    match: MatchOptions,
+    notes: list[str],
+) -> PlacedBone | None:
+    """The source's bone laid on the target's, and what is wrong with either."""
+    placed = None
+    if source is not None:
+        placed = place_bone(source, target, landmarks, start, match)
+        _check_side(body, placed, notes)
+    known = None if placed is None else placed.similarity
+    notes += check_bone(body, target, source, landmarks, known)
+    return placed
 
 
 def _unfolded(

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData, UnknownName, from_extra
+from myomorph.model.errors import BadData, check_name, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -114,8 +114,7 @@ class Skeleton:
         self.hulls = _posed_hulls(model, bones, pose)
         self.lengths = {name: float(np.ptp(bones[name].vertices, axis=0).max()) for name in self.hulls}
         for name in (one for group in together for one in group):
-            if name not in model.body_names:
-                raise UnknownName("body", name, model.body_names)
+            check_name("body", name, model.body_names)
         found = [[one for one in group if one in self.hulls] for group in together]
         self.groups = [group for group in found if len(group) > 1]
 
@@ -239,8 +238,7 @@ def _posed_hulls(model: Model, bones: Mapping[str, Surface], pose: Motion | None
     poses = forward_kinematics(tree, np.ascontiguousarray(tree.coordinates_of(given)[:1]))
     found = {}
     for name, surface in bones.items():
-        if name not in model.body_names:
-            raise UnknownName("body", name, model.body_names)
+        check_name("body", name, model.body_names)
         number = tree.body_index[name]
         points = surface.vertices[np.unique(surface.faces)] @ poses.rotations[0, number].T + poses.origins[0, number]
         found[name] = points[_corners(points, name)]

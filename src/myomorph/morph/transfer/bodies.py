@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
 from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
@@ -165,8 +165,7 @@ def bones_around(
     found: dict[str, tuple[str, ...]] = {}
     for link, around in (given or {}).items():
         for name in (link, *around):
-            if name not in model.body_names:
-                raise UnknownName("body", name, model.body_names)
+            check_name("body", name, model.body_names)
         missing = [name for name in around if name not in bones]
         if missing or len(around) < 2:
             raise BadData(

@@ -96,19 +96,12 @@ def morph_model(
     )
     bodies = of_mass(tuple(transferred_body(body, carriers[body.name]) for body in model.bodies), mass)
     moved = replace(
-        joints.skeleton,
+        _with_what_is_fixed(joints.skeleton, model, carriers),
         name=name or model.name,
         bodies=bodies,
-        gravity=carriers[GROUND].rotation @ model.gravity,
-        markers=tuple(transferred_marker(one, carriers) for one in model.markers),
         muscles=strings.muscles,
         ligaments=strings.ligaments,
         wrap_objects=strings.wrap_objects,
-        actuators=tuple(transferred_actuator(one, carriers) for one in model.actuators),
-        loops=tuple(transferred_tie(one, carriers) for one in model.loops),
-        frames=tuple(replace(one, pose=carriers[one.body].pose(one.pose)) for one in model.frames),
-        ground_meshes=tuple(transferred_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
-        bushings=tuple(transferred_tie(one, carriers) for one in model.bushings),
         warnings=(),
     )
     solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
@@ -128,6 +121,20 @@ def morph_model(
         muscles=changes,
         options=options,
         notes=(*notes, *not_transferred(model)),
+    )
+
+
+def _with_what_is_fixed(skeleton: Model, model: Model, carriers: Mapping[str, Carrier]) -> Model:
+    """The skeleton with all that the model has fixed to single bodies, and gravity, carried over."""
+    return replace(
+        skeleton,
+        gravity=carriers[GROUND].rotation @ model.gravity,
+        markers=tuple(transferred_marker(one, carriers) for one in model.markers),
+        actuators=tuple(transferred_actuator(one, carriers) for one in model.actuators),
+        loops=tuple(transferred_tie(one, carriers) for one in model.loops),
+        frames=tuple(replace(one, pose=carriers[one.body].pose(one.pose)) for one in model.frames),
+        ground_meshes=tuple(transferred_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
+        bushings=tuple(transferred_tie(one, carriers) for one in model.bushings),
     )
 
 

@@ -14,7 +14,7 @@ from html import escape
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.report.charts.axis import Axis
 
 MAX_POINTS = 420
@@ -180,9 +180,8 @@ def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
     step = max(1, len(x) // 240)
     x, low, high = (np.asarray(one)[::step] for one in (x, low, high))
     known = np.isfinite(low) & np.isfinite(high)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
     outline = ""
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in runs(known):
         along = area.x.at(x[start:stop])
         up = area.y.cut(np.concatenate([high[start:stop], low[start:stop][::-1]]))
         outline += path_data(np.concatenate([along, along[::-1]]), up) + "Z"

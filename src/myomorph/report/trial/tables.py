@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from myomorph.report.page.quantity import Quantity
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
 RESERVE = 0.10
+NEGLIGIBLE = 0.05
+"""A joint's torque below this share of the largest joint torque is no measure for its reserve."""
 LOOPS_CLOSED = 1e-9
 SATURATED = 0.99
 HICKS, CHECKLIST = "hicks2015", "opensim"
@@ -159,6 +161,66 @@ def _support(wrenches: Wrenches, time: float, weight: float, residual: float) ->
     )
 
 
+@dataclass(frozen=True)
+class WorstReserve:
+    """The reserve that is the largest share of what it is held against.
+
+    Attributes
+    ----------
+    frame, column : where it is largest
+    coordinate : that it drives
+    share : of `scale`
+    peak : largest torque of the coordinate [N m or N]
+    scale : what it is held against: that peak, or a share of the largest one where that is negligible
+    """
+
+    frame: int
+    column: int
+    coordinate: str
+    share: float
+    peak: float
+    scale: float
+
+    @property
+    def own(self) -> bool:
+        """Whether it is held against its own coordinate's torque."""
+        return self.peak >= self.scale
+
+
+def worst_reserve(
+    model: Model, torques: Series, names: Sequence[str], reserves: Array, driven: Sequence[str] = ()
+) -> WorstReserve | None:
+    """The worst reserve of the joints, as a share of its coordinate's peak torque; None where there is none.
+
+    A torque that is negligible beside the largest of its unit is no measure: twice nothing is nothing.
+
+    Parameters
+    ----------
+    names, reserves, driven : as for `reserve_verdicts`
+    """
+    root = {name for group in root_coordinates(model) for name in group}
+    peaks = {
+        name: float(np.nanmax(np.abs(torques[name])))
+        for name in torques.names
+        if name not in root and np.isfinite(torques[name]).any()
+    }
+    slides = {name: model.coordinate(name).motion == "translational" for name in peaks}
+    floors = {
+        kind: NEGLIGIBLE * max((peaks[name] for name in peaks if slides[name] is kind), default=0.0)
+        for kind in (True, False)
+    }
+    worst: WorstReserve | None = None
+    for i, name in enumerate(names):
+        if name not in peaks or (driven and name not in driven) or not np.isfinite(reserves[:, i]).any():
+            continue
+        frame = int(np.nanargmax(np.abs(reserves[:, i])))
+        scale = max(peaks[name], floors[slides[name]], 1e-12)
+        share = abs(float(reserves[frame, i])) / scale
+        if worst is None or share > worst.share:
+            worst = WorstReserve(frame, i, name, share, peaks[name], scale)
+    return worst
+
+
 def reserve_verdicts(
     model: Model, torques: Series, names: Sequence[str], reserves: Array, time: Array, driven: Sequence[str] = ()
 ) -> list[Verdict]:
@@ -170,30 +232,23 @@ def reserve_verdicts(
     reserves : (frames, reserves) [N m or N]
     driven : coordinates that some muscle moves; () for all. What no muscle moves is told apart
     """
-    root = {name for group in root_coordinates(model) for name in group}
-    worst: tuple[float, int] | None = None
-    undriven = []
-    peaks = {
-        name: float(np.nanmax(np.abs(torques[name]))) for name in torques.names if np.isfinite(torques[name]).any()
-    }
-    floor = 0.01 * max((peak for name, peak in peaks.items() if name not in root), default=0.0)
-    for i, name in enumerate(names):
-        if name in root or name not in peaks or not np.isfinite(reserves[:, i]).any():
-            continue
-        if driven and name not in driven:
-            undriven.append(name)
-            continue
-        # A coordinate with next to no torque makes a large share of nothing.
-        share = float(np.nanmax(np.abs(reserves[:, i]))) / max(peaks[name], floor, 1e-12)
-        if worst is None or share > worst[0]:
-            worst = share, i
+    worst = worst_reserve(model, torques, names, reserves, driven)
     rows = []
     if worst is not None:
-        share, i = worst
-        at = int(np.nanargmax(np.abs(reserves[:, i])))
-        told = f"{abs(float(reserves[at, i])):.3g} N·m beside a peak of {peaks[names[i]]:.3g} N·m"
-        unit, when = "% of the coordinate's peak torque", float(time[at])
-        rows.append(Verdict(Quantity.RESERVES, 100 * share, unit, 100 * RESERVE, names[i], when, CHECKLIST, told))
+        value = abs(float(reserves[worst.frame, worst.column]))
+        force = model.coordinate(worst.coordinate).motion == "translational"
+        size = "N" if force else "N·m"
+        told = f"{value:.3g} {size} beside a peak of {worst.peak:.3g} {size}"
+        unit = "% of the coordinate's peak torque"
+        if not worst.own:
+            unit = f"% of {worst.scale:.3g} {size}"
+            told += f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint torque"
+        at = float(time[worst.frame])
+        rows.append(
+            Verdict(Quantity.RESERVES, 100 * worst.share, unit, 100 * RESERVE, worst.coordinate, at, CHECKLIST, told)
+        )
+    root = {name for group in root_coordinates(model) for name in group}
+    undriven = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
     if undriven:
         told = "their torque is carried by reserve actuators alone"
         rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=told))

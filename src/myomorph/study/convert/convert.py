@@ -229,7 +229,9 @@ def c3d_trial(found: Recording) -> Trial:
     plates = tuple(replace(one, channels=_at(found.plate_time, one.channels, clock), zero=None) for one in found.plates)
     if found.wrenches is not None and not plates:
         plates = tuple(_plate(found.wrenches, k, clock, up) for k in range(len(found.wrenches.names)))
-    names, units, columns = [], [], []
+    names: list[str] = []
+    units: list[str] = []
+    columns: list[Array] = []
     if found.analog is not None:
         names += found.analog.names
         units += found.analog.units or ("",) * len(found.analog.names)

@@ -179,7 +179,7 @@ def _named_in(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
     """Kind, key of the study file and name of all that must be the model's."""
     yield from (("body", "bodies", name) for name in trial.bodies.values() if name != "ground")
     yield from (("body", "plates", name) for name in trial.plates if name)
-    yield from (("marker", "labels", name) for name in trial.labels.values())
+    yield from (("marker", "labels", name) for name in trial.labels.values() if name)
     yield from (("muscle", "emg_muscles", name) for names in trial.emg_muscles.values() for name in names)
 
 

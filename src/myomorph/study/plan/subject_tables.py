@@ -140,7 +140,7 @@ class SubjectTable(Strict):
     measured: Measured | None = None
     contact_points: str = ""
     time: tuple[float, float] | None = None
-    labels: dict[str, str] = Field(default_factory=dict)
+    labels: dict[str, str] | str = Field(default_factory=dict)
     up: Up = ""
     turn: float = 0.0
     static_turn: float | None = None

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from myomorph.io.force_columns import force_columns
+from myomorph.io.labels import read_labels
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
@@ -139,7 +140,7 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
         trials,
         bones,
         model_of=table.model_of or "",
-        labels=FrozenMap(dict(table.labels)),
+        labels=labels_of(table.labels, folder, where, problems),
         static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
     )
 
@@ -196,7 +197,7 @@ def subject_trials(
         contact_points=_points(table.contact_points, folder, where, notes),
         mass=table.mass,
         time=table.time,
-        labels=FrozenMap(dict(table.labels)),
+        labels=labels_of(table.labels, folder, where, problems),
         laboratory=Laboratory(table.up, table.turn),
         assumed=tuple(table.assumed),
     )
@@ -307,3 +308,15 @@ def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
         return ""
     notes.notices += old_names(found)
     return str(found)
+
+
+def labels_of(given: Mapping[str, str] | str, folder: Path, where: str, problems: list[str]) -> Mapping[str, str]:
+    """Labels of a study file: a table of its own, or a file that holds one."""
+    if not isinstance(given, str):
+        return FrozenMap(dict(given))
+    path = existing(folder, given, f"{where}: labels", problems)
+    try:
+        return FrozenMap({} if path is None else read_labels(path))
+    except BadFile as error:
+        problems.append(f"{where}: labels: {error}")
+        return FrozenMap({})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
+from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
@@ -45,6 +46,7 @@ class CalibrationFiles:
     marker_set : OpenSim marker set that replaces the model's markers of the same names
     tasks : OpenSim task set or setup file whose weights of markers count
     time : start and end of every recording but the static one [s]
+    labels : what the model calls markers that the recordings call otherwise, "" for those to leave out
     """
 
     model: Path
@@ -53,6 +55,7 @@ class CalibrationFiles:
     marker_set: Path | None = None
     tasks: Path | None = None
     time: tuple[float, float] | None = None
+    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -98,13 +101,16 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
         options = replace(options, marker_weights=_weights(files.tasks, model))
-    recordings = [_recording(path, model, files.time, warnings) for path in files.markers]
+    inputs.check_labels(files.labels, model)
+    recordings = [_recording(path, model, files.time, warnings, files.labels) for path in files.markers]
     if files.static is not None:
-        options = replace(options, static=_recording(files.static, model, None, warnings))
+        options = replace(options, static=_recording(files.static, model, None, warnings, files.labels))
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
     told = plain_settings(options) | {"time": files.time}
+    if files.labels:
+        told["labels"] = dict(files.labels)
     return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
 
 
@@ -120,6 +126,7 @@ def _recording(
     trial = inputs.fitted_to(model, recorded)
     assert trial.markers is not None
     warnings += [f"{path.name}: {text}" for text in trial.warnings]
+    warnings += [f"{path.name}: {text}" for text in inputs.cut_warning(time, trial.markers)]
     span = inputs.cut_to(time, trial.markers, path)
     return trial.markers if span is None else cut(trial.markers, *span)
 
@@ -233,11 +240,7 @@ def _short(value: object) -> object:
 
 def summary(found: Calibration) -> Iterable[str]:
     """What was found, as lines of text."""
-    count = sum(len(one) for one in found.frames)
-    yield (
-        f"{count} frames, {len(found.marker_names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
-        f"{1e3 * found.rms_after:.1f} mm; size {found.size:.3f}"
-    )
+    yield calibration_line(found)
     for one in found.lengths:
         if one.length.along and one.length.between_joints:
             yield (

@@ -113,7 +113,9 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
     if not all(wrenches.bodies):
         wrenches = nearest_feet(wrenches, model, motion)
     texts = tuple(one.text for one in findings)
-    notes = (*texts, *(text for text in wrenches.notes if text not in texts))
+    places = tuple(f"{one.place} may carry" for one in findings)
+    told = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
+    notes = (*texts, *told)
     return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
 
 

@@ -13,7 +13,7 @@ from myomorph.contact.plates import force_plates
 from myomorph.io.formats import read_model, read_trial
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
@@ -90,8 +90,8 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
 
     Parameters
     ----------
-    labels : recorded label to the model's name; a label that the recording lacks is passed over, for labels differ
-        from file to file
+    labels : recorded label to the model's name, or to "" where the marker is left out; a label that the recording
+        lacks is passed over, for labels differ from file to file, but one of them must be there
 
     Raises
     ------
@@ -100,12 +100,27 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
     """
     if trial.markers is None or not labels:
         return trial
-    names = tuple(labels.get(name, name) for name in trial.markers.names)
+    recorded = trial.markers.names
+    if not any(name in labels for name in recorded):
+        told = (
+            f"labels: none of its {len(labels)} labels was recorded, which are {listing(next(iter(labels)), recorded)}"
+        )
+        return replace(trial, warnings=(*trial.warnings, told))
+    kept = [i for i, name in enumerate(recorded) if labels.get(name, name)]
+    recorded = tuple(recorded[i] for i in kept)
+    names = tuple(labels.get(name, name) for name in recorded)
     twice = next((name for name in names if names.count(name) > 1), "")
     if twice:
-        own = [old for old, name in zip(trial.markers.names, names, strict=True) if name == twice]
+        own = [old for old, name in zip(recorded, names, strict=True) if name == twice]
         raise BadData(f"{trial.source}: {' and '.join(repr(one) for one in own)} would both be called '{twice}'")
-    return replace(trial, markers=replace(trial.markers, names=names))
+    return replace(trial, markers=replace(trial.markers, names=names, values=trial.markers.values[:, kept]))
+
+
+def check_labels(labels: Mapping[str, str], model: Model) -> None:
+    """Raise `UnknownName` where labels are mapped to markers that the model does not have."""
+    for name in labels.values():
+        if name and name not in model.marker_names:
+            raise UnknownName("marker", name, model.marker_names, "labels: the model")
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
@@ -320,3 +335,16 @@ def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tu
     if end < first or start > last:
         raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
     return start, end
+
+
+def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[str, ...]:
+    """What a time range that was asked for has beyond the recording, which is then cut in silence otherwise."""
+    if time is None or len(series) < 2:
+        return ()
+    first, last = float(series.time[0]), float(series.time[-1])
+    step = (last - first) / (len(series) - 1)
+    if time[0] > first - 1.5 * step and time[1] < last + 1.5 * step:
+        return ()
+    used = f"{max(time[0], first):.4g} to {min(time[1], last):.4g} s"
+    asked = f"time {time[0]:g} to {time[1]:g} s was asked for"
+    return (f"{asked}, but it runs from {first:.4g} to {last:.4g} s: {used} are used",)

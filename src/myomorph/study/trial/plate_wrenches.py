@@ -16,6 +16,9 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.trial.inputs import PosesBy
 
+MARGIN = 1.0
+"""Time before and after a motion that its forces keep, for filters [s]."""
+
 NOISE = 0.03
 """Share of the weight that a foot on a plate puts down at least."""
 
@@ -64,8 +67,7 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
             f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {motion.time[0]:g} "
             f"to {motion.time[-1]:g} s: they have no time in common; are they of one recording, on one clock?"
         )
-    parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
-    wrenches = replace(wrenches, **parts)
+    wrenches = _without_noise(_during(wrenches, motion), model, motion)
     poses = PosesBy(model, motion)
     places = {}
     for foot in feet:
@@ -73,14 +75,41 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    found = assign_bodies(_without_noise(wrenches, model), places)
-    return _carried(found.wrenches, found.warnings)
+    named = [k for k, body in enumerate(wrenches.bodies) if body]
+    unnamed = [k for k, body in enumerate(wrenches.bodies) if not body]
+    found = assign_bodies(_chosen(wrenches, unnamed), places)
+    return _carried(_joined(_chosen(wrenches, named), found.wrenches), found.warnings)
 
 
-def _without_noise(wrenches: Wrenches, model: Model) -> Wrenches:
-    """Forces with zeros for those that never reach what a foot puts down: noise of a plate that nobody steps on."""
-    size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
-    noise = (size.max(axis=0, initial=0.0) < NOISE * model.weight)[None, :, None]
+def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
+    """Forces during a motion, and as long before and after as filters reach."""
+    near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
+    parts = {name: getattr(wrenches, name)[near] for name in ("time", "forces", "points", "torques")}
+    return replace(wrenches, **parts)
+
+
+def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
+    """Some of the forces."""
+    parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
+    names, bodies = (tuple(one[k] for k in columns) for one in (wrenches.names, wrenches.bodies))
+    return replace(wrenches, names=names, bodies=bodies, **parts)
+
+
+def _joined(first: Wrenches, second: Wrenches) -> Wrenches:
+    """Two sets of forces of the same times as one."""
+    parts = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
+        for name in ("forces", "points", "torques")
+    }
+    return replace(first, names=(*first.names, *second.names), bodies=(*first.bodies, *second.bodies), **parts)
+
+
+def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
+    """Forces with zeros for those on nobody that are noise while the motion lasts: of a plate that nobody steps on."""
+    inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    size = np.nan_to_num(np.linalg.norm(wrenches.forces[inside], axis=2))
+    unnamed = np.array([not body for body in wrenches.bodies], np.bool_)
+    noise = (unnamed & (size.max(axis=0, initial=0.0) < NOISE * model.weight))[None, :, None]
     return replace(
         wrenches, forces=np.where(noise, 0.0, wrenches.forces), torques=np.where(noise, 0.0, wrenches.torques)
     )
@@ -96,6 +125,4 @@ def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
         findings = (*findings, Finding("idle plate", idle, text, mended=True))
         warnings = (*warnings, text)
     notes = (*wrenches.notes, *warnings)
-    chosen = {name: getattr(wrenches, name)[:, kept] for name in ("forces", "points", "torques")}
-    names, bodies = (tuple(one[k] for k in kept) for one in (wrenches.names, wrenches.bodies))
-    return replace(wrenches, names=names, bodies=bodies, notes=notes, findings=findings, **chosen)
+    return replace(_chosen(wrenches, kept), notes=notes, findings=findings)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from myomorph.analysis.presets import preset_of
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
@@ -69,7 +69,7 @@ class TrialFiles:
     phases : parts of the motion that the report tells apart, name to start and end [s]
     mass : of the subject [kg]
     time : start and end [s]
-    labels : what the model calls markers that the recording calls otherwise
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
     condition : that it was recorded in, as the study file names it
     laboratory : how its axes stand to the model's
     assumed : what was assumed of the recording, sentences for the first lines of the report
@@ -122,10 +122,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     trial = _common(files, settings, model)
     if files.markers is None:
         return trial
-    known = [marker.name for marker in model.markers]
-    for name in files.labels.values():
-        if name not in known:
-            raise UnknownName("marker", name, known, "labels: the model")
+    inputs.check_labels(files.labels, model)
     recorded = files.laboratory.trial(inputs.read_recording(files.markers))
     recording = inputs.fitted_to(model, inputs.with_labels(recorded, files.labels))
     assert recording.markers is not None
@@ -136,6 +133,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         time=inputs.cut_to(files.time, recording.markers, files.markers),
         warnings=(
             *trial.warnings,
+            *(f"{files.markers.name}: {text}" for text in inputs.cut_warning(files.time, recording.markers)),
             *(f"{files.markers.name}: {text}" for text in recording.warnings),
             *_rate_warnings(trial, recording.markers.time),
             *_phase_warnings(files, recording.markers.time),
@@ -175,6 +173,7 @@ def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
     time = inputs.cut_to(files.time, recorded, files.motion)
+    warnings = (*(f"{files.motion.name}: {text}" for text in inputs.cut_warning(files.time, recorded)), *warnings)
     return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial), files.assumed)), Poses(
         recorded
     )

@@ -11,7 +11,7 @@ from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Limb, Stride, Strides, feet_move, find_strides, walking_limbs, walking_points
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import feet_of
@@ -83,8 +83,7 @@ def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
     if not told:
         raise BadData(f"model '{model.name}' has no body named as a foot: name 'limbs' in the table 'strides'")
     for name in (*(body for bodies in told.values() for body in bodies), *((plan.trunk,) if plan.trunk else ())):
-        if name not in model.body_names:
-            raise UnknownName("body", name, model.body_names)
+        check_name("body", name, model.body_names)
     trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in told.values()])
     limbs = [
         Limb(name, (bodies[0],), bodies[1:2], bodies=(*bodies[:1], *_below(model, bodies[0])))

@@ -33,7 +33,7 @@ TOLERANCE = (5e-4, 1e-5, 1e-5)
 ENOUGH = 50.0
 """Residual, in units of the barrier parameter, at which that is made smaller."""
 
-STEPS = 300
+STEPS = 500
 STUCK = 1.0
 """Weight on keeping the forces from which on no step will be found: constraints contradict each other there."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadModel, check_name
+from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kernels import inner, kernel
@@ -62,8 +62,9 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
     bodies, others, coordinates, start = [], [], [], [0]
     reached = _coordinates_by_body(tree)
     for actuator in actuators:
-        body = _body_number(tree, actuator, actuator.body)
-        other = _body_number(tree, actuator, actuator.other_body) if actuator.other_body else -1
+        where = f"actuator '{actuator.name}': the model"
+        body = tree.body_number(actuator.body, where)
+        other = tree.body_number(actuator.other_body, where) if actuator.other_body else -1
         if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
             raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
         bodies.append(body)
@@ -88,11 +89,6 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
         coordinate=np.array(coordinates, np.int64),
         supports=np.ascontiguousarray(tree.supports),
     )
-
-
-def _body_number(tree: Tree, actuator: Actuator, name: str) -> int:
-    check_name("body", name, tree.body_index, f"actuator '{actuator.name}': the model")
-    return tree.body_index[name]
 
 
 def _coordinates_by_body(tree: Tree) -> list[set[int]]:

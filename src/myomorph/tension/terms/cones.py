@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadModel, check_name
+from myomorph.model.errors import BadModel
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
@@ -215,7 +215,8 @@ class _Point(NamedTuple):
 
 
 def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
-    body, frame = _body(tree, site, site.body), _body(tree, site, site.cone.frame)
+    where = f"contact site '{site.name}': the model"
+    body, frame = tree.body_number(site.body, where), tree.body_number(site.cone.frame, where)
     axes, signs, coordinates, slots = _reached(tree, site)
     found = []
     for j, place in enumerate(site.points):
@@ -243,18 +244,13 @@ def _ends(counts: list[int]) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def _body(tree: Tree, site: Site, name: str) -> int:
-    check_name("body", name, tree.body_index, f"contact site '{site.name}': the model")
-    return tree.body_index[name]
-
-
 def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[list[int]]]:
     """Axes between the two bodies of a contact with their signs, the coordinates, and which of them each axis has.
 
     What both bodies hang on feels a force and its reaction at one place not at all.
     """
-    own = tree.supports[_body(tree, site, site.body)]
-    other = tree.supports[_body(tree, site, site.against)]
+    own = tree.supports[tree.body_index[site.body]]
+    other = tree.supports[tree.body_number(site.against, f"contact site '{site.name}': the model")]
     axes = [int(k) for k in np.flatnonzero(own != other)]
     pairs = [[int(j) for j in tree.arrays.axis_coordinate[k]] for k in axes]
     touched = sorted({j for pair in pairs for j in pair if j >= 0})
@@ -269,7 +265,7 @@ def _weight(tree: Tree, site: Site) -> float:
     for b in range(1, len(parent)):
         root[b] = root[parent[b]] if parent[b] > 0 else b
     gravity = float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY
-    ends = {int(root[_body(tree, site, name)]) for name in (site.body, site.against)} - {0}
+    ends = {int(root[tree.body_index[name]]) for name in (site.body, site.against)} - {0}
     heaviest = max((float(mass[root == end].sum()) for end in ends), default=0.0)
     return gravity * (heaviest or float(mass.sum()) or 1.0)
 

@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData, MyomorphError, UnknownName
+from myomorph.model.errors import BadData, MyomorphError, check_name
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.condition import (
     LACKING,
@@ -313,8 +313,7 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
     if pcsa is None:
         return np.ones(len(names))
     for name in names:
-        if name not in pcsa:
-            raise UnknownName("muscle", name, tuple(pcsa), "the table of cross-sections")
+        check_name("muscle", name, pcsa, "the table of cross-sections")
     shares = np.array([pcsa[name] for name in names], dtype=np.float64)
     if not (np.isfinite(shares).all() and (shares > 0.0).all()):
         raise BadData(f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}")

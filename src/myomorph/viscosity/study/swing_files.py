@@ -15,7 +15,7 @@ from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing
+from myomorph.model.errors import BadData, BadFile, BadModel, check_name, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.model.spatial import axis_rotation
@@ -166,8 +166,7 @@ def _fit_told(one: ScannedBone) -> str:
 def _body(model: Model, given: str | None, role: str, other: str = "") -> str:
     """The body that a study file names, or the one whose name tells; of two sides the one of `other`."""
     if given is not None:
-        if given not in model.body_names:
-            raise UnknownName("body", given, model.body_names, f"model '{model.name}'")
+        check_name("body", given, model.body_names, f"model '{model.name}'")
         return given
     for word in NAMED[role]:
         found = [name for name in model.body_names if word in name.lower() and "phantom" not in name.lower()]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from myomorph.model.arrays import Array, read_only, runs
-from myomorph.model.errors import UnknownName
+from myomorph.model.errors import check_name
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
@@ -187,8 +187,7 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
     columns: list[Array] = []
     groups: Groups = []
     for term in terms:
-        if term not in TERMS:
-            raise UnknownName("term", term, TERMS, "a passive law")
+        check_name("term", term, TERMS, "a passive law")
         kind, _, by_axis = term.partition(" by ")
         first = len(columns)
         if kind in LAST:

@@ -123,6 +123,13 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     return found
 
 
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """What is done with forces counts where it is not the default: results from before there were checks still hold."""
+    options = trial.options
+    forces = options[ForceOptions]
+    return options[Differentiation], options[TorqueTable], *(() if forces == ForceOptions() else (forces,))
+
+
 def _read(stored: Stored, options: OptionSet) -> Torques | None:
     motion, torques = store.get_derivatives(stored), store.get_torques(stored)
     if motion is None or torques is None:
@@ -175,6 +182,7 @@ STEP = Step(
     gives=Torques,
     needs=(Poses,),
     options=(Differentiation, ForceOptions, TorqueTable),
+    hashed=_hashed,
     run=_run,
     read=_read,
     show=_show,

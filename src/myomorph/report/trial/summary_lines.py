@@ -1,0 +1,204 @@
+"""What a command prints of its result: the numbers that the field judges by, with unit, place, time and verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.analysis.center_of_mass import centroid
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.motion.calibration import Calibration
+from myomorph.motion.ik import KinematicsFit
+from myomorph.report.trial.tables import (
+    MARKER_LARGEST,
+    MARKER_RMS,
+    RESERVE,
+    RESIDUAL_FORCE,
+    RESIDUAL_MOMENT,
+    body_scale,
+    residuals,
+    worst_reserve,
+)
+from myomorph.tension.tension import Tension
+
+ALONE = 1e-3
+"""Share of a coordinate's torque that its muscles give at most where it has none that counts."""
+
+
+def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:
+    """Frames, markers that matched, errors with marker and time, and whether they are within the usual limits.
+
+    Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm).
+
+    Parameters
+    ----------
+    markers : as recorded, which tell the size of the body
+    """
+    matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
+    if len(fit.marker_names) == len(model.markers):
+        matched = f"all {len(model.markers)} markers of the model"
+    unused = f" ({len(fit.unused_markers)} recorded ones unused)" if fit.unused_markers else ""
+    text = f"{len(fit.motion)} frames, {matched}{unused}"
+    if not np.isfinite(fit.errors).any():
+        return text
+    scale = body_scale(markers)
+    rms, time = fit.rms, fit.motion.time
+    worst = int(np.nanargmax(rms))
+    frame, marker = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
+    largest = float(fit.errors[frame, marker])
+    within = rms[worst] <= MARKER_RMS * scale and largest <= MARKER_LARGEST * scale
+    limits = f"{100 * MARKER_RMS * scale:.3g} and {100 * MARKER_LARGEST * scale:.3g} cm (Hicks et al. 2015)"
+    lost = int((~fit.converged & fit.seen).sum())
+    closed = "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
+    return (
+        f"{text}: root mean square {100 * float(np.nanmean(rms)):.2f} cm (worst frame {100 * rms[worst]:.2f} cm at "
+        f"{time[worst]:.2f} s), largest {100 * largest:.2f} cm ({fit.marker_names[marker]} at {time[frame]:.2f} s): "
+        f"{'within' if within else 'over'} {limits}{f'; {lost} frames did not converge' if lost else ''}{closed}"
+    )
+
+
+def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None) -> str:
+    """Residuals of the root as a share of body weight, against limits by the external force; "" without a free root.
+
+    Source: Hicks et al. 2015 (force under 5 % of the peak external force, moment under 1 % of that times the height of
+    the center of mass).
+    """
+    found = residuals(model, torques)
+    if found is None or not np.isfinite(found[0]).any() or model.weight <= 0.0:
+        return ""
+    parts = []
+    for what, values, unit in (("force", found[0], "N"), ("moment", found[1], "N m")):
+        at = int(np.nanargmax(values))
+        share = "" if unit == "N m" else f", {plain(100 * values[at] / model.weight)} % of body weight"
+        rms = float(np.sqrt(np.nanmean(values**2)))
+        parts.append(f"{what} {plain(values[at])} {unit}{share} at {torques.time[at]:.2f} s (RMS {plain(rms)} {unit})")
+    text = f"largest residual {parts[0]}, {parts[1]}"
+    if wrenches is None or not len(wrenches.names):
+        return f"{text}: without external forces they carry the body"
+    net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
+    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - _ground(model, wrenches)
+    peak = float(net.max(initial=0.0))
+    if peak <= 0.0 or not height > 0.0:
+        return text
+    force, moment = (float(np.nanmax(one)) for one in found)
+    shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
+    within = force <= RESIDUAL_FORCE * peak and moment <= RESIDUAL_MOMENT * peak * height
+    limits = f"{100 * RESIDUAL_FORCE:g} and {100 * RESIDUAL_MOMENT:g} %"
+    return (
+        f"{text}: {shares} of the peak external force (times height), {'within' if within else 'over'} the limits of "
+        f"{limits} (Hicks et al. 2015)"
+    )
+
+
+def _ground(model: Model, wrenches: Wrenches) -> float:
+    """Height of the ground by the points of loaded forces [m]."""
+    loaded = np.nan_to_num(wrenches.forces) @ model.up
+    heights = (wrenches.points @ model.up)[loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)]
+    heights = heights[np.isfinite(heights)]
+    return float(np.median(heights)) if len(heights) else 0.0
+
+
+def tension_line(model: Model, tension: Tension) -> str:
+    """Frames that are optimal, and the largest reserve with its unit, time and share of the torque."""
+    optimal = int(tension.optimal.sum())
+    count = "all frames optimal" if optimal == len(tension) else f"{optimal} of {len(tension)} frames optimal"
+    text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {count}"
+    if tension.reserves.size:
+        text += _reserves(model, tension)
+    if tension.contacts is not None:
+        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
+        groups = len({one.group for one in tension.contacts.sites})
+        text += f"; {groups} contacts carry up to {peak:.4g} N together"
+    if tension.pushing:
+        some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
+        text += f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity ({some})"
+    return text
+
+
+def _reserves(model: Model, tension: Tension) -> str:
+    """The reserve that is the largest share of its coordinate's torque, and the largest that holds the root."""
+    time, text = tension.time, ""
+    torques = Series(time, tension.coordinates, tension.torques)
+    names = [reserve_coordinate(model, name) for name in tension.reserve_names]
+    alone = _without_muscles(torques, names, tension)
+    driven = [name for name in tension.coordinates if name not in alone]
+    worst = worst_reserve(model, torques, names, tension.reserves, driven)
+    if worst is not None:
+        value, at = abs(float(tension.reserves[worst.frame, worst.column])), float(time[worst.frame])
+        unit = reserve_unit(model, worst.coordinate)
+        verdict = "within" if worst.share <= RESERVE else "over"
+        whose = "its peak torque"
+        if not worst.own:
+            whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
+        text = (
+            f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
+            f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * RESERVE:g} %"
+        )
+    for unit in ("N", "N m"):
+        own = [i for i, name in enumerate(tension.reserve_names) if _residual_unit(model, name, names[i]) == unit]
+        values = np.abs(tension.reserves[:, own])
+        if own and np.isfinite(values).any():
+            frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
+            name, start = tension.reserve_names[own[column]], ", " if text.endswith(" s)") else "; largest residual "
+            text += f"{start}{plain(values[frame, column])} {unit} ({name} at {time[frame]:.2f} s)"
+    if alone:
+        name = max(alone, key=lambda one: float(np.nanmax(np.abs(torques[one]))))
+        peak = float(np.nanmax(np.abs(torques[name])))
+        told = f"{name} up to {plain(peak)} {reserve_unit(model, name)}"
+        text += f"; {len(alone)} coordinates without muscles are carried by reserves alone ({told})"
+    return text
+
+
+def _without_muscles(torques: Series, names: list[str], tension: Tension) -> list[str]:
+    """Coordinates of joints whose torque is that of their reserve throughout, so that no muscle drives them."""
+    found = []
+    for i, name in enumerate(names):
+        if name in torques.names and np.isfinite(torques[name]).any():
+            peak = float(np.nanmax(np.abs(torques[name])))
+            if float(np.nanmax(np.abs(torques[name] - tension.reserves[:, i]))) <= ALONE * peak:
+                found.append(name)
+    return found
+
+
+def reserve_coordinate(model: Model, name: str) -> str:
+    """The coordinate that a reserve drives, "" where it drives none."""
+    if name in model.coordinate_names:
+        return name
+    own = next((one.coordinate for one in model.actuators if one.name == name), "")
+    short = name.removesuffix("_reserve").removeprefix("reserve_")
+    return own or (short if short in model.coordinate_names else "")
+
+
+def reserve_unit(model: Model, coordinate: str) -> str:
+    """N m of a rotation, N of a translation."""
+    return "N" if coordinate and model.coordinate(coordinate).motion == "translational" else "N m"
+
+
+def _residual_unit(model: Model, name: str, coordinate: str) -> str:
+    """Unit of a residual, "" of a reserve of a joint."""
+    if coordinate or not name.startswith("residual_"):
+        return ""
+    return "N" if "_F" in name.removeprefix("residual") else "N m"
+
+
+def calibration_line(found: Calibration) -> str:
+    """Frames, markers, errors before and after, size, and whether the search ended."""
+    count = sum(len(one) for one in found.frames)
+    names = found.marker_names
+    after = np.concatenate([one.reshape(-1, len(names)) for one in found.after])
+    with np.errstate(invalid="ignore"):
+        each = np.sqrt(np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0))
+    worst = int(np.nanargmax(each))
+    steps = len(found.costs) - 1
+    ended = f"converged after {steps} steps" if found.converged else f"NOT converged after {steps} steps"
+    limit = "within" if found.rms_after <= MARKER_RMS else "over"
+    return (
+        f"{count} frames, {len(names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
+        f"{1e3 * found.rms_after:.1f} mm ({limit} {1e3 * MARKER_RMS:g} mm), worst marker {names[worst]} "
+        f"{1e3 * each[worst]:.1f} mm; size {found.size:.3f}; {ended}"
+    )
+
+
+def plain(value: float) -> str:
+    """A number of three digits, or whole where it has more, without an exponent: 0.264, 15.5, 1012."""
+    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:.3g}"

@@ -1,0 +1,146 @@
+"""Faults put into clean forces are found and named, mended ones give the clean forces again, and clean ones pass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.accuracy import faults
+
+from myomorph.contact.force_checks import check_forces, checked_forces
+from myomorph.contact.force_samples import ForceSamples
+from myomorph.model.series import Motion, Wrenches
+from myomorph.store.settings import ForceOptions
+from myomorph.study.trial.external_forces import on_feet
+from myomorph.study.trial.inputs import open_model, read_motion
+
+WALKS = ("gait2354 walk", "OpenCap walk", "treadmill walk")
+BY_NAME = {one.name: one for one in faults.CLEAN}
+
+
+@pytest.fixture(scope="module", params=WALKS)
+def clean(request, data):
+    for path in (BY_NAME[request.param].model, BY_NAME[request.param].motion, BY_NAME[request.param].loads):
+        data(path)
+    folder = data(BY_NAME[request.param].model.split("/")[0]).parent
+    return faults.of_its_mass(folder, BY_NAME[request.param])
+
+
+def test_nothing_is_called_on_clean_forces(clean):
+    found = checked_forces(clean.wrenches, clean.model, clean.motion)
+    assert found.findings == ()
+    assert found.wrenches is clean.wrenches
+
+
+@pytest.mark.parametrize("fault", faults.FORCE_FAULTS, ids=lambda one: one.name)
+def test_a_fault_is_found_and_named(clean, fault):
+    faulty = fault.change(clean)
+    found = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
+    assert [one.kind for one in found if one.kind in fault.kinds]
+    assert all(one.text and one.place for one in found)
+
+
+SAFE = (
+    faults.wrong_foot,
+    faults.one_foot,
+    faults.mirrored,
+    faults.turned,
+    faults.millimetres,
+    faults.about_the_origin,
+    faults.about_a_plate,
+    faults.swapped_sign,
+    faults.idle_plate,
+)
+
+
+@pytest.mark.parametrize("fault", SAFE, ids=lambda one: one.__name__)
+def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
+    """Force and moment about the origin on each foot, against those of the clean forces."""
+    faulty = fault(clean)
+    found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
+    assert any(one.mended for one in found.findings)
+    for body in set(clean.wrenches.bodies):
+        expected, mended = (on_body(one, body, clean.motion) for one in (clean.wrenches, found))
+        np.testing.assert_allclose(mended[:, :3], expected[:, :3], atol=1e-6)
+        # The point that moments of a plate are about is fitted.
+        assert np.abs(mended - expected).max() < (15.0 if fault is faults.about_a_plate else 1e-6)
+
+
+def test_reporting_only_changes_nothing(clean):
+    faulty = faults.mirrored(clean)
+    found = on_feet(faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_checks="report"))
+    assert found.findings
+    assert not any(one.mended for one in found.findings)
+    np.testing.assert_array_equal(found.forces, faulty.wrenches.forces)
+    assert check_forces(faulty.wrenches, faulty.model, faulty.motion) == found.findings
+    quiet = on_feet(faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_checks="none"))
+    assert quiet.findings == ()
+
+
+def test_the_lag_of_a_clock_is_measured(clean):
+    """A lag that the finding names, taken off by `force_shift`, is found no more."""
+    faulty = faults.late(0.06)(clean)
+    (found,) = [one for one in check_forces(faulty.wrenches, faulty.model, faulty.motion) if one.kind == "clock"]
+    lag = float(found.text.split("seem ")[1].split(" ms")[0])
+    assert lag == pytest.approx(60.0, abs=15.0)
+    again = on_feet(faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_shift=-1e-3 * lag))
+    assert not [one for one in again.findings if one.kind == "clock"]
+
+
+def on_body(wrenches: Wrenches, body: str, motion: Motion):
+    """Force and moment about the origin (samples, 6) on a body while a motion lasts."""
+    own = [k for k, name in enumerate(wrenches.bodies) if name == body]
+    during = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
+    points, forces, torques = (
+        np.nan_to_num(one[during][:, own]) for one in (wrenches.points, wrenches.forces, wrenches.torques)
+    )
+    return np.hstack([forces.sum(axis=1), (torques + np.cross(points, forces)).sum(axis=1)])
+
+
+def test_opencaps_plates_that_are_all_on_one_foot(data):
+    """The data set's own file puts both plates on the right talus; the left one is found without any injection."""
+    folder = faults.OPENCAP
+    model = open_model(data(f"{folder}/models/manually_scaled.osim"))
+    motion = read_motion(data(f"{folder}/ik_manual_scaling/walking1_ik.mot"), model)
+    found = on_feet(faults.raw_loads(data(f"{folder}/grf/walking1_external_forces.xml"), model, motion), model, motion)
+    assert found.bodies == ("talus_r", "calcn_l")
+    assert [(one.kind, one.place, one.mended) for one in found.findings] == [("wrong foot", "ForcePlate2", True)]
+
+
+def test_a_model_that_is_too_heavy_for_its_plates(data):
+    """A generic model of 75.2 kg and a walker whose plates carry 58 kg, as the data set has them."""
+    walk = BY_NAME["CEINMS walk (generic model)"]
+    data(walk.motion)
+    one = faults.recorded(data(walk.model.split("/")[0]).parent, walk)
+    (found,) = check_forces(one.wrenches, one.model, one.motion)
+    assert found.kind == "mass"
+    assert "58.1 kg" in found.text
+    assert "75.2 kg" in found.text
+
+
+def test_empty_forces_other_times_and_gaps_pass(clean):
+    nothing = replace(
+        clean.wrenches, forces=0.0 * clean.wrenches.forces, torques=0.0 * np.nan_to_num(clean.wrenches.torques)
+    )
+    assert check_forces(nothing, clean.model, clean.motion) == ()
+    late = replace(clean.wrenches, time=clean.wrenches.time + 1000.0)
+    assert check_forces(late, clean.model, clean.motion) == ()
+    gaps = Motion(clean.motion.time, clean.motion.names, np.array(clean.motion.values))
+    values = np.array(gaps.values)
+    values[5:9] = np.nan
+    assert check_forces(clean.wrenches, clean.model, replace(gaps, values=values)) == ()
+
+
+def test_center_of_a_wrench_is_that_of_its_moment():
+    """Moving the point of a force and giving the moment of the move leaves its center where it was."""
+    random = np.random.default_rng(0)
+    force = np.array([20.0, 700.0, -30.0]) + random.normal(size=(5, 1, 3))
+    point = random.normal(size=(5, 1, 3)) * [1.0, 0.0, 1.0]
+    move = random.normal(size=(5, 1, 3)) * [1.0, 0.0, 1.0]
+    loaded = np.ones((5, 1), bool)
+    up = np.array([0.0, 1.0, 0.0])
+    plain = ForceSamples(force, point, 0.0 * force, loaded).centers(up)
+    moment = np.cross(-move, force)
+    moved = ForceSamples(force, point + move, moment * [1.0, 0.0, 1.0], loaded).centers(up)
+    np.testing.assert_allclose(moved, plain, atol=1e-12)

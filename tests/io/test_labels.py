@@ -1,0 +1,85 @@
+"""Maps of marker labels from files, and what they do to a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.labels import read_labels
+from myomorph.model.errors import BadData, BadFile, UnknownName
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Trial
+from myomorph.study.trial.inputs import check_labels, cut_warning, with_labels
+
+WANTED = {"RASI": "R.ASIS", "LASI": "L.ASIS", "BAD": ""}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.csv", "RASI,R.ASIS\nLASI,L.ASIS\nBAD,\n"),
+        ("b.csv", "# ours\nlabel;marker\nRASI; R.ASIS\n\nLASI;L.ASIS\nBAD;\n"),
+        ("c.toml", 'RASI = "R.ASIS"\nLASI = "L.ASIS"\nBAD = ""\n'),
+        ("d.toml", '[labels]\nRASI = "R.ASIS"\nLASI = "L.ASIS"\nBAD = ""\n'),
+    ],
+)
+def test_labels_are_read_from_tables_of_both_kinds(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    assert read_labels(path) == WANTED
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.csv", "RASI,R.ASIS\nRASI,L.ASIS\n", "twice"),
+        ("a.csv", "RASI\n", "1 cells"),
+        ("a.csv", "# nothing\n", "no label"),
+        ("a.toml", "RASI = 3\n", "something else than names"),
+        ("a.toml", "RASI\n", "not TOML"),
+        ("a.xml", "<a/>", "ends in '.xml'"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_is_expected(tmp_path, name, text, told):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(BadFile, match=told):
+        read_labels(path)
+
+
+def trial(*names: str) -> Trial:
+    return Trial(markers=Markers(np.arange(3) / 100.0, names, np.random.default_rng(0).normal(size=(3, len(names), 3))))
+
+
+def test_markers_are_renamed_and_an_empty_name_drops_one():
+    given = trial("RASI", "BAD", "LASI", "SACR")
+    found = with_labels(given, WANTED).markers
+    assert found.names == ("R.ASIS", "L.ASIS", "SACR")
+    np.testing.assert_array_equal(found.values, given.markers.values[:, [0, 2, 3]])
+
+
+def test_two_labels_of_one_name_are_refused_unless_one_is_dropped():
+    with pytest.raises(BadData, match="would both be called"):
+        with_labels(trial("RASI", "R.ASIS"), {"RASI": "R.ASIS"})
+    found = with_labels(trial("RASI", "R.ASIS"), {"RASI": "R.ASIS", "R.ASIS": ""})
+    assert found.markers.names == ("R.ASIS",)
+
+
+def test_a_map_of_which_nothing_was_recorded_is_told():
+    found = with_labels(trial("A", "B"), WANTED)
+    assert "none of its 3 labels was recorded" in found.warnings[0]
+
+
+def test_names_that_the_model_lacks_are_refused():
+    model = Model("empty", (), (), (), np.zeros(3))
+    with pytest.raises(UnknownName, match=r"R\.ASIS"):
+        check_labels(WANTED, model)
+    check_labels({"BAD": ""}, model)
+
+
+def test_a_time_beyond_the_recording_says_that_it_is_cut():
+    markers = Markers(np.arange(143) / 100.0, ("A",), np.zeros((143, 1, 3)))
+    assert cut_warning((0.4, 1.42), markers) == ()
+    assert cut_warning((0.0, 1.425), markers) == ()
+    (told,) = cut_warning((0.4, 1.6), markers)
+    assert "0.4 to 1.42 s are used" in told
