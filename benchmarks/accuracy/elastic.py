@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from benchmarks.accuracy.tension import CASES, TensionCase, prepare
 from benchmarks.opensim_forward import SliderMuscles, forward_forces
@@ -17,7 +19,7 @@ from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
+from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
@@ -27,6 +29,13 @@ from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 RATE = 100.0
 """Frames a second that are solved."""
+
+FINER = 4
+"""Steps of the fine collocation in one step."""
+
+FINE_CASES = ("arm26, 6 Millard2012EquilibriumMuscle", "walk, Rajagopal, 80 muscles", "walk, OpenCap, 80 muscles")
+FINE_SECONDS = 0.5
+"""How much of each recording is solved with fine steps too."""
 
 WALK = "rajagopal-walk-emg"
 SPAN = (0.6, 1.4)
@@ -40,6 +49,9 @@ ALIKE = TensionOptions(
     tendons="elastic", min_activation="model", activation_dynamics=False, reserve=RESERVE, residual=RESIDUAL
 )
 """As MocoInverse is set up: no passive force, activations as controls."""
+
+
+FINE_OPTIONS = TensionOptions(tendons="elastic")
 
 
 def thinned(motion: Motion, start: float, end: float) -> Motion:
@@ -76,6 +88,57 @@ def _forward_row(folder: Path, case: TensionCase) -> dict[str, object]:
         torques = _torques(prepared.model, motion, prepared.loads)
         found = solve_tension(prepared.model, motion, torques, OURS, prepared.actuators)
         return {"case": case.name, **forward_distances(prepared.model, prepared.model_path, motion, found)}
+
+
+def fine_rows(folder: Path) -> Iterator[dict[str, object]]:
+    """Solutions at 100 frames a second against those of steps four times finer, of the same curves of motion."""
+    for name in FINE_CASES:
+        case = next(one for one in CASES if one.name == name)
+        with tempfile.TemporaryDirectory() as work:
+            prepared = prepare(folder, case, Path(work))
+            whole = differentiate(prepared.motion, case.cutoff or 6.0)
+            fine = _resampled(whole, case.start, min(case.end, case.start + FINE_SECONDS), FINER * RATE)
+            torques = _torques(prepared.model, fine, prepared.loads)
+            yield {"case": name, **fine_distances(prepared.model, fine, torques, prepared.actuators)}
+
+
+def fine_distances(
+    model: Model, motion: Motion, torques: Series, actuators: Sequence[Actuator] | None
+) -> dict[str, object]:
+    """Distances between solutions for all frames of a motion and for one in `FINER` of them, ends left out."""
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    each = slice(None, None, FINER)
+    rates = (motion.velocities[each], motion.accelerations[each])
+    coarse = Motion(motion.time[each], motion.names, motion.values[each], *rates)
+    given = Series(torques.time[each], torques.names, torques.values[each])
+    one = solve_tension(model, coarse, given, FINE_OPTIONS, actuators)
+    # Every frame of the finer steps is solved, which Myomorph else does not with so many.
+    with mock.patch("myomorph.tension.elastic.problem.solved_every", return_value=1):
+        other = solve_tension(model, motion, torques, FINE_OPTIONS, actuators)
+    assert one.fibers is not None
+    assert other.fibers is not None
+    inside = ~one.fibers.transient
+    strength = np.array([muscle.max_isometric_force for muscle in model.muscles])
+    a = (one.activations - other.activations[each])[inside]
+    f = ((one.forces - other.forces[each]) / strength)[inside]
+    return {
+        "muscles": len(one.muscles),
+        "frames": f"{len(coarse)}, {len(motion)}",
+        "optimal": float(one.optimal.mean()),
+        "optimal, fine": float(other.optimal.mean()),
+        "RMS of activations": _rms(a),
+        "RMS of tendon forces / F0": _rms(f),
+        "worst muscle": one.muscles[int(np.argmax(np.mean(a**2, axis=0)))],
+        "iterations": f"{one.fibers.certificate.steps}, {other.fibers.certificate.steps}",
+    }
+
+
+def _resampled(motion: Motion, start: float, end: float, rate: float) -> Motion:
+    """The motion at a rate [1/s], on the cubics through its frames."""
+    curve = CubicSpline(motion.time, motion.values)
+    at = start + np.arange(int((end - start) * rate) // FINER * FINER + 1) / rate
+    return Motion(at, motion.names, curve(at), curve(at, 1), curve(at, 2))
 
 
 def forward_distances(model: Model, model_path: Path, motion: Motion, found: Tension) -> dict[str, object]:

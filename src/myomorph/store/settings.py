@@ -66,8 +66,9 @@ class ForceOptions:
 
     Attributes
     ----------
-    force_checks : hold them against the motion: mend what is wrong and safe to mend, report it only, or none
-    force_shift : what is added to their times, where their clock is not the motion's [s]
+    force_checks : external forces are held against the motion: mend what is wrong and safe to mend, report it only, or
+        none
+    force_shift : added to the times of external forces, where their clock is not the motion's [s]
     """
 
     force_checks: Literal["mend", "report", "none"] = "mend"

@@ -15,7 +15,7 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.fiber_section import fiber_section
+from myomorph.report.trial.fiber_section import _lines, fiber_section
 from myomorph.report.trial.given import Kinematics, ReportInput, ShownTension
 from myomorph.report.trial.prepared import prepare
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -197,3 +197,11 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     assert "shorter than the slack tendon" in grid.rows[0][3]
     assert "In 2 frames" in section.lead
     assert fiber_section(prepare(replace(given, tension=replace(shown, fibers=None)))) is None
+
+
+def test_thin_lines_of_one_end_do_not_reach_the_other():
+    time, ends = np.arange(8.0), np.zeros(8, bool)
+    ends[:2] = True
+    thick, thin = _lines(time, [time + 1.0], ["one"], ends)
+    assert np.isnan(thick.values[:2]).all()
+    assert np.array_equal(np.isfinite(thin.values), [True, True, True, False, False, False, False, False])

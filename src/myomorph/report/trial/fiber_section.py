@@ -59,7 +59,8 @@ def _charts(prepared: Prepared, tension: ShownTension, fibers: Fibers, pair: Pai
     first, at = columns[0]
     powers = [fibers.fiber_powers[:, at], fibers.tendon_powers[:, at]]
     charts = (
-        (f"{pair.label}: fiber length", "optimal lengths", normal, names, 1.0),
+        # Longer headings, "Biceps femoris, long head: fiber length", run into that of the chart beside.
+        (f"{pair.label}: fiber", "optimal lengths", normal, names, 1.0),
         (f"{pair.label}: tendon strain", "%", strains, names, 0.0),
         (f"{first}: power", "W", powers, ["fiber", "tendon"], 0.0),
     )
@@ -75,7 +76,9 @@ def _lines(time: Array, values: list[Array], labels: list[str], ends: np.ndarray
         found.append(Line(time, np.where(ends, np.nan, one), style, label))
         if ends.any():
             # One frame more on the inner side, so that the lines meet.
-            wide = ends | np.roll(ends, 1) | np.roll(ends, -1)
+            wide = ends.copy()
+            wide[1:] |= ends[:-1]
+            wide[:-1] |= ends[1:]
             found.append(Line(time, np.where(wide, one, np.nan), f"{style} thin", f"{label}, near an end"))
     return found
 

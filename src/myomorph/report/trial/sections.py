@@ -10,6 +10,7 @@ from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.analysis_sections import analysis_sections
+from myomorph.report.trial.emg_conflict_section import emg_conflict_section
 from myomorph.report.trial.fiber_section import fiber_section
 from myomorph.report.trial.figures import (
     centroid_figures,
@@ -53,6 +54,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (tension_section, ""),
         (fiber_section, ""),
         (joint_contact_section, ""),
+        (emg_conflict_section, ""),
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
         (length_cycle_section, ""),

@@ -248,7 +248,8 @@ def reserve_verdicts(
             Verdict(Quantity.RESERVES, 100 * worst.share, unit, 100 * RESERVE, worst.coordinate, at, CHECKLIST, detail)
         )
     root = {name for group in root_coordinates(model) for name in group}
-    undriven = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
+    unmoved = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
+    undriven = list(dict.fromkeys(unmoved))
     if undriven:
         detail = "their torque is carried by reserve actuators alone"
         rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=detail))

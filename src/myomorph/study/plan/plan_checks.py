@@ -70,7 +70,7 @@ def check_names(
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
         steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
-        made = [*(name for step in steps_on for name in (step.model, step.tables)), *(OF_STUDY if flat else ())]
+        made = [*(name for step in steps_on for name in (step.model, step.tables) if name), *(OF_STUDY if flat else ())]
         own_trials = [one.name for one in trials if one.subject == subject]
         for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)

@@ -141,11 +141,13 @@ class StudyJobs:
     ----------
     models : those that subjects' own steps make, by their file
     homes : where the results of each job go
+    made : the models again, by the subject whose steps make them
     """
 
     jobs: tuple[Job, ...]
     models: dict[Path, MadeModel]
     homes: dict[Key, Path]
+    made: dict[str, MadeModel]
 
 
 def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> StudyJobs:
@@ -161,7 +163,17 @@ def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = N
         found.trial(files, steps)
     for one in plan.together:
         found.together(one)
-    return StudyJobs(tuple(found.jobs), {one.path: one for one in found.made.values()}, found.homes)
+    models = {one.path: one for one in found.made.values()}
+    return StudyJobs(tuple(found.jobs), models, found.homes, dict(found.made))
+
+
+def with_made(files: TrialFiles, made: MadeModel, maker: str) -> TrialFiles:
+    """A trial with the model, and the gains of EMG, that a subject's own steps make.
+
+    Electrodes are one subject's: gains of a subject whose model another begins with are not the other's.
+    """
+    gains = made.gains if maker == files.subject and files.emg is not None else None
+    return replace(files, model=made.path, emg_gains=gains)
 
 
 @dataclass
@@ -208,7 +220,7 @@ class _Jobs:
         """Add a trial, and before the first of a subject its own steps."""
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:
-            files = replace(files, model=self.made[maker].path)
+            files = with_made(files, self.made[maker], maker)
         self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
         arguments: dict[str, Any] = {

@@ -21,6 +21,7 @@ from myomorph.store.stored import get_fibers
 from myomorph.study.trial.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.tension.dual import STALLED
+from myomorph.tension.elastic.thinning import FASTEST, solved_every
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.tension import Tension
 
@@ -159,6 +160,12 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
     left = [one.muscle for one in fibers.unreachable[MOST_NAMED:]]
     if left:
         notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
+    every = solved_every(tension.time)
+    if every > 1 and tension.contacts is None:
+        notes.append(
+            f"one in {every} frames was solved ({FASTEST:.0f} a second at most); activations between them are "
+            "interpolated, and forces so too, changed as little as balances the torques"
+        )
     if fibers.bridged.any():
         first, last = tension.time[np.flatnonzero(fibers.bridged)[[0, -1]]]
         notes.append(

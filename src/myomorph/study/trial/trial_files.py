@@ -30,6 +30,7 @@ from myomorph.store.settings import (
 )
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
+from myomorph.study.trial.emg_gains import read_gains, rescaled
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
@@ -61,6 +62,7 @@ class TrialFiles:
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
+    emg_gains : gains of the subject's channels, found over all trials; None finds them on this recording alone
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
     contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
@@ -86,6 +88,7 @@ class TrialFiles:
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_mvc: tuple[Path, ...] = ()
     emg_side: Side = ""
+    emg_gains: Path | None = None
     tasks: Path | None = None
     actuators: Path | None = None
     contacts: str = ""
@@ -215,6 +218,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ("tasks", files.tasks),
         ("actuators", files.actuators),
         *(("emg mvc", path) for path in files.emg_mvc),
+        ("emg gains", files.emg_gains),
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
@@ -235,6 +239,9 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         envelope = options[EnvelopeOptions]
         found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_mvc, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    gains = None if files.emg_gains is None or found is None else read_gains(files.emg_gains)
+    if gains is not None and found is not None:
+        found = replace(found, emg=rescaled(found.emg, found.scale, gains.scale), scale=gains.scale)
     if files.laboratory:
         sources.append(value_source("laboratory", "axes of the laboratory", files.laboratory))
     if files.labels:
@@ -264,6 +271,8 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
+        emg_scale={} if found is None else found.scale,
+        emg_gains=None if gains is None else gains.calibration,
         mass=files.mass,
         contacts=plan,
         contact_points=points,

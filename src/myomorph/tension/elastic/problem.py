@@ -24,6 +24,7 @@ from myomorph.tension.elastic.fibers_at import fibers_at
 from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.parts import parts_of
 from myomorph.tension.elastic.term import ElasticMuscleTerm
+from myomorph.tension.elastic.thinning import along, balanced, picked, solved_every
 from myomorph.tension.elastic.windows import Frames, drawn, filled, program_of, runs, solve_part, start_of
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionProblem, problem_setup
@@ -152,8 +153,10 @@ class ElasticProblem(TensionProblem):
         self.parts = parts_of(self.separable, self.muscles.elastic)
         step = float(np.median(np.diff(time))) if frames > 1 else MARGIN
         self._margin = int(np.ceil(MARGIN / step))
-        whole = frames <= WINDOW + 2 * self._margin
-        self.window = frames if whole else WINDOW
+        # Smoothness of contact forces links each frame to those beside it, so there all are solved.
+        self._every = 1 if self.smooth is not None else solved_every(time)
+        window = WINDOW * self._every
+        self.window = frames if frames <= window + 2 * self._margin else window
         self._tendon_forces = np.full((frames, muscles), np.nan)
         self._bridged = np.zeros(frames, np.bool_)
         self._transient = np.zeros(frames, np.bool_)
@@ -229,7 +232,7 @@ class ElasticProblem(TensionProblem):
                 if self.smooth is not None:
                     links = self.smooth.links(begin + part.start, begin + part.stop)
                     frames.penalties = drawn(own, links, frames.x, self.separable)
-                found = self._pass(frames)
+                found = self._pass_thinned(frames) if self._every > 1 else self._pass(frames)
             if not all(one.solved for one in found):
                 status[:] = STALLED
         others = frames.x
@@ -240,6 +243,22 @@ class ElasticProblem(TensionProblem):
         steps_status[part] = np.where(good, status, MISSING)
         self._certificates += found
         self._mark(begin + part.start, begin + part.stop)
+
+    def _pass_thinned(self, frames: Frames) -> list[_Found]:
+        """Solve some of the frames; those between follow them, their forces as near by as balances their torques."""
+        keep, elastic = picked(len(frames.time), self._every), np.flatnonzero(self.muscles.elastic)
+        few = frames.at(keep)
+        found = self._pass(few)
+        frames.x = along(frames.time, keep, few.x)
+        held = frames.x.copy()
+        held[:, elastic] = along(frames.time, keep, few.forces[:, elastic])
+        on_elastic = np.isin(np.arange(held.shape[1]), elastic)
+        between = np.setdiff1d(np.arange(len(frames.time)), keep)
+        for part in np.array_split(between, 1 + len(between) // WINDOW):
+            held[part] = balanced(self.separable, frames.values[part], frames.right[part], held[part], on_elastic)
+        frames.forces[:, elastic] = held[:, elastic]
+        frames.x = np.where(on_elastic, frames.x, held)
+        return found
 
     def _pass(self, frames: Frames) -> list[_Found]:
         """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""

@@ -43,6 +43,20 @@ class Frames:
     y: Array
     forces: Array
 
+    def at(self, keep: NDArray[np.int64]) -> Frames:
+        """Some of the frames."""
+        return Frames(
+            self.time[keep],
+            self.values[keep],
+            self.right[keep],
+            self.penalties[keep] if len(self.penalties) == len(self.time) else self.penalties,
+            self.lengths[keep],
+            self.speeds[keep],
+            self.x[keep],
+            self.y[keep],
+            self.forces[keep],
+        )
+
 
 def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Ranges of frames that begin and end with a good one, the gaps inside them bridged."""
