@@ -10,7 +10,7 @@ import pytest
 from docs_build.examples import run_command, working_in
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-ELSEWHERE = {"view", "live", "morph", "viscosity", "run", "run-tool", "demo"}
+ELSEWHERE = {"view", "live", "analyze", "morph", "viscosity", "run", "run-tool", "demo"}
 """What waits for a browser or for streams; and what needs other files, which other tests run."""
 
 
