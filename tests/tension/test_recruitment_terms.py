@@ -12,10 +12,9 @@ from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.terms.co_contraction import CoContractionTerm
-from myomorph.tension.terms.joint_load import JointLoadTerm
 
 KEEP = slice(150, 1150, 180)
 
@@ -29,7 +28,7 @@ def test_rows_of_joint_loads_are_joint_reactions(data):
     """What the rows leave is the force of each joint, as the reactions of the same tensions say."""
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
-    term = JointLoadTerm(model, motion, wrenches, 2.0, ("walker_knee_r", "hip_l", "ankle_r"))
+    term = joint_load_term(model, motion, wrenches, 2.0, ("walker_knee_r", "hip_l", "ankle_r"))
     problem, names = tension_problem(model, motion, tau, terms=[term])
     problem.solve(0, len(motion))
     found = problem.result(names)
@@ -46,7 +45,7 @@ def test_joint_load_falls_with_its_weight_and_effort_rises(data):
     alone = solve_tension(model, motion, tau)
     loads, efforts = [knee_load(alone, model, motion, wrenches).mean()], [(alone.activations**2).sum()]
     for weight in (1e-7, 0.1, 10.0):
-        term = JointLoadTerm(model, motion, wrenches, weight, ("walker_knee_r",))
+        term = joint_load_term(model, motion, wrenches, weight, ("walker_knee_r",))
         found = solve_tension(model, motion, tau, terms=[term])
         loads.append(knee_load(found, model, motion, wrenches).mean())
         efforts.append((found.activations**2).sum())
@@ -89,7 +88,7 @@ def test_what_is_asked_wrongly_is_refused(data):
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
     with pytest.raises(UnknownName, match="walker_knee_r"):
-        JointLoadTerm(model, motion, wrenches, 1.0, ("walker_kneer",))
+        joint_load_term(model, motion, wrenches, 1.0, ("walker_kneer",))
     with pytest.raises(UnknownName, match="ankle_angle_r"):
         CoContractionTerm(model, motion, tau, 0.1, ("ankle_angl_r",))
     with pytest.raises(BadData, match="0 to 1"):

@@ -139,8 +139,8 @@ class EmgCalibration:
     by_torque: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))
     synergies: tuple[SynergyWeights, ...] = ()
     weight: float = 10.0
-    others_weight: float = 1.0
     held_out: Array = field(default_factory=lambda: np.full((1, 2), np.nan))
+    others_weight: float = 1.0
 
     def __post_init__(self) -> None:
         count = len(self.channels)

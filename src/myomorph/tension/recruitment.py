@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.terms.co_contraction import CoContractionTerm
-from myomorph.tension.terms.joint_load import JointLoadTerm
+from myomorph.tension.terms.joint_load import JointLoadTerm, crossed_joints
 from myomorph.tension.terms.term import Term
 
 
@@ -43,15 +45,31 @@ class RecruitmentOptions:
 def recruitment_terms(
     model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None, options: RecruitmentOptions
 ) -> tuple[Term, ...]:
-    """The terms that options ask for; errors are those of `JointLoadTerm` and `CoContractionTerm`."""
+    """The terms that options ask for; errors are those of `crossed_joints` and `CoContractionTerm`."""
     found: list[Term] = []
     if options.joint_load:
-        joints = _names(options.joint_load_joints)
-        found.append(JointLoadTerm(model, motion, wrenches, options.joint_load, joints))
+        found.append(joint_load_term(model, motion, wrenches, options.joint_load, _names(options.joint_load_joints)))
     if options.co_contraction:
         coordinates = _names(options.co_contraction_coordinates)
         found.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
     return tuple(found)
+
+
+def joint_load_term(
+    model: Model, motion: Motion, wrenches: Wrenches | None, weight: float, joints: Sequence[str] = ()
+) -> JointLoadTerm:
+    """The term of joint loads.
+
+    Parameters
+    ----------
+    motion : with velocities and accelerations
+    wrenches : external forces at the motion's times, None for none
+    weight : of one body weight squared in units of the effort a^2 of one muscle
+    joints : names; none for all that a muscle crosses
+    """
+    chosen = crossed_joints(model, joints)
+    alone = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground").forces
+    return JointLoadTerm(model, chosen, alone, weight)
 
 
 def _names(text: str) -> tuple[str, ...]:

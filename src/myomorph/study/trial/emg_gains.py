@@ -108,10 +108,11 @@ def _calibration(told: dict[str, Any]) -> EmgCalibration:
         )
         for one in told["synergies"]
     )
-    numbers = (np.array(told[name], dtype=float) for name in ("delays", "gains", "offsets"))
     return EmgCalibration(
         tuple(told["channels"]),
-        *numbers,
+        np.array(told["delays"], dtype=float),
+        np.array(told["gains"], dtype=float),
+        np.array(told["offsets"], dtype=float),
         warnings=tuple(told["warnings"]),
         shapes=np.array(told["shapes"], dtype=float),
         intervals=np.array(told["intervals"], dtype=float).reshape(count, 2),

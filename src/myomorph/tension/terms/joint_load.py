@@ -9,10 +9,8 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.terms.muscles import MuscleTerm
 from myomorph.tension.terms.term import Frames, Rows, Term, Unknowns
 
@@ -31,55 +29,29 @@ class JointLoadTerm(Term):
 
     Parameters
     ----------
-    model, motion : with velocities and accelerations
-    wrenches : external forces at the motion's times, None for none
+    model : with muscles
+    joints : names, of joints that a muscle crosses (see `crossed_joints`)
+    alone : (frames, joints, 3) F_j0 in ground [N], as `joint_reactions` without tensions gives it
     weight : above 0, of one body weight squared in units of the effort a^2 of one muscle
-    joints : names; none for all that a muscle crosses
 
     Raises
     ------
-    BadData, UnknownName, BadModel
-        where the weight is not above 0, a joint does not exist or no muscle crosses it, or loops are closed
+    BadData, BadModel
+        where the weight is not above 0, or the model has no weight
     """
 
-    def __init__(
-        self, model: Model, motion: Motion, wrenches: Wrenches | None, weight: float, joints: Sequence[str] = ()
-    ):
+    def __init__(self, model: Model, joints: Sequence[str], alone: Array, weight: float):
         if not weight > 0.0:
             raise BadData(f"weight {weight:g} of joint loads: expected above 0")
-        if model.loops:
-            raise BadModel(f"model '{model.name}' has closed loops: joint loads in the cost need a model without any")
-        tree = compile_tree(model)
-        self._paths, self._weight = compile_paths(model), weight
-        parent = tree.arrays.parent
-        names = tuple(one.name for one in model.joints)
-        for name in joints:
-            check_name("joint", name, names)
-        inside, crossing, chosen = [], [], []
-        for joint in model.joints:
-            if joints and joint.name not in joints:
-                continue
-            hangs = np.zeros(len(parent), dtype=bool)
-            hangs[tree.body_index[joint.child]] = True
-            for body in range(1, len(parent)):
-                hangs[body] |= bool(hangs[parent[body]])
-            pairs = hangs[self._paths.pull_body]
-            muscles = np.arange(len(model.muscles))
-            within = np.isin(muscles, self._paths.pull_muscle[pairs])
-            beyond = np.isin(muscles, self._paths.pull_muscle[~pairs])
-            if not (within & beyond).any():
-                if joints:
-                    raise BadData(f"no muscle crosses joint '{joint.name}': its load does not depend on muscles")
-                continue
-            chosen.append(joint.name)
-            inside.append(np.flatnonzero(pairs))
-            crossing.append(np.flatnonzero(within & beyond))
-        self.joints, self._pairs, self._crossing = tuple(chosen), inside, crossing
+        self.joints, self._weight = tuple(joints), weight
+        self._paths, self._alone = compile_paths(model), alone
+        muscles = _crossing(model)
+        self._crossing = [np.flatnonzero(muscles[name]) for name in joints]
+        self._pairs = [np.flatnonzero(_hanging(model, name)[self._paths.pull_body]) for name in joints]
         mass = sum(body.mass for body in model.bodies)
         self._body_weight = mass * float(np.linalg.norm(model.gravity))
         if not self._body_weight > 0.0:
             raise BadModel(f"model '{model.name}' has no weight to take joint loads in shares of")
-        self._alone = joint_reactions(model, motion, None, wrenches, joints=self.joints, frame="ground").forces
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """Three rows a joint, of the muscles that cross it."""
@@ -107,3 +79,45 @@ class JointLoadTerm(Term):
             anyway = np.einsum("kmi,km->ki", unit, found.passive + found.viscous)
             targets.append(self._alone[frames.part, j] / self._body_weight - anyway)
         return np.hstack(values), np.hstack(targets)
+
+
+def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
+    """Joints by name, checked; without any all that a muscle crosses.
+
+    Raises
+    ------
+    UnknownName, BadData, BadModel
+        where a joint does not exist, or no muscle crosses it, or the model has closed loops
+    """
+    if model.loops:
+        raise BadModel(f"model '{model.name}' has closed loops: joint loads in the cost need a model without any")
+    names = tuple(one.name for one in model.joints)
+    for name in joints:
+        check_name("joint", name, names)
+    crossing = _crossing(model)
+    for name in joints:
+        if not crossing[name].any():
+            raise BadData(f"no muscle crosses joint '{name}': its load does not depend on muscles")
+    return tuple(joints) or tuple(name for name in names if crossing[name].any())
+
+
+def _hanging(model: Model, joint: str) -> np.ndarray:
+    """(bodies,) whether a body hangs on a joint."""
+    tree = compile_tree(model)
+    parent = tree.arrays.parent
+    child = next(one.child for one in model.joints if one.name == joint)
+    found = np.zeros(len(parent), dtype=bool)
+    found[tree.body_index[child]] = True
+    for body in range(1, len(parent)):
+        found[body] |= bool(found[parent[body]])
+    return found
+
+
+def _crossing(model: Model) -> dict[str, np.ndarray]:
+    """(muscles,) whether a muscle pulls on bodies that hang on a joint and on others too, by joint."""
+    paths, muscles = compile_paths(model), np.arange(len(model.muscles))
+    found = {}
+    for joint in model.joints:
+        inside = _hanging(model, joint.name)[paths.pull_body]
+        found[joint.name] = np.isin(muscles, paths.pull_muscle[inside]) & np.isin(muscles, paths.pull_muscle[~inside])
+    return found
