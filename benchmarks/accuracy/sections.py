@@ -29,6 +29,7 @@ from benchmarks.accuracy import (
     live,
     loop_forces,
     loops,
+    marker_faults,
     masspoints,
     models,
     mouse,
@@ -276,6 +277,9 @@ def _faults(folder: Path) -> Page:
             "force_faults": lambda: faults.injected_force_faults(folder),
             "force_faults_clean": lambda: faults.clean_forces(folder),
             "force_faults_mended": lambda: faults.mended_torques(folder),
+            "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
+            "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
+            "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
         },
     )
 

@@ -48,11 +48,11 @@ def convert_command(
 ) -> int:
     """A recording as other files: C3D to TRC, MOT with external loads and STO, and back."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.io.label_table import read_label_table
+    from myomorph.io.labels import read_labels
     from myomorph.study.convert.convert import ConvertOptions, convert
     from myomorph.study.trial.external_forces import plates_of_text
 
-    names = {} if labels is None else read_label_table(labels)
+    names = {} if labels is None else read_labels(labels)
     options = ConvertOptions(up, forward, axes, units, names, plates_of_text(plates), time)
     made = convert(files, out, options)
     warn(made.notes, "'myomorph info FILE' lists those of the file")

@@ -27,6 +27,7 @@ from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.emg_files import channel_muscles
 from myomorph.study.trial.external_forces import bodies_of
+from myomorph.study.trial.fit_beside import put_fit_beside
 from myomorph.study.trial.step import StepOutput, StepResults, run_step
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
@@ -95,6 +96,13 @@ def tension_command(
             "envelopes, and no gain is larger than that."
         ),
     ] = None,
+    emg_gains_file: Annotated[
+        Path | None,
+        Parameter(
+            help="Gains of the subject's EMG channels found over all trials: gains.json of the step 'emg' of a study. "
+            "By default they are found on this recording alone."
+        ),
+    ] = None,
     contacts: Annotated[
         str,
         Parameter(
@@ -124,6 +132,8 @@ def tension_command(
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     if emg_mvc and emg is None:
         raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
+    if emg_gains_file is not None and emg is None:
+        raise BadData("--emg-gains-file without --emg: give the EMG whose gains they are")
     if emg_muscles and emg is None:
         raise BadData("--emg-muscles without --emg: give the EMG whose channels they are")
     use_threads(threads)
@@ -139,6 +149,7 @@ def tension_command(
         emg_side=emg_side,
         emg_muscles=channel_muscles(emg_muscles),
         emg_mvc=tuple(emg_mvc or ()),
+        emg_gains=emg_gains_file,
         actuators=actuators,
         contacts=contacts,
         measured=measured,
@@ -148,6 +159,7 @@ def tension_command(
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
     with folder_with(out, "tension") as (folder, writer):
         results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+        put_fit_beside(writer, motion, trial.model, results[tension.Tensions].tension.time)
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
     said(f"{summary}; wrote {out}")

@@ -227,7 +227,7 @@ def _without_swaps(
     return markers, fit, tuple(found)
 
 
-def _smooth(flags: Array) -> Array:
+def _smooth(flags: np.ndarray) -> np.ndarray:
     """Flags without runs of one or two frames."""
     found = np.array(flags)
     for value in (True, False):
@@ -238,7 +238,7 @@ def _smooth(flags: Array) -> Array:
 
 
 def _swap_finding(
-    swap: Swap, markers: Markers, wrong: Array, fit: KinematicsFit, other: KinematicsFit, mended: bool
+    swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, mended: bool
 ) -> Finding:
     spans = [] if wrong.mean() > 0.9 else [_span(markers.time, start, stop) for start, stop in runs(wrong)]
     before, after = (100 * float(np.nanmedian(one.rms[wrong])) for one in (fit, other))

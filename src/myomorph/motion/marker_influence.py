@@ -37,7 +37,7 @@ class MarkerFrames:
     errors: Array
     slopes: Array
     rotations: Array
-    held: Array
+    held: np.ndarray
 
 
 def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Array) -> MarkerFrames:

@@ -84,7 +84,7 @@ def place_findings(
 
 def _steady(away: Array) -> tuple[Array, Array]:
     """Mean over frames (markers, 3), and the root mean square of what changes (markers,) [m]."""
-    known = np.isfinite(away).all(axis=2)
+    known: np.ndarray = np.asarray(np.isfinite(away).all(axis=2))
     count = known.sum(axis=0)
     some = np.where(known[:, :, None], away, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):

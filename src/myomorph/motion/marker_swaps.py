@@ -129,7 +129,7 @@ def crossed_pairs(
     """Pairs that lie nearer to each other's places on the model than to their own, and the frames of that."""
     far = errors > FAR * unit
     found = {}
-    for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0), 2):
+    for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
         both = np.flatnonzero(far[:, i] & far[:, j])
         if len(both):
             own = errors[both, i] ** 2 + errors[both, j] ** 2

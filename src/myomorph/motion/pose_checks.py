@@ -81,7 +81,7 @@ def _bound_findings(
             # Freed, an angle may come out a turn further.
             beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
         usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
-        if usual < BEYOND.get(coordinate.motion, np.radians(1.0)):
+        if usual < (BEYOND["translational"] if coordinate.motion == "translational" else BEYOND["rotational"]):
             continue
         told = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
         further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"

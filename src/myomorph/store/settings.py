@@ -66,8 +66,9 @@ class ForceOptions:
 
     Attributes
     ----------
-    force_checks : hold them against the motion: mend what is wrong and safe to mend, report it only, or none
-    force_shift : what is added to their times, where their clock is not the motion's [s]
+    force_checks : external forces are held against the motion: mend what is wrong and safe to mend, report it only, or
+        none
+    force_shift : added to the times of external forces, where their clock is not the motion's [s]
     """
 
     force_checks: Literal["mend", "report", "none"] = "mend"
@@ -150,9 +151,9 @@ def settings_of(options: type) -> tuple[Setting, ...]:
 
 @cache
 def _settings_of(options: type) -> tuple[Setting, ...]:
-    hints, told = get_type_hints(options), attribute_help(options)
+    hints, helps = get_type_hints(options), attribute_help(options)
     return tuple(
-        Setting(prefix_of(options) + field.name, hints[field.name], field.default, told.get(field.name, ""))
+        Setting(prefix_of(options) + field.name, hints[field.name], field.default, helps.get(field.name, ""))
         for field in dataclasses.fields(options)
         if _is_simple(hints[field.name]) and field.default is not dataclasses.MISSING
     )

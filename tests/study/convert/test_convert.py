@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from myomorph.io.c3d.read import read_c3d
-from myomorph.io.label_table import read_label_table
 from myomorph.io.loads import read_external_loads
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import read_trc
@@ -162,17 +161,6 @@ def test_bodies_of_plates_by_name(data, tmp_path):
     loads = read_external_loads(tmp_path / "walk" / "walk1_grf.xml")
     assert loads.bodies == ("calcn_l", "toes_r")
     assert {path.suffix for path, _ in made.files} >= {".trc", ".mot", ".xml", ".sto"}
-
-
-def test_label_tables(tmp_path):
-    (tmp_path / "a.csv").write_text("label,new name\nRASI,R.ASIS\nX1,\n", "utf-8")
-    assert read_label_table(tmp_path / "a.csv") == {"RASI": "R.ASIS", "X1": ""}
-    (tmp_path / "a.toml").write_text('[labels]\nRASI = "R.ASIS"\n"X 1" = ""\n', "utf-8")
-    assert read_label_table(tmp_path / "a.toml") == {"RASI": "R.ASIS", "X 1": ""}
-    for text, why in (("a,b,c\n", "3 cells"), ("a,b\na,c\n", "twice")):
-        (tmp_path / "bad.csv").write_text(text, "utf-8")
-        with pytest.raises(BadFile, match=why):
-            read_label_table(tmp_path / "bad.csv")
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,13 @@ import pytest
 from myomorph.io.loads import loads_table
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadData
+from myomorph.model.series import ForcePlate, Trial
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.regressor import sum_of_wrenches
-from myomorph.study.trial.external_forces import bodies_of, read_loads
+from myomorph.study.subject.identifying import open_motions
+from myomorph.study.trial.external_forces import bodies_of, read_loads, recording_wrenches
 from myomorph.study.trial.inputs import open_model, read_motion
 
 FOLDER = "rajagopal-walk-emg"
@@ -126,3 +131,36 @@ def read_motion_at(motion, time):
     """The motion at some times."""
     values = np.column_stack([np.interp(time, motion.time, column) for column in motion.values.T])
     return replace(motion, time=time, values=values)
+
+
+def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> None:
+    """As a C3D file with a plate that nobody steps on: its force acts on nobody, and torques come out."""
+    model, motion, named = walk
+    plates = [plate_of(named, k) for k in range(2)]
+    still = replace(plates[0], name="idle", forces=0.0 * plates[0].forces, points=np.nan * plates[0].points)
+    recording = Trial(plates=(*plates, still), plate_time=named.time, source="walk.c3d")
+    found = recording_wrenches(recording, model, motion)
+    assert set(found.bodies) == {"calcn_r", "calcn_l"}
+    assert [one.kind for one in found.findings] == ["idle plate"]
+    some = differentiate(motion, 6.0)
+    torques = inverse_dynamics(model, some, resample_wrenches(found, some.time, 6.0))
+    assert np.isfinite(torques.values).all()
+
+
+def test_identification_takes_tables_too(walk, data) -> None:
+    model, motion, named = walk
+    (one,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")])
+    for body in ("calcn_r", "calcn_l"):
+        np.testing.assert_allclose(by_body(one.wrenches, body, motion), by_body(named, body, motion), atol=0.5)
+    bodies = bodies_of(["ground_force_r_=calcn_r", "ground_force_l_=calcn_l"], "")
+    (same,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")], named=bodies)
+    assert set(same.wrenches.bodies) == {"calcn_r", "calcn_l"}
+
+
+def plate_of(wrenches, number):
+    """A force as that of a plate."""
+    loaded = (wrenches.forces[:, number, 1] > 30.0)[:, None]
+    point, torque = (np.where(loaded, part[:, number], np.nan) for part in (wrenches.points, wrenches.torques))
+    corners = np.nanmean(point, axis=0) + 0.3 * np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]])
+    force = np.where(loaded, wrenches.forces[:, number], 0.0)
+    return ForcePlate(f"plate {number + 1}", 2, corners, force, point, torque)

@@ -20,7 +20,7 @@ from myomorph.morph.shapes.surface_points import Shape
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import across, drawing, frame, line, text
 from myomorph.report.charts.pictures import picture_row, residual_map
-from myomorph.report.scene.pictures import pictures
+from myomorph.report.scene.pictures import fitting_scale, pictures
 from myomorph.report.scene.scene import Scene, make_scene
 from myomorph.report.scene.shapes import outward, reduced
 
@@ -31,6 +31,9 @@ MAX_FACES = 60_000
 HEIGHT, WIDEST = 560, 340
 """Of one picture in the drawing of both bodies at most [pixels]."""
 
+UNLIKE = 4.0
+"""Bodies whose sizes differ by this factor are drawn at scales of their own."""
+
 COLUMNS, CELL, ROW = 6, 170.0, 106.0
 MARGIN = 30.0
 MAX_PANELS = 30
@@ -38,18 +41,27 @@ MAX_PANELS = 30
 
 
 def body_figure(morph: Morph) -> str:
-    """Source and target side by side from each of `VIEWS`, in the default pose, all in one height of picture."""
+    """Source and target side by side from each of `VIEWS`, in the default pose, at one scale.
+
+    Where one is so much smaller that it could not be seen, each has a scale of its own, and the title says so.
+    """
     names = set(morph.source.muscle_names) & set(morph.model.muscle_names)
     ours = {bone.body: bone.source for bone in distinct_bones(morph)}
     both = (
         ("source", morph.source.name, _scene(morph.source, ours, names)),
         ("target", morph.model.name, _scene(morph.model, _target_bones(morph), names)),
     )
-    drawn = [pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS)) for _, _, scene in both]
+    scales = [fitting_scale(scene, HEIGHT, WIDEST, tuple(VIEWS)) for _, _, scene in both]
+    alike = max(scales) < UNLIKE * min(scales)
+    scales = [min(scales)] * 2 if alike else scales
+    drawn = [
+        pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS), scale=scale)
+        for (_, _, scene), scale in zip(both, scales, strict=True)
+    ]
     order = [(both[i][0], next(one for one in drawn[i] if one.view == view)) for view in VIEWS for i in (0, 1)]
     labels = [f"{whose}, {VIEWS[one.view]}" for whose, one in order]
     sizes = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
-    unit = f"{sizes} high as drawn"
+    unit = f"{sizes} high; {'one scale' if alike else 'each at a scale of its own'}"
     return picture_row("Source and target", [one for _, one in order], labels, unit=unit, width=1040.0)
 
 

@@ -53,6 +53,7 @@ def pictures(
     widest: int = 420,
     colors: Array | None = None,
     views: Sequence[str] = ("side", "front"),
+    scale: float | None = None,
 ) -> list[Picture]:
     """Every frame of the scene from its right side, and from the front.
 
@@ -62,11 +63,12 @@ def pictures(
     ----------
     views : of `VIEWS`
     colors : (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given
+    scale : pixels for a metre, None for as many as fit
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
     framed = {name: _framing(scene, corners, _axes(scene, name)) for name in views}
-    scale = min(min(height / max(tall, 1e-6), widest / max(wide, 1e-6)) for _, wide, tall in framed.values())
+    scale = fitting_scale(scene, height, widest, views) if scale is None else scale
 
     def drawn(name: str, frame: int) -> Picture:
         centers, wide, tall = framed[name]
@@ -82,6 +84,13 @@ def pictures(
     # Drawing and packing run without the interpreter's lock.
     with ThreadPoolExecutor(DRAWERS) as pool:
         return list(pool.map(drawn, *zip(*product(framed, range(len(scene.time))), strict=True)))
+
+
+def fitting_scale(scene: Scene, height: int, widest: int, views: Sequence[str]) -> float:
+    """Pixels for a metre with which all pictures of a scene fit."""
+    corners = _corners(scene)
+    framed = [_framing(scene, corners, _axes(scene, name)) for name in views]
+    return min(min(height / max(tall, 1e-6), widest / max(wide, 1e-6)) for _, wide, tall in framed)
 
 
 def proportion(scene: Scene, view: str) -> float:

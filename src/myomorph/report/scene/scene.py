@@ -16,6 +16,7 @@ from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.scene.shapes import box_corners, primitive, sticks
+from myomorph.report.scene.stand_ins import stand_ins
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -140,7 +141,7 @@ def make_scene(
 
 def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]) -> tuple[Solid, ...]:
     found: list[Solid] = []
-    fallback = sticks(model)
+    fallback = sticks(model) | stand_ins(model)
     for body in model.bodies:
         own = []
         for mesh in body.meshes:

@@ -126,6 +126,14 @@ def sphere(radius: float, rings: int = 6, sides: int = 8) -> Surface:
     return _scaled(_ball(rings, sides), np.full(3, radius))
 
 
+def ellipsoid(middle: Array, axes: Array, half: Array) -> Surface:
+    """An ellipsoid of half sizes (3,) along axes (3, 3), one a row."""
+    ball = _ball()
+    # Axes of a left-handed frame would turn the surface inside out.
+    faces = ball.faces if np.linalg.det(axes) > 0.0 else ball.faces[:, ::-1]
+    return Surface((ball.vertices * half) @ axes + middle, faces)
+
+
 def capsule(start: Array, end: Array, radius: float) -> Surface:
     """A round limb from one point to another, `radius` thick at and beyond both."""
     axes, length = _axes_along(start, end)

@@ -47,8 +47,11 @@ def vertical(found: Recording) -> str:
     """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y", or "" if unknown."""
     if found.level:
         return "z"
-    if found.markers is not None and np.isfinite(found.markers.values).any():
-        extent = np.nanmedian(np.nanmax(found.markers.values, axis=1) - np.nanmin(found.markers.values, axis=1), axis=0)
+    values = np.zeros((0, 0, 3)) if found.markers is None else found.markers.values
+    seen = np.asarray(np.isfinite(values).all(axis=2))
+    values = values[seen.any(axis=1)]
+    if len(values):
+        extent = np.median(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
         if extent[2] > 1.3 * max(extent[0], extent[1]):
             return "z"
         if extent[1] > 1.3 * max(extent[0], extent[2]):

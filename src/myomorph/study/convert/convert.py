@@ -212,9 +212,11 @@ def c3d_trial(found: Recording) -> Trial:
     BadData
         where there are no markers
     """
-    if found.markers is None or len(found.markers) < 2:
+    if found.markers is None:
         raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")
     markers = found.markers
+    if len(markers) < 2:
+        return Trial(markers=markers)
     clocks = [found.wrenches.time] if found.wrenches is not None and not found.plates else []
     clocks += [table.time for table in found.tables.values()]
     clocks += [found.plate_time] if found.plates else []

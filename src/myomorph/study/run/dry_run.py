@@ -15,7 +15,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, in_words, together
-from myomorph.study.run.job_plan import jobs_of
+from myomorph.study.run.job_plan import jobs_of, with_made
 from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import reused_subject_steps
@@ -75,6 +75,8 @@ class DryRun:
     ----------
     rows : in the order of the study file
     workers : jobs that run side by side
+    begins : what the run takes besides its steps [s]
+    compiles : what the first run on this machine takes longer [s]
     """
 
     plan: Plan
@@ -82,6 +84,8 @@ class DryRun:
     rows: tuple[Row, ...]
     excluded: tuple[Excluded, ...]
     workers: int = 1
+    begins: float = 0.0
+    compiles: float = 0.0
 
     @property
     def expected(self) -> Expected:
@@ -128,7 +132,9 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
             rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
             advance(1)
     rows += [looked.joined(one.name, one.trials) for one in plan.together]
-    return DryRun(plan, out, tuple(rows), plan.excluded, workers)
+    computed = {step for row in rows for step in row.computed}
+    compiles = looked.times.compiles(bool(computed & {"muscles", "tension"})) if computed else 0.0
+    return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(), compiles)
 
 
 def _makers(plan: Plan, subject: str) -> list[str]:
@@ -220,7 +226,7 @@ class _Looked:
         return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:
-        """Trials that are solved as one; whether what is told of their contacts has changed is not looked at."""
+        """Trials that are solved as one; whether their contacts have changed is not looked at."""
         stored = (self.out / file_name(name) / f"{file_name(name)}{STORED}").is_file()
         why: tuple[str, ...] = ()
         if self.fresh or not stored:
@@ -239,7 +245,7 @@ class _Looked:
         made = self._made(self.plan.maker(files.subject))
         try:
             if made is not None:
-                files = replace(files, model=made.path)
+                files = with_made(files, made, self.plan.maker(files.subject))
             model = self._model(files.model, made)
             trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
             return reused_steps(trial, steps, folder), ""
@@ -250,8 +256,7 @@ class _Looked:
         """The model that a subject's own steps make."""
         if not maker:
             return None
-        home = self.plan.home(self.out, maker)
-        return next(one for path, one in self.jobs.models.items() if path.parent == home)
+        return self.jobs.made[maker]
 
     def _model(self, path: Path, made: MadeModel | None = None) -> Model:
         """A model, read once; raises what reading it raised the first time."""
@@ -296,9 +301,9 @@ def dry_run_lines(found: DryRun) -> Iterator[str]:
     trials = [row for row in found.rows if row.trial]
     subjects = dict.fromkeys(row.subject for row in found.rows)
     conditions = found.plan.conditions.names
-    told = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
-    told += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{found.plan.name}: {', '.join(told)}; results go to {found.out}"
+    counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+    counts += [f"conditions {', '.join(conditions)}"] if conditions else []
+    yield f"{found.plan.name}: {', '.join(counts)}; results go to {found.out}"
     yield ""
     yield from _table(found.rows, bool(conditions))
     yield from _reasons(found.rows)
@@ -365,12 +370,15 @@ def _time(found: DryRun) -> Iterator[str]:
     seconds = expected.seconds or 0.0
     side = min(found.workers, sum(1 for row in found.rows if row.computed))
     longest = max((row.expected.seconds or 0.0) for row in found.rows)
-    lasts = in_words(max(seconds / side, longest))
-    yield f"expected: {lasts} with {_many(side, 'worker')}" + (f", {in_words(seconds)} of work" if side > 1 else "")
+    lasts = in_words(max(seconds / side, longest) + found.begins)
+    work = f"{in_words(seconds)} of work and {in_words(found.begins)} to begin and to write the study's page"
+    yield f"expected: {lasts} with {_many(side, 'worker')}, {work}"
+    if found.compiles:
+        yield f"  and {in_words(found.compiles)} more, once on this machine, to compile kernels"
     if expected.measured:
         yield "  by what steps took before, in timings.csv"
     else:
-        yield "  a guess, for steps that did not run here before by the times of another machine"
+        yield "  a guess: steps that did not run here before by the times of another machine and the speed of this one"
     if found.unknown:
         count = len(found.unknown)
         names = ", ".join(found.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,15 @@ from myomorph.study.plan.subject_tables import declared, study_steps
 
 RATES = Path(__file__).with_name("step_rates.csv")
 """What steps took on the machine of the benchmark, `python -m benchmarks rates`."""
+
+BEGINS = 5.0
+"""What a run takes besides its steps, on the machine of the rates: to begin, and to write the study's page [s]."""
+
+COMPILES = {False: 18.0, True: 43.0}
+"""What compiling the kernels takes there once, without and with those of muscles [s]."""
+
+REFERENCE = 3.0e-3
+"""Seconds of `_work` there."""
 
 COLUMNS = ("step", "coordinates", "muscles", "seconds", "seconds_per_frame")
 
@@ -89,7 +100,30 @@ class StepTimes:
             return Expected(each * frames, True)
         if whole is not None:
             return Expected(whole, True)
-        return Expected(self._guess(step, frames, size), False)
+        guessed = self._guess(step, frames, size)
+        return Expected(None if guessed is None else self.speed * guessed, False)
+
+    @cached_property
+    def speed(self) -> float:
+        """How many times as long as on the machine of the rates a step takes here, by a short piece of work."""
+        return min(max(min(_work() for _ in range(20)) / REFERENCE, 0.3), 5.0)
+
+    def begins(self) -> float:
+        """What a run takes besides its steps [s]."""
+        return BEGINS * self.speed
+
+    def compiles(self, muscles: bool) -> float:
+        """What the first run on this machine takes longer [s]; 0 where the kernels are there already.
+
+        Parameters
+        ----------
+        muscles : whether steps need those of muscles, too
+        """
+        # Brings Numba: a study that is only read starts without.
+        from myomorph.study.trial.ahead import cached, motion_cached
+
+        there = motion_cached() and (not muscles or cached() or cached(frozenset({"surfaces"})))
+        return 0.0 if there else COMPILES[muscles] * self.speed
 
     def _guess(self, step: str, frames: int | None, size: ModelSize | None) -> float | None:
         """By the rates of the models whose sizes are next."""
@@ -101,6 +135,16 @@ class StepTimes:
         # Beyond the largest the time is taken to grow with the size.
         beyond = max(own / sizes[-1], 1.0) if sizes[-1] > 0 else 1.0
         return float(np.interp(own, sizes, fixed) + np.interp(own, sizes, each) * frames * beyond)
+
+
+def _work() -> float:
+    """Seconds of a piece of work as steps and reports do it most: numbers into text, and tables."""
+    started, found = time.perf_counter(), dict[str, int]()
+    for i in range(4000):
+        text = f"{0.37 * i:.4g}"
+        found[text] = found.get(text, 0) + len(text)
+    ",".join(sorted(found))
+    return time.perf_counter() - started
 
 
 def _median(values: Iterable[float]) -> float | None:

@@ -325,7 +325,7 @@ def summary(found: Personalized) -> list[str]:
         )
     if found.held_out is not None:
         one = found.held_out
-        generic, own = (float(np.sqrt(np.mean(left**2))) for left in (one.left_generic, one.left))
+        generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
         better = "better" if one.score < one.score_generic else "no better"
         lines.append(
             f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "

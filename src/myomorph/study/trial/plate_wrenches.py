@@ -97,11 +97,14 @@ def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
 
 def _joined(first: Wrenches, second: Wrenches) -> Wrenches:
     """Two sets of forces of the same times as one."""
-    parts = {
-        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
-        for name in ("forces", "points", "torques")
-    }
-    return replace(first, names=(*first.names, *second.names), bodies=(*first.bodies, *second.bodies), **parts)
+    return replace(
+        first,
+        names=(*first.names, *second.names),
+        bodies=(*first.bodies, *second.bodies),
+        forces=np.concatenate([first.forces, second.forces], axis=1),
+        points=np.concatenate([first.points, second.points], axis=1),
+        torques=np.concatenate([first.torques, second.torques], axis=1),
+    )
 
 
 def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:

@@ -134,7 +134,8 @@ class Checked:
     Attributes
     ----------
     score : negative logarithm of the marginal probability, per frame
-    left : (rows,) root mean square of the torque that activations within what is known of them leave [N m or N]
+    left : (rows,) root mean square of the torque that activations within what is known of them leave, NaN where none
+        was measured [N m or N]
     """
 
     score: float
@@ -158,7 +159,7 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
         frames += int(one.counted.sum())
         left += np.sum(part.plain**2, axis=0)
         known += np.sum(part.known, axis=0)
-    return Checked(score / frames, np.sqrt(left / np.maximum(known, 1)))
+    return Checked(score / frames, np.where(known > 0, np.sqrt(left / np.maximum(known, 1)), np.nan))
 
 
 def _left_to_errors(parts: Sequence[Part], effective: float) -> float:

@@ -90,8 +90,10 @@ def windows_of(model: Model, trials: Sequence[PersonalTrial]) -> tuple[list[Wind
     read = [_Read(model, one) for one in trials]
     reach = np.max([np.abs(np.nan_to_num(one.arms)).max(axis=(0, 2)) for one in read], axis=0)
     kept = reach > LEAST_ARM * reach.max(initial=0.0)
+    # What no recording measured, as joints without a passive torque, is not compared.
+    kept &= np.any([np.isfinite(one.torques).any(axis=0) for one in read], axis=0)
     if not kept.any():
-        raise BadData(f"model '{model.name}': no muscle has a moment arm about a free coordinate")
+        raise BadData(f"model '{model.name}': no muscle has a moment arm about a free coordinate whose torque is known")
     names = tuple(name for name, keep in zip(read[0].rows, kept, strict=True) if keep)
     return [one.windows(kept) for one in read], names
 

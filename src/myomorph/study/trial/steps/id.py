@@ -17,9 +17,10 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
-from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
+from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
@@ -29,6 +30,10 @@ from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, Tria
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
+
+
+FINDINGS = "force_findings"
+"""Findings about external forces in a result file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +92,9 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
 
 
 def put_dynamics(output: StepOutput, found: Torques, model: Model) -> None:
-    """Write a motion with its derivatives, generalized and external forces into a result file."""
+    """Write a motion with its derivatives, generalized and external forces, and findings about these, into a file."""
+    if found.wrenches is not None and found.wrenches.findings:
+        put_findings(output.writer, FINDINGS, found.wrenches.findings)
     store.put_derivatives(output.writer, found.motion, model)
     store.put_torques(output.writer, found.torques, found.wrenches)
 
@@ -102,8 +109,6 @@ def shown_torques(trial: TrialInputs, found: Torques) -> Series:
         passive = passive_generalized_forces(trial.model, found.motion).values
         torques = replace(torques, values=torques.values - passive)
     if options.independent_coordinates:
-        from myomorph.rigid.closed_motion import loop_torques
-
         torques = loop_torques(trial.model, found.motion, torques).torques
     return torques
 
@@ -134,7 +139,10 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
     motion, torques = store.get_derivatives(stored), store.get_torques(stored)
     if motion is None or torques is None:
         return None
-    return Torques(motion, torques, store.get_wrenches(stored))
+    wrenches = store.get_wrenches(stored)
+    if wrenches is not None:
+        wrenches = replace(wrenches, findings=get_findings(stored, FINDINGS))
+    return Torques(motion, torques, wrenches)
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
