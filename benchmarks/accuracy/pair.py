@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
+from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
@@ -41,12 +42,14 @@ class Knowledge:
     plates : fighters under whose feet everything is measured
     directed : whether the grips are known to pull only, and about where to
     emg : of "none", "16" channels a fighter, or "all" muscles
+    gains : of EMG: "given", as envelopes are activations but for their errors, or "default", as the library finds them
     """
 
     words: str
     plates: tuple[str, ...] = ()
     directed: bool = False
     emg: str = "none"
+    gains: str = "given"
 
 
 KNOWN = (
@@ -115,7 +118,10 @@ def estimate(
     task = ContactTask(sites, strengths, options=options)
     # The truth's muscles, of MuJoCo, have passive force and no tendon.
     options = TensionOptions(passive=True)
-    return solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg_target(pair, known.emg))
+    emg = emg_target(pair, known.emg)
+    if emg is not None and known.gains == "default":
+        emg = calibrated(pair, EmgTrial(motion, torques, pair.emg, task), emg.muscles, options)
+    return solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg)
 
 
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
@@ -131,6 +137,13 @@ def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
     stems = CHANNELS if channels == "16" else ("",)
     muscles = [name for name in pair.emg.names if name.split("_", 1)[1].startswith(stems)]
     return EmgTarget(tuple(muscles), np.array([pair.emg[name] for name in muscles]).T)
+
+
+def calibrated(pair: VirtualPair, trial: EmgTrial, muscles: Sequence[str], options: TensionOptions) -> EmgTarget:
+    """Envelopes with gains, delay and weight as the library finds them by default."""
+    channels = {name: (name,) for name in muscles}
+    found = calibrate_emg(pair.model, [trial], channels, None, options)
+    return emg_targets(pair.emg, channels, pair.model, trial.motion.time, None, found)
 
 
 def errors_of(pair: VirtualPair, found: Tension) -> Errors:
@@ -189,6 +202,32 @@ TRUTHS: dict[str, dict[str, Any]] = {
     "strengths and EMG known exactly": {"strength_error": 0.0, "emg_gain": 0.0, "emg_noise": 0.0},
 }
 TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
+
+
+def measure_emg(count: int = 1) -> Iterable[Row]:
+    """One row for each knowledge with EMG: errors with gains that are given, and with those that are found.
+
+    Parameters
+    ----------
+    count : of bouts
+    """
+    pairs = simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS[:count]))
+    for known in (KNOWN[2], KNOWN[3], KNOWN[4], KNOWN[6]):
+        means = {}
+        for gains in ("given", "default"):
+            told = replace(known, gains=gains)
+            errors = [errors_of(one, estimate(one, recorded_motion(one), told, "simultaneous")) for one in pairs]
+            means[gains] = {what: np.mean([getattr(one, what) for one in errors]) for what in WHAT}
+        row: Row = {"known": known.words}
+        for what, words in WHAT.items():
+            given, found = means["given"][what], means["default"][what]
+            told = f"{given:.3g} / {found:.3g}"
+            row[f"{words}, given / found"] = "" if np.isnan(given) else told
+            row[f"{what}, found to given"] = "" if np.isnan(given) else f"{found / given - 1.0:+.0%}"
+        yield row
+
+
+WHAT = {"feet": "feet [N]", "grips": "grips [N]", "activations": "activations", "tensions": "tensions [N]"}
 
 
 def measure_truths() -> Iterable[Row]:

@@ -292,6 +292,7 @@ def _two_bodies(folder: Path) -> Page:
         {
             "pair_bouts": pair.measure_bouts,
             "pair": pair.measure,
+            "pair_emg": pair.measure_emg,
             "pair_open": pair.measure_open,
             "pair_truths": pair.measure_truths,
             "pair_compliance": pair.measure_compliance,
