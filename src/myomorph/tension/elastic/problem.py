@@ -153,8 +153,9 @@ class ElasticProblem(TensionProblem):
         self.parts = parts_of(self.separable, self.muscles.elastic)
         step = float(np.median(np.diff(time))) if frames > 1 else MARGIN
         self._margin = int(np.ceil(MARGIN / step))
-        # Smoothness of contact forces links each frame to those beside it, so there all are solved.
-        self._every = 1 if self.smooth is not None else solved_every(time)
+        # Contact forces come and go within a frame and cannot push and pull as balance would have it: all are solved.
+        whole = self.contacts is not None or self.smooth is not None
+        self._every = 1 if whole else solved_every(time)
         window = WINDOW * self._every
         self.window = frames if frames <= window + 2 * self._margin else window
         self._tendon_forces = np.full((frames, muscles), np.nan)
