@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array
@@ -65,8 +66,8 @@ class Steps:
     excess : (steps, 3) what it is off [m]
     """
 
-    start: Array
-    stop: Array
+    start: NDArray[np.int64]
+    stop: NDArray[np.int64]
     predicted: Array
     excess: Array
 
@@ -105,7 +106,7 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
     excess = path[stop] - predicted
     size = np.linalg.norm(excess, axis=1)
     limit = max(LEAST * unit, OUTSTANDING * float(np.quantile(size[near], 0.9)))
-    edges = np.flatnonzero((size > limit) & near)
+    edges = np.flatnonzero((size > limit) & near).astype(np.int64)
     return Steps(start[edges], stop[edges], predicted[edges], excess[edges])
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Model
@@ -87,13 +88,13 @@ def find_swap(
     unit : see `length_unit`
     """
     rms = _rms(errors)
-    seen = np.flatnonzero(np.isfinite(rms))
+    seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
     if not len(seen):
         return None
     pairs = crossed_pairs(names, observed, errors, placed, unit)
     found: list[tuple[float, Swap]] = []
     given: dict[int, float] = {}
-    for swap, frames in _hypotheses(model, names, pairs, np.median(rms[seen]) > SUSPECT * unit, seen):
+    for swap, frames in _hypotheses(model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen):
         columns, ratios, gains = swap.columns(names), list[float](), list[float]()
         for k in _spread(frames):
             if k not in given:
@@ -116,7 +117,7 @@ def find_swap(
     return next(replace(swap, certain=certain) for _, swap in found if swap.name == best)
 
 
-def _spread(frames: Array) -> list[int]:
+def _spread(frames: NDArray[np.int64]) -> list[int]:
     """A few of the frames, the first two far from each other."""
     order = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))
     order = np.concatenate([order[1::3], order[2::3], order[::3]])
@@ -125,10 +126,10 @@ def _spread(frames: Array) -> list[int]:
 
 def crossed_pairs(
     names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
-) -> Mapping[tuple[str, str], Array]:
+) -> Mapping[tuple[str, str], NDArray[np.int64]]:
     """Pairs that lie nearer to each other's places on the model than to their own, and the frames of that."""
     far = errors > FAR * unit
-    found = {}
+    found: dict[tuple[str, str], NDArray[np.int64]] = {}
     for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
         both = np.flatnonzero(far[:, i] & far[:, j])
         if len(both):
@@ -137,13 +138,17 @@ def crossed_pairs(
             other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
             frames = both[other < CROSSED * own]
             if len(frames) > 1:
-                found[names[i], names[j]] = frames
+                found[names[i], names[j]] = frames.astype(np.int64)
     return found
 
 
 def _hypotheses(
-    model: Model, names: Sequence[str], pairs: Mapping[tuple[str, str], Array], groups: bool, seen: Array
-) -> Iterable[tuple[Swap, Array]]:
+    model: Model,
+    names: Sequence[str],
+    pairs: Mapping[tuple[str, str], NDArray[np.int64]],
+    groups: bool,
+    seen: NDArray[np.int64],
+) -> Iterable[tuple[Swap, NDArray[np.int64]]]:
     """Exchanges to try, and the frames to try each on."""
     for pair, frames in pairs.items():
         yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), frames

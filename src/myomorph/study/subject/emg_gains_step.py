@@ -59,9 +59,9 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     first = used[0]
     tension = first.options[TensionOptions]
     actuators = added_reserves(first.model, tension) if first.actuators is None else first.actuators
-    told = {name: one for name, one in maxima.items() if name in muscles}
+    largest = {name: one for name, one in maxima.items() if name in muscles}
     emg_options = first.options[EmgOptions]
-    calibration = calibrate_emg(first.model, found, muscles, emg_options, tension, actuators, told)
+    calibration = calibrate_emg(first.model, found, muscles, emg_options, tension, actuators, largest)
     return SubjectGains(calibration, scale), parts
 
 
