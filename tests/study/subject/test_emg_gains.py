@@ -142,6 +142,7 @@ def test_trials_of_a_subject_take_the_gains_of_all(arm, command):
 def test_a_subject_without_emg_says_what_lacks(arm):
     path = arm.folder / "study.toml"
     text = STUDY.format(steps='["ik", "emg", "id"]', options="")
+    arm.emg.unlink()  # which would be found by its name
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("emg")))
     subject = run_study(read_plan(path), arm.out, fresh=True)[0]
     assert "no trial tells EMG gains (early: no EMG; late: no EMG)" in subject.error
