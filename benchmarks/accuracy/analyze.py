@@ -49,7 +49,7 @@ class Case:
     trial : whose results are compared, as its folder is called
     reference : the set's own moments, positive as those of OpenSim's Rajagopal model; None for none
     source : of that reference, in words
-    restarts : whether the reference's times begin at 0 with the recording's first frame
+    begins : frame of the recording at which the reference's times begin at 0; None where both have one clock
     """
 
     name: str
@@ -59,7 +59,7 @@ class Case:
     options: tuple[str, ...] = ()
     reference: Reference | None = None
     source: str = "none"
-    restarts: bool = False
+    begins: int | None = None
 
 
 def plug_in_gait(path: str) -> Reference:
@@ -101,15 +101,20 @@ def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[
     return found
 
 
-def own_dynamics(model: str, motion: str, loads: str) -> Reference:
-    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's."""
+def own_dynamics(model: str, motion: str, loads: str, sides: str = "rl") -> Reference:
+    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's.
+
+    Parameters
+    ----------
+    sides : of the legs whose forces the loads hold
+    """
 
     def found(folder: Path, mass: float) -> Series:
         body = read_model(folder / model)
         angles = differentiate(motion_from_table(read_sto(folder / motion), body), cutoff=CUTOFF)
         forces = read_loads(folder / loads, body, angles)
         torques = inverse_dynamics(body, angles, resample_wrenches(forces, angles.time, cutoff=CUTOFF))
-        names = tuple(f"{joint}_{side}" for joint in JOINTS for side in "rl")
+        names = tuple(f"{joint}_{side}" for joint in JOINTS for side in sides)
         return Series(torques.time, names, np.column_stack([torques[name] for name in names]))
 
     return found
@@ -154,8 +159,9 @@ CASES = (
     ),
     Case(
         "instrumented knee, C3D", (f"{KNEE}/walk1.c3d",), 75.0, "walk1", ("--emg-side", "left"),
-        own_dynamics(f"{KNEE}/scaled.osim", f"{KNEE}/walk1_ik.mot", f"{KNEE}/walk1_grf.xml"),
-        "published model and angles (left leg)", True,
+        own_dynamics(f"{KNEE}/scaled.osim", f"{KNEE}/walk1_ik.mot", f"{KNEE}/walk1_grf.xml", "l"),
+        # Its first frame is where the distance between the heels is the same in the TRC and the C3D file, to 0.001 mm.
+        "published model and angles (left leg)", 7,
     ),
     Case("Hamner run, 5 m/s", ("hamner-run-subject04/run500/markers.trc",), 82.0, "run500"),
     Case("Hamner run, 2 m/s", ("hamner-run-subject04/run200/markers.trc",), 82.0, "run200"),
@@ -232,7 +238,7 @@ def _agreement(found: TrialResult, case: Case, folder: Path, mass: float) -> dic
     if torques is None or wrenches is None:
         return {}
     reference = case.reference(folder, mass)
-    clock = reference.time + (torques.time[0] if case.restarts else 0.0)
+    clock = reference.time if case.begins is None else reference.time + torques.time[case.begins]
     pairs: dict[str, list[tuple[Array, Array]]] = {joint: [] for joint in JOINTS}
     for side in "rl":
         columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]

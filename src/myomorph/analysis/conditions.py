@@ -96,8 +96,8 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     if len(shared) >= FEWEST or min(len(one.animals) for one in alone) < FEWEST:
         return compare_paired(first, second, options)
     found = compare_groups(alone[0], alone[1], options)
-    told = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
-    return replace(found, notes=(*found.notes, told))
+    note = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
+    return replace(found, notes=(*found.notes, note))
 
 
 def _without_curves(group: Group) -> Group:

@@ -246,18 +246,22 @@ def _compared(
     """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
     tested, paired = min(sizes) >= FEWEST, len(sizes) == 1
     floor = p_floor(*sizes, most=options.permutations) if tested else float("nan")
-    told = [*notes, *([] if tested else words[:1]), *([words[1].format(floor)] if floor > options.alpha else [])]
+    notes_of_test = [
+        *notes,
+        *([] if tested else words[:1]),
+        *([words[1].format(floor)] if floor > options.alpha else []),
+    ]
     members = [tuple((one.name, one.strides) for one in group.animals) for group in (first, second)]
     return Comparison(
         (first.name, second.name),
         (members[0], members[1]),
-        _scalars(first, second, options, tested, paired, told),
-        _curves(first, second, options, tested, paired, told),
+        _scalars(first, second, options, tested, paired, notes_of_test),
+        _curves(first, second, options, tested, paired, notes_of_test),
         options,
         tested,
         (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations,
         floor,
-        tuple(told),
+        tuple(notes_of_test),
         paired,
     )
 
@@ -267,8 +271,8 @@ def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -
     shared = [name for name in names[0] if all(name in own for own in names)]
     lost = sorted({name for own in names for name in own} - set(shared))
     if lost:
-        told = ", ".join(lost[:6]) + (", ..." if len(lost) > 6 else "")
-        notes.append(f"{what} that some animals lack are left out: {told}")
+        listed = ", ".join(lost[:6]) + (", ..." if len(lost) > 6 else "")
+        notes.append(f"{what} that some animals lack are left out: {listed}")
     return tuple(shared)
 
 

@@ -1,6 +1,6 @@
 """Muscle-length analysis: what every muscle-tendon unit does over the stride of its limb, stride by stride.
 
-Lengths are told in millimetres, against the length on the standing animal (the model's default pose) and in optimal
+Lengths are reported in millimetres, against the length on the standing animal (the model's default pose) and in optimal
 fiber lengths; velocities in optimal fiber lengths a second, positive while the unit lengthens. [D] ch. 6.
 """
 

@@ -136,19 +136,21 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
     if not names:
         return nothing
     left = list(names)
-    told = []
+    texts = []
     for name in names:
         if name not in left:
             continue
         side = next((one for one in ("right", "left") if one in name.split()), "")
         mate = name.replace(side, "left" if side == "right" else "right", 1) if side else name
         if mate != name and mate in left:
-            told.append(name.replace(side, "both", 1).removesuffix("foot") + ("feet" if name.endswith("foot") else "s"))
+            texts.append(
+                name.replace(side, "both", 1).removesuffix("foot") + ("feet" if name.endswith("foot") else "s")
+            )
             left.remove(mate)
         else:
-            told.append(name)
+            texts.append(name)
         left.remove(name)
-    return " + ".join(told)
+    return " + ".join(texts)
 
 
 def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:

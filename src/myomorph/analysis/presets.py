@@ -151,7 +151,7 @@ def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: b
     Parameters
     ----------
     walks : whether feet strike the ground one after the other
-    sources : what told of the contacts
+    sources : where the contacts come from
     persons : subjects with muscles
     holds : whether an object without muscles is in the recording
     """

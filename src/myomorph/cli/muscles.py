@@ -96,6 +96,13 @@ def tension_command(
             "envelopes, and no gain is larger than that."
         ),
     ] = None,
+    emg_gains_file: Annotated[
+        Path | None,
+        Parameter(
+            help="Gains of the subject's EMG channels found over all trials: gains.json of the step 'emg' of a study. "
+            "By default they are found on this recording alone."
+        ),
+    ] = None,
     contacts: Annotated[
         str,
         Parameter(
@@ -125,6 +132,8 @@ def tension_command(
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     if emg_mvc and emg is None:
         raise BadData("--emg-mvc without --emg: give the EMG that is scaled to maximum contractions")
+    if emg_gains_file is not None and emg is None:
+        raise BadData("--emg-gains-file without --emg: give the EMG whose gains they are")
     if emg_muscles and emg is None:
         raise BadData("--emg-muscles without --emg: give the EMG whose channels they are")
     use_threads(threads)
@@ -140,6 +149,7 @@ def tension_command(
         emg_side=emg_side,
         emg_muscles=channel_muscles(emg_muscles),
         emg_mvc=tuple(emg_mvc or ()),
+        emg_gains=emg_gains_file,
         actuators=actuators,
         contacts=contacts,
         measured=measured,

@@ -296,8 +296,8 @@ def gather(
             wrench, constants = _about(total[part.frames], part.reference), _constants(part.reference)
             _fold(factors, part.rows, base.columns, constants, wrench, used)
     if not frames:
-        told = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
-        raise BadData(f"no frame can be used to identify ({told or 'there are none'})")
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
+        raise BadData(f"no frame can be used to identify ({reasons or 'there are none'})")
     return Rows(factors, frames, left_out)
 
 

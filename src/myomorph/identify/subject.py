@@ -39,7 +39,7 @@ POINTS_PER_LINK = 60
 """Points a link that stand for all of them while strengths are tried."""
 
 MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003
-"""Change of a link's mass, of itself, that is told; and the share of the body under which a link does not count."""
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a link does not count."""
 
 ROUNDS = 5
 """Times that the noise is taken anew from what the fit leaves of unseen parts."""
@@ -271,9 +271,9 @@ def _far_from_shape(names: Sequence[str], masses: Array, shape: Array, mass_sd: 
     if not len(far):
         return ()
     worst = far[np.argsort(-np.abs(masses - shape)[far])][:3]
-    told = ", ".join(f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f})" for i in worst)
+    listed = ", ".join(f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f})" for i in worst)
     return (
-        f"{len(far)} of {len(names)} links weigh far from what their shape says: {told}; faults of the motion that "
+        f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed}; faults of the motion that "
         f"return with every step may be in them: move more, or hold masses with a mass_sd below {mass_sd:g}",
     )
 

@@ -95,8 +95,8 @@ def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]
     times = [{"start", "stop"}, {"first_frame", "last_frame"}] if "event" not in header else [{"time"}, {"frame"}]
     unknown = [name for name in header if name not in COLUMNS]
     if unknown or not wanted <= set(header) or sum(one <= set(header) for one in times) != 1:
-        told = ", ".join(name[:MOST_SIGNS] for name in header[: 2 * len(COLUMNS)])
-        raise BadFile(path, f"has the columns {told}", f"expected {SHAPES}, and surface, confidence")
+        columns = ", ".join(name[:MOST_SIGNS] for name in header[: 2 * len(COLUMNS)])
+        raise BadFile(path, f"has the columns {columns}", f"expected {SHAPES}, and surface, confidence")
     rows = []
     for number, line in lines[1:]:
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=_delimiter(lines[0][1])))]

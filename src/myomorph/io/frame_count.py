@@ -87,12 +87,12 @@ def _trc(head: bytes, path: Path) -> FrameCount:
         return FrameCount()
     whole = path.stat().st_size * len(text) / len(head) - start
     frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
-    told = _number(facts.get("NumFrames", ""))
+    count = _number(facts.get("NumFrames", ""))
     times = np.array([_number(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
     start_time = times[0] if len(times) else float("nan")
     span = times[-1] - times[0] if len(times) > 1 else 0.0
     rate = (len(times) - 1) / span if span > 0.0 else _number(facts.get("DataRate", ""))
-    return _told(told if abs(frames - told) < SHARE * frames + 2.0 else round(frames), rate, start_time)
+    return _told(count if abs(frames - count) < SHARE * frames + 2.0 else round(frames), rate, start_time)
 
 
 def _number(text: str) -> float:

@@ -45,11 +45,11 @@ class KeypointNames:
 
     Attributes
     ----------
-    names : of the points, in the order of the recording; () where not told
+    names : of the points, in the order of the recording; () where not specified
     bodies : point to the body of a model it belongs to
     offsets : point to where it lies on that body (3,) [m]
-    unit : of the positions [m], None where not told
-    rate : frames per second [Hz], None where not told
+    unit : of the positions [m], None where not specified
+    rate : frames per second [Hz], None where not specified
     """
 
     names: tuple[str, ...] = ()
@@ -68,9 +68,9 @@ def read_keypoints(
 ) -> Trial:
     """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
 
-    What is not told here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
+    What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
     from the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of
-    its folder with so many names, which is told in the warnings.
+    its folder with so many names, which the warnings report.
 
     Parameters
     ----------
@@ -81,47 +81,47 @@ def read_keypoints(
 
     Raises
     ------
-    BadFile : it is no such file; names or unit are told nowhere; or they do not fit the points
+    BadFile : it is no such file; names or unit are specified nowhere; or they do not fit the points
     """
     path = Path(path)
     if units and units not in UNITS:
         raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
     found: list[str] = []
     tracks, own = _tracks(path, animal, found)
-    told = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
-    sources = [told, own]
-    if not told.names or told.unit is None or told.rate is None:
+    header = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
+    sources = [header, own]
+    if not header.names or header.unit is None or header.rate is None:
         sources.append(_beside(path, tracks.shape[1], found))
-    told = _first_told(sources)
-    if not told.names:
+    header = _first_told(sources)
+    if not header.names:
         raise BadFile(
             path, f"does not name its {tracks.shape[1]} points", f"put their names into {path.stem}.txt, one a line"
         )
-    if len(told.names) != tracks.shape[1]:
-        raise BadFile(path, f"has {tracks.shape[1]} points, but {len(told.names)} names were given", HINT)
-    if told.unit is None:
+    if len(header.names) != tracks.shape[1]:
+        raise BadFile(path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT)
+    if header.unit is None:
         raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
-    if told.rate is None:
+    if header.rate is None:
         found.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
-    elif not 0.0 < told.rate < 1e6:
-        raise BadFile(path, f"a frame rate of {told.rate:g} Hz was specified", "expected frames per second")
-    values = without_far_away(told.unit * tracks, found)
+    elif not 0.0 < header.rate < 1e6:
+        raise BadFile(path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second")
+    values = without_far_away(header.unit * tracks, found)
     facts = {
-        "unit of length": f"{told.unit:g} m",
-        "point rate": "not specified" if told.rate is None else f"{told.rate:g} Hz",
+        "unit of length": f"{header.unit:g} m",
+        "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
     }
-    markers = Markers(np.arange(len(values)) / (told.rate or 1.0), unique_names(told.names, "point", found), values)
+    markers = Markers(np.arange(len(values)) / (header.rate or 1.0), unique_names(header.names, "point", found), values)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
 
 
 def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
     """Each fact from the first source that tells it."""
-    told = sources[0]
+    merged = sources[0]
     for other in sources[1:]:
-        unit = other.unit if told.unit is None else told.unit
-        rate = other.rate if told.rate is None else told.rate
-        told = replace(told, names=told.names or other.names, unit=unit, rate=rate)
-    return told
+        unit = other.unit if merged.unit is None else merged.unit
+        rate = other.rate if merged.rate is None else merged.rate
+        merged = replace(merged, names=merged.names or other.names, unit=unit, rate=rate)
+    return merged
 
 
 def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointNames]:
@@ -203,17 +203,17 @@ def _beside(path: Path, points: int, found: list[str]) -> KeypointNames:
     for one in sorted(path.parent.iterdir()):
         if one.suffix.lower() in ENDINGS and one.is_file() and one.stat().st_size <= LONGEST_TEXT:
             try:
-                told = read_keypoint_names(one)
+                header = read_keypoint_names(one)
             except BadFile:
                 continue
-            if len(told.names) == points:
-                fitting.append((one, told))
+            if len(header.names) == points:
+                fitting.append((one, header))
     if len(fitting) != 1:
         return KeypointNames()
-    file, told = fitting[0]
-    unit = "" if told.unit is None else f", in units of {told.unit:g} m"
+    file, header = fitting[0]
+    unit = "" if header.unit is None else f", in units of {header.unit:g} m"
     found.append(f"names of the points are those of {file.name}{unit}")
-    return told
+    return header
 
 
 def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:

@@ -213,18 +213,18 @@ def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float
     for cell in cells:
         name = cell.lower()
         unit = _WITH_UNIT.match(name) if len(name) <= LONGEST else None
-        told = (unit["in"] or unit["after"]) if unit else ""
-        known = unit is not None and told in UNITS
+        unit_text = (unit["in"] or unit["after"]) if unit else ""
+        known = unit is not None and unit_text in UNITS
         names.append(unit["name"].strip() if unit is not None and known else name)
-        factors.append(UNITS[told] if known else factor)
+        factors.append(UNITS[unit_text] if known else factor)
     return names, factors
 
 
 def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
     """The header that 3D Slicer writes as a comment, its label under our name for it."""
-    told = next((row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")), "")
-    cells = [_SLICER_NAMES.get(cell.strip(), cell.strip()) for cell in told.split(",")]
-    return ",".join(cells) if told else ""
+    header = next((row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")), "")
+    cells = [_SLICER_NAMES.get(cell.strip(), cell.strip()) for cell in header.split(",")]
+    return ",".join(cells) if header else ""
 
 
 def _points(path: Path) -> dict[str, dict[str, Array]]:

@@ -30,12 +30,12 @@ FRAGMENT = "unidentified_"
 def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
     """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at frame 1.
 
-    QTM writes millimetres and, unless it was told otherwise, z upwards.
+    QTM writes millimetres and, unless set otherwise, z upwards.
 
     Parameters
     ----------
     unidentified : trajectories without a label become markers named `unidentified_1`, ...; else only their
-        number and duration are told
+        number and duration are reported
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a transfer is told and what it finds."""
+"""Options of a transfer and its result."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ class EmgCalibration:
     intervals : (channels, 2) 95 % interval of the gains; NaN where they were not fitted
     by_torque : (channels,) whether torques tell the gain; where they do not it is the usual one
     synergies : what the channels say of muscles that nobody measured
-    weight : of soft targets, chosen on channels that were left out
+    weight, others_weight : of soft targets, and of what synergies say, chosen on channels that were left out
     held_out : (channels, 2) correlation of each channel, left out, with its muscles: without EMG, and with that of the
         other channels; NaN where that was not looked at
     """
@@ -139,6 +139,7 @@ class EmgCalibration:
     by_torque: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))
     synergies: tuple[SynergyWeights, ...] = ()
     weight: float = 10.0
+    others_weight: float = 1.0
     held_out: Array = field(default_factory=lambda: np.full((1, 2), np.nan))
 
     def __post_init__(self) -> None:

@@ -87,8 +87,8 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     if worst <= TOLD:
         return closed, ()
     named = ", ".join(f"'{loop.name}'" for loop in model.loops)
-    told = f"loops ({named}) stood open by up to {worst:.2g} m or rad"
-    return closed, (f"{told}: coordinates moved by up to {moved:.2g} to close them",)
+    note = f"loops ({named}) stood open by up to {worst:.2g} m or rad"
+    return closed, (f"{note}: coordinates moved by up to {moved:.2g} to close them",)
 
 
 def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:

@@ -100,8 +100,8 @@ def get_forces_with_contacts(stored: Stored) -> Series | None:
 
 def get_situation(stored: Stored) -> Situation:
     """How the forces of contacts came to be known; "" where none were estimated."""
-    told: Situation = stored.facts.get(SITUATION, "")  # type: ignore[assignment]
-    return told
+    situation: Situation = stored.facts.get(SITUATION, "")  # type: ignore[assignment]
+    return situation
 
 
 def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], infeasible: Sequence[Relaxation]) -> None:

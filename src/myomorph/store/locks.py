@@ -128,10 +128,10 @@ def study_lock(out: Path) -> Iterator[RunMark]:
 
 
 def _write_mark(mark: RunMark) -> None:
-    path, told = mark.folder / MARK, {name: value for name, value in asdict(mark).items() if name != "folder"}
+    path, content = mark.folder / MARK, {name: value for name, value in asdict(mark).items() if name != "folder"}
     temporary = path.with_name(f".{MARK}.part")
     try:
-        temporary.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         os.replace(temporary, path)
     except OSError as error:
         with suppress(OSError):

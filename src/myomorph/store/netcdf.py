@@ -224,7 +224,7 @@ class NetcdfSource:
                 yield name, values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all that is told of them."""
+        """The same with all their attributes."""
         for name, values in self._file.items():
             # Attributes are slow to find: they are read once, but never the long list of who refers to a dimension.
             attributes = {one: values.attrs[one] for one in values.attrs if one != "REFERENCE_LIST"}
@@ -261,7 +261,7 @@ def as_text(value: Any) -> str:
 
 @dataclass(eq=False)
 class HeldVariable:
-    """Values with what is told of them, used like a data set of a file."""
+    """Values with their attributes, used like a data set of a file."""
 
     values: Any
     dimensions: tuple[str, ...]
@@ -315,7 +315,7 @@ class HeldFile:
             yield name, self._variables[name].values
 
     def variables(self) -> Iterator[NetcdfVariable]:
-        """The same with all that is told of them."""
+        """The same with all their attributes."""
         for name, one in self._variables.items():
             # In the order in which a file gives them.
             told = dict(sorted(one.attrs.items()))

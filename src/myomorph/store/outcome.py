@@ -105,8 +105,8 @@ def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
         text = "not enough memory: use fewer workers, or cut the recording with 'time'"
     elif fault:
         text = f"{type(error).__name__}: {text}"
-    told = f"{step}: {text}" if step else text
-    return replace(outcome, error=outcome.error or told, fault=outcome.fault or fault, full=outcome.full or full)
+    message = f"{step}: {text}" if step else text
+    return replace(outcome, error=outcome.error or message, fault=outcome.fault or fault, full=outcome.full or full)
 
 
 def disk_full(error: BaseException, folder: Path) -> bool:

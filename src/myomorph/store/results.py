@@ -54,15 +54,15 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
     """Hash of a file's bytes; a large file that has not been touched since is read only once."""
     digest = hashlib.sha256()
     with open(path, "rb") as stream:
-        told = os.fstat(stream.fileno())
-        look = (told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns)
+        status = os.fstat(stream.fileno())
+        look = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
         # One that was written just now could be written again without its time telling.
-        settled = time.time() - max(told.st_mtime, told.st_ctime) > SETTLED
+        settled = time.time() - max(status.st_mtime, status.st_ctime) > SETTLED
         if settled and look in _HASHES:
             return _HASHES[look]
         for block in iter(lambda: stream.read(1 << 20), b""):
             digest.update(block)
-    if settled and told.st_size > LARGE:
+    if settled and status.st_size > LARGE:
         while len(_HASHES) >= MOST_HASHES:
             _HASHES.pop(next(iter(_HASHES)), None)
         _HASHES[look] = digest.hexdigest()
@@ -135,17 +135,17 @@ class ResultWriter:
 
     def create(self, name: str, dimensions: tuple[str, ...], unit: str, meaning: str, kind: Any = np.float64) -> Any:
         """Make a variable to be filled part by part: `variable[start:stop] = values`."""
-        told = {"units": unit, "long_name": meaning} | ({STEP: self._step} if self._step else {})
-        return self._create(name, dimensions, kind, told)
+        attributes = {"units": unit, "long_name": meaning} | ({STEP: self._step} if self._step else {})
+        return self._create(name, dimensions, kind, attributes)
 
-    def _create(self, name: str, dimensions: tuple[str, ...], kind: Any, told: Mapping[str, Any]) -> Any:
+    def _create(self, name: str, dimensions: tuple[str, ...], kind: Any, attributes: Mapping[str, Any]) -> Any:
         shape = tuple(self._file.dimensions[one] for one in dimensions)
         chunks = None
         if shape and min(shape) > 0 and np.prod(shape) > BLOCK_ROWS * BLOCK_COLUMNS:
             limits = (BLOCK_ROWS, *(BLOCK_COLUMNS,) * (len(shape) - 1))
             chunks = tuple(min(size, limit) for size, limit in zip(shape, limits, strict=True))
         variable = self._file.variable(name, dimensions, kind, chunks=chunks)
-        self._file.tell(variable, told)
+        self._file.tell(variable, attributes)
         return variable
 
     def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:

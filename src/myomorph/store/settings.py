@@ -151,9 +151,9 @@ def settings_of(options: type) -> tuple[Setting, ...]:
 
 @cache
 def _settings_of(options: type) -> tuple[Setting, ...]:
-    hints, told = get_type_hints(options), attribute_help(options)
+    hints, helps = get_type_hints(options), attribute_help(options)
     return tuple(
-        Setting(prefix_of(options) + field.name, hints[field.name], field.default, told.get(field.name, ""))
+        Setting(prefix_of(options) + field.name, hints[field.name], field.default, helps.get(field.name, ""))
         for field in dataclasses.fields(options)
         if _is_simple(hints[field.name]) and field.default is not dataclasses.MISSING
     )

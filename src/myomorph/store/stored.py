@@ -323,8 +323,8 @@ def get_fibers(stored: Stored) -> Fibers | None:
         return None
     muscles = names["muscle"]
     frames, worst = values["unreachable_frame"], values["unreachable_length"]
-    told = dict(zip(names["elastic_certificate"], values["elastic_certificate_value"].tolist(), strict=True))
-    steps = int(told.pop("steps"))
+    certificate = dict(zip(names["elastic_certificate"], values["elastic_certificate_value"].tolist(), strict=True))
+    steps = int(certificate.pop("steps"))
     return Fibers(
         lengths=values["fiber_length"],
         velocities=values["fiber_velocity"],
@@ -339,5 +339,5 @@ def get_fibers(stored: Stored) -> Fibers | None:
             for name, frame, length in zip(muscles, frames, worst, strict=True)
             if frame >= 0
         ),
-        certificate=Certificate(**told, steps=steps),
+        certificate=Certificate(**certificate, steps=steps),
     )

@@ -90,10 +90,10 @@ def refuse(path: Path, problems: Sequence[str]) -> None:
     """Raise `BadFile` with all problems in one line, where there are any."""
     if problems:
         count = f"{len(problems)} problems" if len(problems) > 1 else "1 problem"
-        told = list(problems[:MAX_PROBLEMS])
+        lines = list(problems[:MAX_PROBLEMS])
         if len(problems) > MAX_PROBLEMS:
-            told.append(f"and {len(problems) - MAX_PROBLEMS} more")
-        raise BadFile(path, f"{count}: " + " | ".join(told))
+            lines.append(f"and {len(problems) - MAX_PROBLEMS} more")
+        raise BadFile(path, f"{count}: " + " | ".join(lines))
 
 
 def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> Path | None:

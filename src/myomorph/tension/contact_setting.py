@@ -89,10 +89,10 @@ def set_contacts(
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
     height = None if floor is None else floor.height
-    told = [one for one in (plan.reported, None if heard is None else heard.contacts) if one is not None]
-    raised = _raised(plan, told, model, motion, feet)
-    told += [contacts for contacts, _ in raised.values()]
-    contacts = _all_contacts(plan, told, model, motion, sites, seen, ContactStateOptions(floor=height))
+    reported = [one for one in (plan.reported, None if heard is None else heard.contacts) if one is not None]
+    raised = _raised(plan, reported, model, motion, feet)
+    reported += [contacts for contacts, _ in raised.values()]
+    contacts = _all_contacts(plan, reported, model, motion, sites, seen, ContactStateOptions(floor=height))
     elsewhere = (
         ()
         if plan.reported is None
@@ -148,21 +148,21 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
     return replace(contacts, intervals=tuple(touches))
 
 
-def unreported_feet(told: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
+def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
     """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
     names = [one.name for one in feet]
-    lacking = [name for name in names if name not in told.sites]
+    lacking = [name for name in names if name not in reported.sites]
     if not lacking or len(lacking) == len(names):
         return ()
     return (f"no contact interval is specified for {', '.join(lacking)}: found from the motion",)
 
 
-def never_during(told: Contacts, time: Array) -> tuple[str, ...]:
+def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
     """What to say of sites whose touches all lie before or after a motion (frames,)."""
     start, stop = float(time[0]), float(time[-1])
     texts = []
-    for name in told.sites:
-        touches = told.of(name)
+    for name in reported.sites:
+        touches = reported.of(name)
         if touches and all(one.stop < start or one.start > stop for one in touches):
             spans = f"{min(one.start for one in touches):g} to {max(one.stop for one in touches):g} s"
             texts.append(
@@ -194,7 +194,7 @@ def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
 
 def _all_contacts(
     plan: ContactPlan,
-    told: Sequence[Contacts],
+    reported: Sequence[Contacts],
     model: Model,
     motion: Motion,
     sites: tuple[Site, ...],
@@ -203,7 +203,7 @@ def _all_contacts(
 ) -> Contacts:
     """Touches that files and sound tell; those of every other site from plates and motion."""
     names = tuple(one.name for one in sites)
-    known = {name for one in told for name in one.sites}
+    known = {name for one in reported for name in one.sites}
     for name in sorted(known):
         if name not in names:
             raise BadData(f"contact intervals are specified for '{name}', but the contact sites are {', '.join(names)}")
@@ -212,7 +212,7 @@ def _all_contacts(
     holding = tuple(one for one in by_motion if one.against != GROUND)
     found = [find_contacts(model, motion, standing, options, measured)] if standing else []
     found += [find_holds(model, motion, holding)] if holding else []
-    parts = (*told, *found)
+    parts = (*reported, *found)
     against = {one.name: one.against for one in sites}
     # Tables seldom tell the surface; of a site against a body it is that body.
     touches = tuple(
@@ -224,10 +224,10 @@ def _all_contacts(
 
 
 def _raised(
-    plan: ContactPlan, told: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
+    plan: ContactPlan, reported: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
 ) -> dict[str, tuple[Contacts, Array]]:
     """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
-    known = {name for one in told for name in one.sites}
+    known = {name for one in reported for name in one.sites}
     return {
         one.name: raised_contacts(model, motion, one, soles, plan.surfaces[one.name])
         for one in plan.sites

@@ -295,8 +295,8 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
 
 
-WEIGHTS = (10.0, 3.0, 1.0, 0.3, 0.1)
-"""Weights of soft targets that are tried, the firmest first."""
+WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.3), (0.1, 0.1))
+"""Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles without EMG."""
 ALONE_WEIGHT = 1.0
 """The weight where there is but one channel, so that none can be left out."""
 WORSE = 0.05
@@ -349,7 +349,9 @@ class _HeldOut:
         good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
         held = table[:, [0, 1 + best]]
-        return replace(self.found, weight=WEIGHTS[best], held_out=held, warnings=self._warnings(held, best))
+        weight, others = WEIGHTS[best]
+        warnings = self._warnings(held, best)
+        return replace(self.found, weight=weight, others_weight=others, held_out=held, warnings=warnings)
 
     def _without(self, c: int, few: Sequence[tuple[Motion, Series]], alone: Sequence[Array]) -> Array:
         """Correlations (1 + weights,) of a channel without EMG, and with the EMG of all others at each weight."""
@@ -363,8 +365,9 @@ class _HeldOut:
             shifted(one, motion.time, self.found.delays)[:, c] for one, (motion, _) in zip(emg, few, strict=True)
         ]
         ways: list[Sequence[Array]] = [alone]
-        for weight in WEIGHTS:
-            options = replace(self.options, weight=weight)
+        for weight, others in WEIGHTS:
+            given = self.options.unmeasured_weight
+            options = replace(self.options, weight=weight, unmeasured_weight=given or others)
             solved = []
             for one, (motion, torques) in zip(emg, few, strict=True):
                 target = emg_targets(one, left, self.model, motion.time, options, calibration)
@@ -399,9 +402,11 @@ class _HeldOut:
                 f"EMG of the other channels misleads the muscles of {_some(fallen)}: correlation with their own EMG "
                 "when left out, without EMG to with it"
             )
-        if WEIGHTS[best] < 1.0:
+        weight, others = WEIGHTS[best]
+        if weight < 1.0:
+            beside = f", synergies with {others:g}" if others < 1.0 else ""
             lines.append(
-                f"EMG takes part with a weight of {WEIGHTS[best]:g} only: with more, channels that are left out come "
+                f"EMG takes part with a weight of {weight:g} only{beside}: with more, channels that are left out come "
                 "out worse than without EMG"
             )
         return tuple(lines)

@@ -33,7 +33,7 @@ class EmgOptions:
     shape : factor A of (exp(A e) - 1) / (exp(A) - 1), 0 for a straight line; None finds one for all channels
     unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": near what the synergies of the
         measured channels say of them
-    unmeasured_weight : of that, in units of the effort of one muscle
+    unmeasured_weight : of that, in units of the effort of one muscle; None chooses it along with `weight`
     search : how the delay is looked for
     """
 
@@ -47,7 +47,7 @@ class EmgOptions:
     offsets: bool = False
     shape: float | None = 0.0
     unmeasured: Literal["effort", "synergies"] = "synergies"
-    unmeasured_weight: float = 1.0
+    unmeasured_weight: float | None = None
     search: DelayOptions = field(default_factory=DelayOptions)
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class EmgOptions:
             raise BadData(f"unknown gains of EMG '{self.gains}': there are 'fitted', 'normalized'")
         if self.unmeasured not in ("effort", "synergies"):
             raise BadData(f"unknown way of muscles without EMG '{self.unmeasured}': there are 'effort', 'synergies'")
-        if not self.unmeasured_weight > 0.0:
+        if self.unmeasured_weight is not None and not self.unmeasured_weight > 0.0:
             raise BadData(f"weight {self.unmeasured_weight:g} of muscles without EMG: expected above 0")
         if self.delay is not None and not 0.0 <= self.delay <= 0.5:
             raise BadData(f"electromechanical delay of {self.delay:g} s: expected 0 to 0.5 s")
@@ -111,7 +111,8 @@ def emg_targets(
     if options.unmeasured == "synergies" and calibration.synergies:
         others = calibration.extrapolated(clean, time)
     weight = calibration.weight if options.weight is None else options.weight
-    return EmgTarget(muscles, values, options.mode, weight, options.slack, others, options.unmeasured_weight)
+    others_weight = options.unmeasured_weight or calibration.others_weight
+    return EmgTarget(muscles, values, options.mode, weight, options.slack, others, others_weight)
 
 
 def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
@@ -22,11 +23,13 @@ from myomorph.tension.joint_contact import JointContactForces, JointPoints, join
 from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
+from myomorph.tension.terms.term import Term
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -47,12 +50,14 @@ class EmgRecording:
     ----------
     muscles : channel to the muscles it was measured on
     maxima : envelope of channels in maximum voluntary contractions
+    calibration : delays and gains from elsewhere, as of all trials of a subject; None finds them on this recording
     """
 
     emg: Emg
     muscles: Mapping[str, tuple[str, ...]]
     maxima: Mapping[str, float]
     options: EmgOptions
+    calibration: EmgCalibration | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +118,7 @@ class TensionTask:
     setting : contacts, where their forces are asked for
     emg : what EMG tells, where it takes part
     wrenches : external forces that act as they were measured, at the motion's times
+    terms : further costs
     """
 
     model: Model
@@ -123,6 +129,7 @@ class TensionTask:
     setting: ContactSetting | None
     emg: EmgTargets | None
     wrenches: Wrenches | None
+    terms: tuple[Term, ...] = ()
 
     def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
         """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
@@ -133,8 +140,8 @@ class TensionTask:
         # What contacts leave open is asked of the power criterion alone.
         closed = elastic or self.options.recruitment == "minmax"
         if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return solve_tension(*arguments, advance, contacts=contacts, emg=emg), None
-        problem, names = tension_problem(*arguments, contacts=contacts, emg=emg)
+            return solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms), None
+        problem, names = tension_problem(*arguments, contacts=contacts, emg=emg, terms=self.terms)
         over_frames(problem.solve, len(self.motion), advance, problem.window)
         return problem.result(names), problem
 
@@ -175,6 +182,7 @@ def tension_task(
     plan: ContactPlan | None = None,
     contact_options: ContactOptions | None = None,
     emg: EmgRecording | None = None,
+    recruitment: RecruitmentOptions | None = None,
 ) -> TensionTask:
     """Set up the tension problem of a recording.
 
@@ -185,6 +193,7 @@ def tension_task(
     measured : forces of plates, at the motion's times
     plan : contacts whose forces are to be estimated, None for none
     emg : EMG that takes part, None for none
+    recruitment : costs beside the effort, None for none
 
     Raises
     ------
@@ -201,7 +210,14 @@ def tension_task(
     if emg is not None:
         contacts = None if setting is None else setting.task
         targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
-    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches)
+    terms: tuple[Term, ...] = ()
+    if recruitment is not None and recruitment != RecruitmentOptions():
+        if plan is not None:
+            raise BadData("joint_load, co_contraction: joint torques are not known before contact forces are")
+        if options.tendons == "elastic":
+            raise BadData("joint_load, co_contraction: they need rigid tendons; leave out tendons = 'elastic'")
+        terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
+    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms)
 
 
 def emg_targets_of(
@@ -224,9 +240,11 @@ def emg_targets_of(
         names = ", ".join(emg.names)
         note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
         return EmgTargets(None, None, (note,))
-    trial = EmgTrial(motion, torques, emg, contacts)
-    maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
-    calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
+    calibration = recorded.calibration
+    if calibration is None:
+        trial = EmgTrial(motion, torques, emg, contacts)
+        maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
+        calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
     target = emg_targets(emg, muscles, model, motion.time, chosen, calibration)
     return EmgTargets(target, calibration, calibration.warnings)
 

@@ -194,9 +194,9 @@ def identified_model(
         for own, excited in zip(condition.axis_viscosity, condition.excited, strict=True)
     ]
     joint = joint_bushing(specimen.model, specimen.base, specimen.first, by_axis, _motion(tracked, cutoff))
-    told = f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the joint's damping"
+    note = f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the joint's damping"
     model = with_passive_dynamics(specimen.model, viscosity=viscosity, bushings=(joint.bushing,))
-    return model, (told,) if joint.residual > LOSSY else ()
+    return model, (note,) if joint.residual > LOSSY else ()
 
 
 def _motion(tracked: TrackedSpecimen, cutoff: float) -> Motion:

@@ -77,7 +77,7 @@ def check_files(path: Path, root: Path | None = None) -> list[str]:
     Raises
     ------
     BadFile : the text, or one that it includes, is not safe XML, is not MJCF, or names a file outside
-        of the model's folder tree (the rule is told at `read_mjcf`)
+        of the model's folder tree (the rule: `read_mjcf`)
     """
     survey = _Survey(path, (root or tree_of(path)).resolve())
     document = read_xml(path)

@@ -187,8 +187,8 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
         return scale_setup(node)
     if kind in IK_TOOLS:
         setup = _inverse_kinematics(node)
-        told = () if kind == node.kind else (f"<{node.kind}> was taken for <{kind}>",)
-        return replace(setup, warnings=(*told, *setup.warnings))
+        warnings = () if kind == node.kind else (f"<{node.kind}> was taken for <{kind}>",)
+        return replace(setup, warnings=(*warnings, *setup.warnings))
     return _inverse_dynamics(node) if kind == "InverseDynamicsTool" else _analyze(node)
 
 

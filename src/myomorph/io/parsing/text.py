@@ -147,7 +147,7 @@ def rising(time: Array) -> np.ndarray:
 
 
 def without_far_away(positions: Array, found: list[str]) -> Array:
-    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which is told in `found`."""
+    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `found` lists."""
     far = np.abs(positions).max(axis=-1) > FARTHEST
     if far.any():
         found.append(
@@ -158,7 +158,7 @@ def without_far_away(positions: Array, found: list[str]) -> Array:
 
 
 def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str, ...]:
-    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which is told in `found`."""
+    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which `found` lists."""
     taken = set(names)
     seen: set[str] = set()
     unique: list[str] = []

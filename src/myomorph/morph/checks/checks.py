@@ -60,14 +60,14 @@ def check_morph(
     """
     options = options or CheckOptions()
     pairs = compared_coordinates(morph.source, morph.model, coordinates)
-    told = progress or (lambda _: None)
+    advance = progress or (lambda _: None)
     arms = compare_moment_arms(morph.source, morph.model, pairs)
-    told(1.0)
+    advance(1.0)
     notes: list[str] = []
     ours, theirs = _solids(morph, notes)
-    told(1.0)
+    advance(1.0)
     deep = _penetrations(morph, pairs, ours, theirs, options)
-    told(1.0)
+    advance(1.0)
     folded = _folded(morph)
     order = {one.pair.source: _rank_correlation(one) for one in arms}
     sizes = muscle_sizes(morph.source, morph.bones)
@@ -82,7 +82,7 @@ def check_morph(
         *fiber_warnings(morph, options),
         *joint_warnings(morph, longest, options),
     ]
-    told(1.0)
+    advance(1.0)
     return MorphChecks(
         tuple(sorted(deep, key=lambda one: -one.increase)), arms, FrozenMap(order), folded,
         tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))), options, tuple(notes),

@@ -301,8 +301,8 @@ def _new_oddities(
 
     def odd(model: Model) -> frozenset[tuple[str, str]]:
         same = replace(model, muscles=tuple(model.muscle(one.name) for one in few.muscles))
-        told = arm_warnings(few, compare_moment_arms(few, same, pairs), sizes, CheckOptions())
-        return frozenset((one.kind, one.name) for one in told if one.kind in ("sign", "jump"))
+        warnings = arm_warnings(few, compare_moment_arms(few, same, pairs), sizes, CheckOptions())
+        return frozenset((one.kind, one.name) for one in warnings if one.kind in ("sign", "jump"))
 
     return frozenset(name for _, name in odd(cleared.model) - odd(cleared.start)) if moved else frozenset()
 

@@ -107,7 +107,7 @@ def bone_warnings(
     Parameters
     ----------
     longest : bone of the target [m]
-    sliding : coordinates, told in millimeters
+    sliding : coordinates that are reported in millimeters
     """
     for one in deep:
         if one.increase > options.deeper * longest:

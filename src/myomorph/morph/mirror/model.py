@@ -139,9 +139,9 @@ def with_other_side(
     def added(what: str, wanted: Callable[[Any], bool]) -> tuple[Any, ...]:
         old, new = getattr(model, what), getattr(copy, what)
         names = {one.name for one in old}
-        told = [other.name not in (one.name, one.name + suffix) for one, other in zip(old, new, strict=True)]
+        renamed = [other.name not in (one.name, one.name + suffix) for one, other in zip(old, new, strict=True)]
         return tuple(
-            one for one, tells in zip(new, told, strict=True) if one.name not in names and (tells or wanted(one))
+            one for one, tells in zip(new, renamed, strict=True) if one.name not in names and (tells or wanted(one))
         )
 
     def on_added(one: Any) -> bool:

@@ -88,13 +88,13 @@ def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity
             f"the landmarks of '{body}' fit within {mm(mirrored)} instead of {mm(found.rms)} when "
             "mirrored: are they of the other side? Give those of this side, or say that the bone is to be mirrored"
         )
-    told = f"{mm(found.rms)} remain of a spread of {mm(spread)}"
+    left = f"{mm(found.rms)} remain of a spread of {mm(spread)}"
     if found.rms > UNLIKE * spread:
         raise BadData(
-            f"the landmarks of '{body}' do not fit: {told}; are they of another bone, or is one side's table another's?"
+            f"the landmarks of '{body}' do not fit: {left}; are they of another bone, or is one side's table another's?"
         )
     if found.rms > ODD * spread:
-        notes.append(f"the landmarks of '{body}' fit badly: {told}")
+        notes.append(f"the landmarks of '{body}' fit badly: {left}")
     notes += [f"landmarks of '{body}': {line}" for line in found.notes]
     return found.similarity
 
@@ -152,10 +152,10 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
             best, order = left, other
     if best < enough:
         wrong = np.flatnonzero(order != np.arange(len(order))).tolist()
-        told = ", ".join(f"'{landmarks.names[k]}' where '{landmarks.names[order[k]]}' is" for k in wrong[:4])
+        listed = ", ".join(f"'{landmarks.names[k]}' where '{landmarks.names[order[k]]}' is" for k in wrong[:4])
         raise BadData(
             f"the landmarks of '{body}' are in another order on the target: with {len(wrong)} of {len(order)} "
-            f"interchanged they fit within {mm(best)} instead of {mm(rms)} ({told}{', ...' if wrong[4:] else ''})"
+            f"interchanged they fit within {mm(best)} instead of {mm(rms)} ({listed}{', ...' if wrong[4:] else ''})"
         )
 
 

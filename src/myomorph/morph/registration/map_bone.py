@@ -156,13 +156,13 @@ def _found_by_rules(
 def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
     if not placed.mirrored < DOUBTED_SIDE:
         return
-    told = (
+    text = (
         f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f} times the "
         "distance): is it one of the other side?"
     )
     if placed.mirrored < WRONG_SIDE:
-        raise BadData(f"{told} Give the bone of this side, or mirror the model first")
-    notes.append(told)
+        raise BadData(f"{text} Give the bone of this side, or mirror the model first")
+    notes.append(text)
 
 
 def _features(

@@ -192,30 +192,30 @@ def articular_cylinder(
     half = 0.5 * (4.0 * radius if width is None else width)
     corners = _near(surface, start, float(np.hypot(2.5 * radius, half)))
     found: list[tuple[float, CylinderFit]] = []
-    told = ""
+    reason = ""
     for begin, size in _cylinder_starts(start, line, radius):
         try:
             fit = _cylinder(corners, (begin, line, size), (start, half), hollow)
         except BadData as error:
-            told = told or str(error)
+            reason = reason or str(error)
             continue
         beside = fit.point - start
         apart = float(np.linalg.norm(beside - beside @ fit.axis * fit.axis))
         if apart > radius:
-            told = told or f"its axis lies {mm(apart)} away, past its radius"
+            reason = reason or f"its axis lies {mm(apart)} away, past its radius"
         elif abs(fit.axis @ line) < LEANING:
-            told = (
-                told or f"its axis leans {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees from the one given"
+            reason = (
+                reason or f"its axis leans {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees from the one given"
             )
         elif not 1.0 / GROWTH < fit.radius / radius < GROWTH:
-            told = told or f"its radius is {mm(fit.radius)}, but {mm(radius)} was expected"
+            reason = reason or f"its radius is {mm(fit.radius)}, but {mm(radius)} was expected"
         else:
             lean = float(np.linalg.norm(np.cross(fit.axis, line)))
             off = np.array([np.log(fit.radius / radius), apart / radius, lean]) / EXPECTED
             likely = float(np.exp(-0.5 * off @ off))
             found.append((likely * _consensus(corners, fit, (start, half), NARROW * radius, hollow), fit))
     if not found:
-        raise BadData(f"no cylinder was found near {_text(start)}: {told}")
+        raise BadData(f"no cylinder was found near {_text(start)}: {reason}")
     return max(found, key=lambda one: one[0])[1]
 
 

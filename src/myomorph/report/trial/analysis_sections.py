@@ -65,21 +65,21 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
 
 
 def _lead(analysis: MotionAnalysis, graph: bool) -> str:
-    told = ["One time axis for all rows."]
+    lines = ["One time axis for all rows."]
     if analysis.activations is not None:
-        told.append(f"Activations from 0 to {_top(analysis.activations):g}.")
+        lines.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
-        told.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
+        lines.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
         if any(one.source == "sound" for one in analysis.contacts.intervals):
-            told.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
-    told.append(cut_words(analysis))
+            lines.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
+    lines.append(cut_words(analysis))
     if analysis.persons and analysis.activations is not None:
         lacking = tuple(dict.fromkeys(name for one in analysis.persons for name in one.lacking))
         if lacking:
-            told.append(f"The model lacks: {'; '.join(lacking)}.")
+            lines.append(f"The model lacks: {'; '.join(lacking)}.")
     if not analysis.chosen:
-        told.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
-    return " ".join(one for one in told if one)
+        lines.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
+    return " ".join(one for one in lines if one)
 
 
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:

@@ -90,21 +90,21 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
 
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     given = prepared.given
-    told = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
+    lines = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
     pairs = [one for one in groups if one.against != GROUND]
     if pairs:
-        told.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
+        lines.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
     if any(one.measured is not None for one in groups):
-        told.append("Plate measurements are grey, shown and compared while the plate is loaded.")
+        lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if given.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
-        told.append(
+        lines.append(
             f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
             "every force within."
         )
     if given.contacts.infeasible:
-        told.append(f"Red marks: {len(given.contacts.infeasible)} infeasible contact frames.")
-    return " ".join(told)
+        lines.append(f"Red marks: {len(given.contacts.infeasible)} infeasible contact frames.")
+    return " ".join(lines)
 
 
 def _components(

@@ -174,9 +174,9 @@ def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
             own = [k for k, name in enumerate(names) if name.startswith(what[0].upper())]
             values = np.linalg.norm(residuals.values[:, own], axis=1)
             if own and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
-                told = f" left over once contacts carry; F = {peak:.4g} N"
+                detail = f" left over once contacts carry; F = {peak:.4g} N"
                 found = judged_residual(what, values, residuals.time, scale, contacts=True)
-                rows += [replace(row, detail=row.detail + told) for row, _ in found]
+                rows += [replace(row, detail=row.detail + detail) for row, _ in found]
     lost = given.contacts.infeasible
     first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
     unit = f"of {len(given.contacts.forces)}"

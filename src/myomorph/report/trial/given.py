@@ -18,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.report.trial.identified import IdentificationInput
+from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
 
@@ -218,6 +219,7 @@ class ReportInput:
     model : of the subject
     surfaces : meshes for the pictures, by `Mesh.file`
     joint_contacts : forces at contact points of joints
+    emg_conflicts : where EMG and joint torques contradict each other, None where EMG took no part
     analysis : how to look at the motion
     identification : how the body's masses and lengths were found
     more : sections of steps that this page does not know
@@ -233,6 +235,7 @@ class ReportInput:
     tension: ShownTension | None = None
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
     joint_contacts: JointContactForces | None = None
+    emg_conflicts: tuple[EmgConflict, ...] | None = None
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()

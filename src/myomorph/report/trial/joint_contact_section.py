@@ -63,15 +63,15 @@ def _strides(given: ReportInput) -> Strides | None:
 
 def _left(found: JointContactForces) -> str:
     """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
-    told = []
+    texts = []
     for j, joint in enumerate(found.joints):
         moment = float(np.nanmax(found.unbalanced_moments[:, j]))
         pull = float(np.nanmax(found.unbalanced_forces[:, j]))
         if moment > 0.1:
-            told.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
+            texts.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
         if pull > 1.0:
-            told.append(f"{joint} is pulled apart by up to {number(pull)} N, which no contact point carries")
-    text = "; ".join(told)
+            texts.append(f"{joint} is pulled apart by up to {number(pull)} N, which no contact point carries")
+    text = "; ".join(texts)
     return f" {text[0].upper()}{text[1:]}." if text else ""
 
 

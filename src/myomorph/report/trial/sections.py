@@ -10,6 +10,7 @@ from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.analysis_sections import analysis_sections
+from myomorph.report.trial.emg_conflict_section import emg_conflict_section
 from myomorph.report.trial.fiber_section import fiber_section
 from myomorph.report.trial.figures import (
     centroid_figures,
@@ -53,6 +54,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (tension_section, ""),
         (fiber_section, ""),
         (joint_contact_section, ""),
+        (emg_conflict_section, ""),
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
         (length_cycle_section, ""),
@@ -76,15 +78,15 @@ def marker_section(prepared: Prepared) -> Section | None:
     if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
         return None
     over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
-    told = f"{len(fit.marker_names)} markers were followed"
+    text = f"{len(fit.marker_names)} markers were followed"
     if fit.unused_markers:
-        told += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
+        text += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
     if fit.missing_markers:
-        told += f"; in the model, but not recorded: {few(fit.missing_markers, 8)}"
+        text += f"; in the model, but not recorded: {few(fit.missing_markers, 8)}"
     return Section(
         "markers",
         "Marker errors",
-        told + ". The error is the distance between a recorded marker and the same marker on the model.",
+        text + ". The error is the distance between a recorded marker and the same marker on the model.",
         (("first", "RMS"), ("second", "largest"), ("limit", "limit")),
         (Figure(over_time, "full"), *(Figure(one, "medium") for one in bars)),
     )

@@ -50,13 +50,13 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     time, rms = fit.motion.time, 100 * fit.rms
     frame = int(np.nanargmax(rms))
     when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
-    told = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
-    told += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
+    detail = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
+    detail += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
     value, largest = float(rms[frame]), 100 * float(fit.errors[when, who])
     limit, at = 100 * MARKER_LARGEST * scale, float(time[when])
     rows = [
         Verdict(
-            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, told
+            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, detail
         ),
         Verdict(Quantity.MARKER_LARGEST, largest, "cm", limit, fit.marker_names[who], at, HICKS),
         _counted(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
@@ -75,16 +75,16 @@ def _counted(quantity: Quantity, flags: np.ndarray, time: Array) -> Verdict:
 
 
 def gap_verdicts(markers: Markers) -> list[Verdict]:
-    """Markers that were hidden: told, as no limit is agreed."""
+    """Markers that were hidden: reported, as no limit is agreed."""
     hidden: np.ndarray = np.asarray(~np.isfinite(markers.values).all(axis=2))
     share = hidden.mean(axis=0) if len(markers) else np.zeros(len(markers.names))
     worst = int(np.argmax(share)) if len(share) else 0
     if not len(share) or share[worst] == 0.0:
         return [Verdict(Quantity.MARKER_GAPS, 0.0, "%", None)]
     first = float(markers.time[int(np.argmax(hidden[:, worst]))])
-    told = f"{int((share > 0).sum())} of {len(share)} markers are hidden at some time"
+    detail = f"{int((share > 0).sum())} of {len(share)} markers are hidden at some time"
     value = 100 * float(share[worst])
-    return [Verdict(Quantity.MARKER_GAPS, value, "% of frames", None, markers.names[worst], first, "", told)]
+    return [Verdict(Quantity.MARKER_GAPS, value, "% of frames", None, markers.names[worst], first, "", detail)]
 
 
 def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
@@ -117,10 +117,10 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     rows = []
     for what, values, scale in (("force", found[0], peak), ("moment", found[1], peak * height)):
         for row, at in judged_residual(what, values, torques.time, scale):
-            told = f"; F = {peak:.4g} N"
+            detail = f"; F = {peak:.4g} N"
             if what == "force" and at is not None:
-                told += _support(wrenches, float(torques.time[at]), weight, values[at])
-            rows.append(replace(row, detail=row.detail + told))
+                detail += _support(wrenches, float(torques.time[at]), weight, values[at])
+            rows.append(replace(row, detail=row.detail + detail))
     return rows
 
 
@@ -230,7 +230,7 @@ def reserve_verdicts(
     ----------
     names : coordinate of each reserve
     reserves : (frames, reserves) [N m or N]
-    driven : coordinates that some muscle moves; () for all. What no muscle moves is told apart
+    driven : coordinates that some muscle moves; () for all. What no muscle moves has a row of its own
     """
     worst = worst_reserve(model, torques, names, reserves, driven)
     rows = []
@@ -238,21 +238,21 @@ def reserve_verdicts(
         value = abs(float(reserves[worst.frame, worst.column]))
         force = model.coordinate(worst.coordinate).motion == "translational"
         size = "N" if force else "N·m"
-        told = f"{value:.3g} {size} beside a peak of {worst.peak:.3g} {size}"
+        detail = f"{value:.3g} {size} beside a peak of {worst.peak:.3g} {size}"
         unit = "% of the coordinate's peak torque"
         if not worst.own:
             unit = f"% of {worst.scale:.3g} {size}"
-            told += f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint torque"
+            detail += f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint torque"
         at = float(time[worst.frame])
         rows.append(
-            Verdict(Quantity.RESERVES, 100 * worst.share, unit, 100 * RESERVE, worst.coordinate, at, CHECKLIST, told)
+            Verdict(Quantity.RESERVES, 100 * worst.share, unit, 100 * RESERVE, worst.coordinate, at, CHECKLIST, detail)
         )
     root = {name for group in root_coordinates(model) for name in group}
     unmoved = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
     undriven = list(dict.fromkeys(unmoved))
     if undriven:
-        told = "their torque is carried by reserve actuators alone"
-        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=told))
+        detail = "their torque is carried by reserve actuators alone"
+        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=detail))
     return rows
 
 
@@ -270,9 +270,9 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
         return [Verdict(Quantity.SATURATED, 0.0, f"of {len(names)}", 0.0)]
     worst = int(np.argmax(full.sum(axis=0)))
     first = float(time[int(np.argmax(full[:, worst]))])
-    told = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
-    told += few([name for name, one in zip(names, ever, strict=True) if one], 8)
-    return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", told)]
+    detail = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
+    detail += few([name for name, one in zip(names, ever, strict=True) if one], 8)
+    return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", detail)]
 
 
 def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()) -> Verdict:
@@ -315,8 +315,8 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
     if not beyond:
         return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0)]
     far, name, time = max(beyond)
-    told = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
-    return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", told)]
+    detail = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
+    return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", detail)]
 
 
 def few(names: Sequence[str], most: int = 4) -> str:

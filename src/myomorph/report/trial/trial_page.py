@@ -84,9 +84,9 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     rows += list(given.recorded.facts.items())
     if given.model is not None:
         model = given.model
-        told = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
-        told += f", {len(model.muscles)} muscles" if model.muscles else ""
-        rows.append(("Model", f"{told}, {number(model.mass)} kg"))
+        text = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
+        text += f", {len(model.muscles)} muscles" if model.muscles else ""
+        rows.append(("Model", f"{text}, {number(model.mass)} kg"))
     motion = given.kinematics.motion
     for name, series in (
         ("Motion", motion),
@@ -97,12 +97,12 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
         if series is not None and len(series.time) > 1:
             # The rate of a long clock is its mean; times are often rounded to a millisecond.
             first, last = float(series.time[0]), float(series.time[-1])
-            told = f"{number(len(series.time), 1.0)} frames at {number((len(series.time) - 1) / (last - first))} Hz, "
-            rows.append((name, f"{told}{number(first, 0.01)} to {number(last, 0.01)}\u00a0s"))
+            text = f"{number(len(series.time), 1.0)} frames at {number((len(series.time) - 1) / (last - first))} Hz, "
+            rows.append((name, f"{text}{number(first, 0.01)} to {number(last, 0.01)}\u00a0s"))
     if prepared.movement.kind:
         kind = {"gait": "gait", "jump": "countermovement jump", "contact": "contacts with the ground"}
-        told = kind.get(prepared.movement.kind, prepared.movement.kind)
-        rows.append(("Movement", f"{told}, {len(prepared.events)} events"))
+        text = kind.get(prepared.movement.kind, prepared.movement.kind)
+        rows.append(("Movement", f"{text}, {len(prepared.events)} events"))
     return rows
 
 

@@ -37,7 +37,7 @@ MIN_MARKERS = 6
 NEEDED = ("pelvis", "thigh", "shank")
 EMG_SAMPLES, EMG_RATE = 300, 100.0
 """Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
-DEAD = 0.02
+DEAD = 0.05
 """An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
 HEIGHT_TOLERANCE = 0.1
 """A height that the markers show lies within this share of the true one."""

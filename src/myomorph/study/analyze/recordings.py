@@ -272,11 +272,11 @@ def same_body(one: Recording, other: Recording) -> bool:
     assert one.trial.markers is not None
     assert other.trial.markers is not None
     for first, second in RIGID:
-        ends = [next((site for site in shared if (site.key, site.side) == end), None) for end in (first, second)]
-        if None in ends:
+        ends = [site for end in (first, second) for site in shared if (site.key, site.side) == end]
+        if len(ends) < 2:
             continue
         lengths = [
-            np.nanmedian(np.linalg.norm(markers[names[ends[0]]] - markers[names[ends[1]]], axis=1))
+            float(np.nanmedian(np.linalg.norm(markers[names[ends[0]]] - markers[names[ends[1]]], axis=1)))
             for markers, names in ((one.trial.markers, mine), (other.trial.markers, theirs))
         ]
         if abs(lengths[0] / lengths[1] - 1.0) > ALIKE:

@@ -38,8 +38,8 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     if trial.analog is not None:
         _analog_findings(trial, facts, found)
     if trial.events:
-        told = [f"{event.side} {event.label} {event.time:.2f}".strip() for event in trial.events]
-        facts.append(("events", f"{len(told)}: {', '.join(told)} s"))
+        events = [f"{event.side} {event.label} {event.time:.2f}".strip() for event in trial.events]
+        facts.append(("events", f"{len(events)}: {', '.join(events)} s"))
     facts += [(label, text) for label, text in trial.facts.items() if label not in ("point rate", "analog rate")]
     return Inspection(kind, tuple(facts), tuple(found))
 

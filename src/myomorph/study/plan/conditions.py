@@ -89,8 +89,8 @@ def with_conditions(
     excluded : trials whose names a pattern may stand for without being wrong
     problems, remarks : take up what is wrong, and which trials are in no condition
     """
-    told = [one.condition for one in trials if one.condition]
-    names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *told]))
+    named = [one.condition for one in trials if one.condition]
+    names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *named]))
     for subject, conditions in own.items():
         for name in conditions:
             if name not in names:

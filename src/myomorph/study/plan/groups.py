@@ -127,8 +127,8 @@ def measured_groups(
             found.setdefault(group, []).append(subject)
     if not compare:
         if len(found) > 1:
-            told = ", ".join(f'"{one}"' for one in list(found)[:2])
-            remarks.append(f"groups {', '.join(found)} are not compared: 'compare = [{told}]' under [study] does it")
+            quoted = ", ".join(f'"{one}"' for one in list(found)[:2])
+            remarks.append(f"groups {', '.join(found)} are not compared: 'compare = [{quoted}]' under [study] does it")
         return {}
     if len(compare) != 2 or compare[0] == compare[1]:
         problems.append(f"study: compare names {len(compare)} groups: expected two that differ")

@@ -158,9 +158,9 @@ def _line(
         for name, (text, factor) in cells.items()
         if name not in TEXTS
     }
-    told = cells.get("sex", ("", 1.0))[0]
-    if told and told.lower() not in SEXES:
-        problems.append(f"{where}: sex '{told}': expected female or male, or nothing")
+    sex = cells.get("sex", ("", 1.0))[0]
+    if sex and sex.lower() not in SEXES:
+        problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
     model = cells.get("model", ("", 1.0))[0]
     if model and not (folder / model).is_file():
         near = [one.name for one in (folder / model).parent.glob("*") if one.suffix.lower() in (".osim", ".xml")]
@@ -168,7 +168,7 @@ def _line(
     return Measures(
         subject,
         folder / model if model else None,
-        sex=SEXES.get(told.lower()),
+        sex=SEXES.get(sex.lower()),
         group=cells.get("group", ("", 1.0))[0],
         **numbers,
     )

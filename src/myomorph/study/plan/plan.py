@@ -310,7 +310,7 @@ def _groups(
     if file.groups and file.study.compare:
         notes.problems.append("study: compare and [groups] both name groups: give one of them")
     if file.groups:
-        told = group_members(file.groups, subjects, gone, notes.problems)
+        members = group_members(file.groups, subjects, gone, notes.problems)
     else:
-        told = measured_groups(measures, subjects, file.study.compare, notes.problems, notes.remarks)
-    return groups_of(told, file.strides, trials, notes.problems)
+        members = measured_groups(measures, subjects, file.study.compare, notes.problems, notes.remarks)
+    return groups_of(members, file.strides, trials, notes.problems)

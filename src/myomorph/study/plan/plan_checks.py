@@ -70,7 +70,7 @@ def check_names(
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
         steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
-        made = [*(name for step in steps_on for name in (step.model, step.tables)), *(OF_STUDY if flat else ())]
+        made = [*(name for step in steps_on for name in (step.model, step.tables) if name), *(OF_STUDY if flat else ())]
         own_trials = [one.name for one in trials if one.subject == subject]
         for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
@@ -129,8 +129,8 @@ def check_makers(subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Seque
         circle = chain[chain.index(following) :] if following in chain else []
         if circle and set(circle) not in circles:
             circles.append(set(circle))
-            told = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
-            problems.append(f"model_of: subjects wait for each other's models: {told}")
+            waiting = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
+            problems.append(f"model_of: subjects wait for each other's models: {waiting}")
         elif not following and not any(makes_model(steps[one]) for one in chain[1:]):
             problems.append(
                 f"subject '{name}': model_of: subject '{chain[-1]}' makes no model: give it one of the steps "
@@ -143,15 +143,19 @@ def check_masses(subjects: Mapping[str, SubjectFiles], problems: list[str]) -> N
     without = [name for name, one in subjects.items() if one.mass is None]
     if without and len(without) < len(subjects):
         known = len(subjects) - len(without)
-        told = [name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)]
-        problems += [f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in told]
+        reported = [
+            name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)
+        ]
+        problems += [
+            f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in reported
+        ]
 
 
 def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None:
     """Add to the problems the names that no part of a trial's model has.
 
     A name that stands in the model's file is taken for right without reading the model, so that a study of many
-    models is still checked at once. A model that cannot be read is told when its trials run.
+    models is still checked at once. A model that cannot be read is reported when its trials run.
     """
     texts: dict[Path, str] = {}
     models: dict[Path, Model | None] = {}

@@ -21,7 +21,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify", "personalize")
+FIRST = ("morph", "calibrate", "ik", "identify", "personalize", "emg")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
@@ -56,9 +56,9 @@ def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, proble
             try:
                 with_settings(options(), settings.get(step, {}))
             except MyomorphError as error:
-                told = f"{where}options.{step}: {' '.join(str(error).split())}"
-                if told not in problems:
-                    problems.append(told)
+                message = f"{where}options.{step}: {' '.join(str(error).split())}"
+                if message not in problems:
+                    problems.append(message)
 
 
 def merged(
@@ -183,8 +183,8 @@ def _tables(steps: tuple[str, ...]) -> type[BaseModel]:
 def given_options(table: Any) -> dict[str, dict[str, Any]]:
     """What a table says of the steps, by step and setting; only what is written."""
     given = getattr(table, "options", None)
-    told: Mapping[str, dict[str, Any]] = {} if given is None else given.model_dump(exclude_unset=True)
-    return {step: one for step, one in told.items() if one}
+    by_step: Mapping[str, dict[str, Any]] = {} if given is None else given.model_dump(exclude_unset=True)
+    return {step: one for step, one in by_step.items() if one}
 
 
 def lacking(raw: Mapping[str, Any]) -> list[str]:
@@ -195,11 +195,11 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
     for number, table in enumerate(tables if isinstance(tables, list) else [], 1):
         if not isinstance(table, dict):
             continue
-        told = [one for one in ("name", "names", "folders") if one in table]
-        if not told:
+        ways = [one for one in ("name", "names", "folders") if one in table]
+        if not ways:
             problems.append(f"'subject.{number}.name' is missing (or 'names', or 'folders')")
-        elif len(told) > 1:
-            problems.append(f"'subject.{number}' has {' and '.join(map(repr, told))}: expected one of them")
+        elif len(ways) > 1:
+            problems.append(f"'subject.{number}' has {' and '.join(map(repr, ways))}: expected one of them")
         if "model" in table and "model_of" in table:
             problems.append(f"'subject.{number}' has 'model' and 'model_of': expected one of them")
         elif not elsewhere and not {"model", "model_of"} & set(table):

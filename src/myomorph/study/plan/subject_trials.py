@@ -204,9 +204,10 @@ def subject_trials(
     check_time(table.time, f"{where}: time", problems)
     for trial, recording in _recordings(table, folder, where, problems):
         name = trial.name or plain_stem(recording)
-        own = {"motion" if trial.motion else "markers": recording}
         if not left_out(one.name, name):
-            yield _trial(replace(whole, name=name, **own), trial, folder, notes), given_options(trial)
+            begun = replace(whole, name=name, markers=recording)
+            begun = replace(begun, markers=None, motion=recording) if trial.motion else begun
+            yield _trial(begun, trial, folder, notes), given_options(trial)
 
 
 def _recordings(

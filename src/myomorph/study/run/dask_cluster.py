@@ -50,7 +50,7 @@ class Fitness:
     ----------
     python : version, major and minor
     system : operating system
-    sees : whether the file that it was told to read is there and holds what it should
+    sees : whether the file that it is to read is there and holds what it should
     """
 
     version: str
@@ -107,7 +107,7 @@ def _model(key: str, model: bytes) -> Model | None:
 def _dated(date: str) -> Iterator[None]:
     """Work silently on one thread, and date results as the program that sent the job does.
 
-    Whatever this process was told before holds again afterwards.
+    The settings that this process had before hold again afterwards.
     """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
@@ -218,11 +218,11 @@ def connected(address: str, patience: float) -> Any:
             warnings.simplefilter("ignore", VersionMismatchWarning)
             return Client(address, timeout=patience, set_as_default=False, name="myomorph")
     except OSError as error:
-        told = " ".join(str(error).split()) or "something takes the connection, but is silent"
-        raise BadData(f"--scheduler {address}: no scheduler answers ({told}): {START}") from None
+        reason = " ".join(str(error).split()) or "something takes the connection, but is silent"
+        raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
     except Exception:  # whatever the bytes of a program of another kind lead to, MemoryError among it
-        told = "something is there that does not speak as a Dask scheduler does"
-        raise BadData(f"--scheduler {address}: no scheduler answers ({told}): {START}") from None
+        reason = "something is there that does not speak as a Dask scheduler does"
+        raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
 
 
 async def _greet(address: str, patience: float) -> None:

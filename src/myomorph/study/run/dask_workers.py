@@ -203,10 +203,10 @@ class DaskWorkers:
         """What the scheduler knows of each process, by address; None while the connection is made again."""
         if self._client.status not in ("closing", "closed"):
             try:
-                told = self._client.sync(self._client.scheduler.identity, n_workers=-1, callback_timeout=FETCH)
+                identity = self._client.sync(self._client.scheduler.identity, n_workers=-1, callback_timeout=FETCH)
             except Exception:  # of several libraries, and what it was does not matter: the next look tells
                 return None
-            return dict(told["workers"])
+            return dict(identity["workers"])
         hint = "what is done is kept: start it and its workers, and run the same command again to go on"
         raise BadData(f"--scheduler {self._address}: the scheduler is gone: {hint}")
 
@@ -280,8 +280,8 @@ class DaskWorkers:
 
     def _reason(self, process: Process) -> str:
         with suppress(Exception):
-            told = self._client.get_events("worker-restart-memory")
-            if any(one[1].get("worker") == process.address for one in told):
+            events = self._client.get_events("worker-restart-memory")
+            if any(one[1].get("worker") == process.address for one in events):
                 return f"over its memory, {process.memory / 1e9:.1f} GB"
         return "killed, cut off or ended"
 

@@ -15,7 +15,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, in_words, together
-from myomorph.study.run.job_plan import jobs_of
+from myomorph.study.run.job_plan import jobs_of, with_made
 from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import reused_subject_steps
@@ -226,7 +226,7 @@ class _Looked:
         return Row(*key, files.condition, frames, names, reasons, expected, problem)
 
     def joined(self, name: str, trials: Mapping[str, str]) -> Row:
-        """Trials that are solved as one; whether what is told of their contacts has changed is not looked at."""
+        """Trials that are solved as one; whether their contacts have changed is not looked at."""
         stored = (self.out / file_name(name) / f"{file_name(name)}{STORED}").is_file()
         why: tuple[str, ...] = ()
         if self.fresh or not stored:
@@ -245,7 +245,7 @@ class _Looked:
         made = self._made(self.plan.maker(files.subject))
         try:
             if made is not None:
-                files = replace(files, model=made.path)
+                files = with_made(files, made, self.plan.maker(files.subject))
             model = self._model(files.model, made)
             trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
             return reused_steps(trial, steps, folder), ""
@@ -256,8 +256,7 @@ class _Looked:
         """The model that a subject's own steps make."""
         if not maker:
             return None
-        home = self.plan.home(self.out, maker)
-        return next(one for path, one in self.jobs.models.items() if path.parent == home)
+        return self.jobs.made[maker]
 
     def _model(self, path: Path, made: MadeModel | None = None) -> Model:
         """A model, read once; raises what reading it raised the first time."""
@@ -302,9 +301,9 @@ def dry_run_lines(found: DryRun) -> Iterator[str]:
     trials = [row for row in found.rows if row.trial]
     subjects = dict.fromkeys(row.subject for row in found.rows)
     conditions = found.plan.conditions.names
-    told = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
-    told += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{found.plan.name}: {', '.join(told)}; results go to {found.out}"
+    counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+    counts += [f"conditions {', '.join(conditions)}"] if conditions else []
+    yield f"{found.plan.name}: {', '.join(counts)}; results go to {found.out}"
     yield ""
     yield from _table(found.rows, bool(conditions))
     yield from _reasons(found.rows)

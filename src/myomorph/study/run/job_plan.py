@@ -141,11 +141,13 @@ class StudyJobs:
     ----------
     models : those that subjects' own steps make, by their file
     homes : where the results of each job go
+    made : the models again, by the subject whose steps make them
     """
 
     jobs: tuple[Job, ...]
     models: dict[Path, MadeModel]
     homes: dict[Key, Path]
+    made: dict[str, MadeModel]
 
 
 def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> StudyJobs:
@@ -161,7 +163,17 @@ def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = N
         found.trial(files, steps)
     for one in plan.together:
         found.together(one)
-    return StudyJobs(tuple(found.jobs), {one.path: one for one in found.made.values()}, found.homes)
+    models = {one.path: one for one in found.made.values()}
+    return StudyJobs(tuple(found.jobs), models, found.homes, dict(found.made))
+
+
+def with_made(files: TrialFiles, made: MadeModel, maker: str) -> TrialFiles:
+    """A trial with the model, and the gains of EMG, that a subject's own steps make.
+
+    Electrodes are one subject's: gains of a subject whose model another begins with are not the other's.
+    """
+    gains = made.gains if maker == files.subject and files.emg is not None else None
+    return replace(files, model=made.path, emg_gains=gains)
 
 
 @dataclass
@@ -193,14 +205,14 @@ class _Jobs:
         steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
         home, key = self.plan.home(self.out, name), (name, "")
         self.made[name], self.homes[key] = made_model(files, steps, home), home
-        told: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "files": files,
             "steps": steps,
             "settings": self.plan.settings_of(name),
             "folder": home,
             "mark": self.mark,
         }
-        work, reused = partial(do_subject, **told, fresh=self.fresh), partial(reused_subject, **told)
+        work, reused = partial(do_subject, **arguments, fresh=self.fresh), partial(reused_subject, **arguments)
         needs = ((self.plan.maker(begins), ""),) if begins else ()
         self.jobs.append(Job(key, work, needs, reused=None if self.fresh else reused))
 
@@ -208,17 +220,17 @@ class _Jobs:
         """Add a trial, and before the first of a subject its own steps."""
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:
-            files = replace(files, model=self.made[maker].path)
+            files = with_made(files, self.made[maker], maker)
         self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
-        told: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "files": files,
             "steps": steps,
             "settings": self.plan.settings_of(*key),
             "folder": self.homes[key],
             "mark": self.mark,
         }
-        work, reused = partial(do_trial, **told, fresh=self.fresh), partial(reused_trial, **told)
+        work, reused = partial(do_trial, **arguments, fresh=self.fresh), partial(reused_trial, **arguments)
         needs = ((maker, ""),) if maker else ()
         self.jobs.append(Job(key, work, needs, files.model, reused=None if self.fresh else reused))
 

@@ -97,7 +97,7 @@ def do_together(
     ----------
     parts : by the name of the part, its recording
     models : by file, those of the parts that a subject's own steps made
-    settings, common : what the steps are told of each part, and of all as one
+    settings, common : settings of the steps for each part, and of all as one
     """
     folder = out / file_name(together.name)
 

@@ -32,7 +32,7 @@ FULL = "no space is left where the results go: make room, then run again"
 
 
 class Watcher(Protocol):
-    """Whoever is told what happens to jobs."""
+    """Whoever hears what happens to jobs."""
 
     def started(self, job: Job) -> None:
         """A worker has taken a job."""
@@ -144,14 +144,14 @@ class _Loop:
             self._end(job, failed(Outcome(*job.key, self.homes[job.key]), error))
             return
         # Jobs with a model also take the hash of its file, so that they see where it has changed since.
-        told = {"read": read} if read else {}
-        reused = None if job.reused is None else partial(cast(Any, job.reused), **told)(model)
+        options = {"read": read} if read else {}
+        reused = None if job.reused is None else partial(cast(Any, job.reused), **options)(model)
         if reused is not None:
             self._end(job, reused)
             return
         self.running += 1
         self.watcher.started(job)
-        self.workers.start(replace(job, work=partial(cast(Any, job.work), **told) if told else job.work), model)
+        self.workers.start(replace(job, work=partial(cast(Any, job.work), **options) if options else job.work), model)
 
     def _take(self, ended: Ended) -> None:
         job = self.jobs[ended.job.key]

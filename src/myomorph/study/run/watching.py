@@ -49,7 +49,7 @@ class StudyProgress:
         self.done = self.failed = 0
         self._computed, self._reused = [0, 0.0], [0, 0.0]
         self._started = time.monotonic()
-        # A single recording is told of step by step.
+        # A single recording is reported step by step.
         self._shown = total > 1 and sys.stderr.isatty()
         self._bar: Progress | None = None
         if self._shown:

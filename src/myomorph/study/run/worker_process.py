@@ -76,12 +76,12 @@ def main() -> None:
     """Do jobs until the other process asks for the end, or ends."""
     faulthandler.enable()
     warnings.simplefilter("ignore")
-    given, told = os.dup(0), os.dup(1)
+    given, answers = os.dup(0), os.dup(1)
     if sys.platform == "win32":
         # Windows only.
         import msvcrt
 
-        for descriptor in (given, told):
+        for descriptor in (given, answers):
             msvcrt.setmode(descriptor, os.O_BINARY)
     # Whatever else reads or prints must not meddle with the messages.
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -92,14 +92,14 @@ def main() -> None:
     threading.Thread(target=_read, args=(given, messages, stopping), daemon=True).start()
     status = 0
     try:
-        _work(messages, told)
+        _work(messages, answers)
     except (KeyboardInterrupt, OSError):
         status = 1
     # Threads of libraries may still wait for something: nothing here is worth waiting for.
     os._exit(status)
 
 
-def _work(messages: queue.SimpleQueue[Any], told: int) -> None:
+def _work(messages: queue.SimpleQueue[Any], answers: int) -> None:
     # After the messages are taken: what the process prints must not meddle with them.
     from myomorph.store.progress import silence
 
@@ -110,7 +110,7 @@ def _work(messages: queue.SimpleQueue[Any], told: int) -> None:
         if isinstance(message, Begin):
             sys.path[:] = message.path
         elif isinstance(message, Do):
-            send(told, _do(message, models))
+            send(answers, _do(message, models))
         else:
             return
 

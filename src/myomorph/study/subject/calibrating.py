@@ -108,10 +108,10 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
-    told = plain_settings(options) | {"time": files.time}
+    plain = plain_settings(options) | {"time": files.time}
     if files.labels:
-        told["labels"] = dict(files.labels)
-    return Calibrated(found, names, provenance_of("calibrate", files.sources(), told), tuple(warnings))
+        plain["labels"] = dict(files.labels)
+    return Calibrated(found, names, provenance_of("calibrate", files.sources(), plain), tuple(warnings))
 
 
 def _recording(

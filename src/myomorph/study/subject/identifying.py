@@ -155,7 +155,7 @@ def identify_subject(
     seen = [one for one, motion in zip(used, motions, strict=True) if not motion.held_out]
     if not seen:
         raise BadData("no motion to identify from: give at least one with its forces")
-    points, inside, told = body_points(
+    points, inside, notes_of_points = body_points(
         model, shape, mass, options.body, options.identification.compare, _surfaces(model)
     )
     ways = len(points) + 1 if options.identification.compare else 1
@@ -171,7 +171,7 @@ def identify_subject(
             recording=options.recording,
             advance=advance,
         )
-    found = replace(found, notes=(*_force_notes(motions), *told, *_option_warnings(options), *found.notes))
+    found = replace(found, notes=(*_force_notes(motions), *notes_of_points, *_option_warnings(options), *found.notes))
     models = {name: with_inertial_parameters(model, found.parameters[name]) for name in (found.chosen, SHAPE, GENERIC)}
     validation = {
         one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)

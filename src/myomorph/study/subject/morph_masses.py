@@ -172,8 +172,8 @@ def with_envelope_masses(
     ]
     if kept > 0.0:
         names = [body.name for body, one in zip(model.bodies, own, strict=True) if not one and body.mass > 0.0]
-        told = ", ".join(names[:FEW]) + (f", ... ({len(names)} in all)" if len(names) > FEW else "")
-        notes.append(f"masses in the model's proportion, for want of bones or places: {told}, {kept:.3g} kg together")
+        listed = ", ".join(names[:FEW]) + (f", ... ({len(names)} in all)" if len(names) > FEW else "")
+        notes.append(f"masses in the model's proportion, for want of bones or places: {listed}, {kept:.3g} kg together")
     return _with_points(_scaled(model, ~own, kept), found, own), tuple(notes)
 
 

@@ -232,11 +232,11 @@ def summary(morphed: Morphed) -> Iterable[str]:
     """What was found, as lines of text; all measures of a bone are in the report and in bones.csv."""
     morph = morphed.morph
     for body, bone in morph.bones.items():
-        told = f"size {bone.whole.scale:.3f}"
+        text = f"size {bone.whole.scale:.3f}"
         if "residual [m]" in bone.measures:
             share = 100.0 * bone.measures.get("coverage", float("nan"))
-            told += f", {1e3 * bone.measures['residual [m]']:.3g} mm apart, {share:.0f} % reached"
-        yield f"  {body:<12} by {bone.basis}: {told}"
+            text += f", {1e3 * bone.measures['residual [m]']:.3g} mm apart, {share:.0f} % reached"
+        yield f"  {body:<12} by {bone.basis}: {text}"
     yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over"
     yield f"{len(morphed.checks.warnings)} warnings of the checks stand first in the report"
 

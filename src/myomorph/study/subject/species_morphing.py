@@ -197,7 +197,7 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
             beside=files.beside,
             progress=lambda _: advance(1.0),
         )
-    told = {"species": table.name, "beside": files.beside}
-    made = provenance_of("morph", files.sources(), settings.plain() | told)
+    fields = {"species": table.name, "beside": files.beside}
+    made = provenance_of("morph", files.sources(), settings.plain() | fields)
     checks = check_morph(morph, coordinates=coordinate_table(table, source, target))
     return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings))), bones[1]

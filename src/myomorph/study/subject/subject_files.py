@@ -67,6 +67,7 @@ SUBJECT_STEPS: dict[str, str] = {
     "calibrate": "myomorph.study.subject.calibrating",
     "identify": "myomorph.study.subject.identifying",
     "personalize": "myomorph.study.subject.personalizing",
+    "emg": "myomorph.study.subject.emg_gains_step",
 }
 """Steps that make the model of a subject's trials, in the order in which they run: a name, and the module whose `STEP`
 it is; read when first needed."""
@@ -110,10 +111,12 @@ class MadeModel:
     ----------
     path : of its file
     drawn : file beside which its meshes lie
+    gains : of the subject's EMG channels, None where no step finds them
     """
 
     path: Path
     drawn: Path
+    gains: Path | None = None
 
     def open(self) -> Model:
         """The model; raises `BadFile` or `BadModel`."""
@@ -160,8 +163,8 @@ def recordings_provenance(
     given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
     sources += [file_source(role, path) for role, path in given if path is not None]
     if files.static is not None and (files.static_laboratory or files.labels):
-        told = (files.static_laboratory, sorted(files.labels.items()))
-        sources.append(value_source("static", "axes and labels of the static recording", *told))
+        values = (files.static_laboratory, sorted(files.labels.items()))
+        sources.append(value_source("static", "axes and labels of the static recording", *values))
     options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
     times = [None if one.time is None else list(one.time) for one in files.trials]
     return provenance_of(step, sources, options | {"mass": files.mass, "times": times} | dict(more))
@@ -173,10 +176,11 @@ class SubjectStep(StepHead):
 
     Attributes
     ----------
-    model : name of the file of that model
+    model : name of the file of that model, "" of a step that leaves the model as it is
     tables : folder beside it
     run : from the files, the model so far, settings and provenance to the model's file and its tables
     provenance : what the model is derived from
+    gains : file in `tables` with the gains of the subject's EMG channels, "" for none
     brings_bones : whether the model has meshes of its own; those of other steps are drawn by what they began with
     """
 
@@ -185,6 +189,7 @@ class SubjectStep(StepHead):
     run: Callable[[SubjectFiles, Prepared, Settings, Provenance, Path, Path], object]
     provenance: Callable[[SubjectFiles, Prepared, Settings], Provenance]
     brings_bones: bool = False
+    gains: str = ""
 
 
 def subject_step(name: str) -> SubjectStep:
@@ -196,6 +201,7 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
     """The model that a subject's trials use once its own steps are done."""
     made = MadeModel(files.model, files.drawn or files.model)
     for step in [subject_step(name) for name in SUBJECT_STEPS if name in steps]:
-        path = folder / step.model
-        made = MadeModel(path, path if step.brings_bones else made.drawn)
+        path = folder / step.model if step.model else made.path
+        gains = folder / step.tables / step.gains if step.gains else made.gains
+        made = MadeModel(path, path if step.brings_bones else made.drawn, gains)
     return made

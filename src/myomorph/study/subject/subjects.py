@@ -91,7 +91,7 @@ def prepare_subject(
             continue
         one = subject_step(step)
         folder.mkdir(parents=True, exist_ok=True)
-        out, tables = folder / one.model, folder / one.tables
+        out, tables = made_model(files, (*prepared.done, step), folder).path, folder / one.tables
         made = one.provenance(files, prepared, settings)
         earlier = _stored(tables) if out.is_file() and not fresh else None
         known = earlier is not None and earlier.key == made.key
@@ -129,7 +129,7 @@ def reused_subject_steps(
     prepared: Prepared | None = None
     for step in [name for name in SUBJECT_STEPS if name in steps]:
         one = subject_step(step)
-        out, tables = folder / one.model, folder / one.tables
+        out, tables = made_model(files, (*found, step), folder).path, folder / one.tables
         earlier = _stored(tables) if out.is_file() else None
         if earlier is None or any(found.values()):
             found[step] = (NEVER if earlier is None else "the model that it begins with is made anew",)

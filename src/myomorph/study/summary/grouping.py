@@ -62,14 +62,14 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
 
 
 def _group(
-    told: tuple[str, tuple[str, ...]],
+    members: tuple[str, tuple[str, ...]],
     plan: GroupPlan,
     out: Path,
     notes: list[str],
     rows: list[tuple[str, str, TrialStrides]],
 ) -> Group:
     animals: list[Animal] = []
-    for subject in told[1]:
+    for subject in members[1]:
         results = []
         for trial in plan.trials[subject]:
             path = out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
@@ -85,12 +85,12 @@ def _group(
                 notes.append(f"{subject}, {trial}: left out: no whole stride is seen")
                 continue
             results.append((found, model, strides))
-            rows.append((told[0], subject, strides))
+            rows.append((members[0], subject, strides))
         if results:
             animals.append(animal_of(subject, results))
         else:
-            notes.append(f"{subject} is left out of group '{told[0]}': no trial of it has strides")
-    return Group(told[0], tuple(animals))
+            notes.append(f"{subject} is left out of group '{members[0]}': no trial of it has strides")
+    return Group(members[0], tuple(animals))
 
 
 def _write(path: Path, text: str) -> None:

@@ -30,10 +30,10 @@ def made_of(page: Path, key: str) -> bool:
     try:
         with page.open("rb") as stream:
             stream.seek(max(0, page.stat().st_size - 200))
-            told = _KEY.search(stream.read())
+            match = _KEY.search(stream.read())
     except OSError:
         return False
-    return told is not None and told.group(1).decode() == key
+    return match is not None and match.group(1).decode() == key
 
 
 def tables_key(plan: Plan, outcomes: Iterable[Outcome], own: Sequence[str], made: Iterable[Path]) -> str:
@@ -57,10 +57,10 @@ def tables_key(plan: Plan, outcomes: Iterable[Outcome], own: Sequence[str], made
         for one in outcomes
     ]
     planned = [(one.subject, one.name, one.condition) for one in plan.trials]
-    told = (plan.name, planned, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
+    values = (plan.name, planned, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
     left = [astuple(one) for one in plan.excluded]
     conditions = sorted(plan.conditions.trials.items())
-    return value_source("tables", "", __version__, told, left, conditions, trials, _hashes(made)).sha256
+    return value_source("tables", "", __version__, values, left, conditions, trials, _hashes(made)).sha256
 
 
 def groups_key(plan: GroupPlan, name: str, out: Path, made: Iterable[Path]) -> str:
@@ -69,8 +69,8 @@ def groups_key(plan: GroupPlan, name: str, out: Path, made: Iterable[Path]) -> s
     for subject in (*plan.first[1], *plan.second[1]):
         for trial in plan.trials[subject]:
             results.append(_result_key(out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"))
-    told = (plan.first, plan.second, sorted(plan.trials.items()), plan.strides)
-    return value_source("groups", name, __version__, name, told, results, _hashes(made)).sha256
+    values = (plan.first, plan.second, sorted(plan.trials.items()), plan.strides)
+    return value_source("groups", name, __version__, name, values, results, _hashes(made)).sha256
 
 
 def _result_key(path: Path) -> tuple[object, ...]:

@@ -81,10 +81,10 @@ class SignSearch:
 
     def add(self, subject: str, values: Sequence[Value]) -> None:
         """Values of one more trial."""
-        told = {one.quantity: one.value for one in values if one.unit == "deg"}
-        for quantity, most in told.items():
+        angles = {one.quantity: one.value for one in values if one.unit == "deg"}
+        for quantity, most in angles.items():
             name, ending, _ = quantity.partition(", maximum")
-            least = told.get(f"{name}, minimum")
+            least = angles.get(f"{name}, minimum")
             if not ending or quantity != f"{name}, maximum" or least is None:
                 continue
             if least > -SMALL and most > LARGE:
@@ -220,9 +220,11 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     found = {one.key: one for one in outcomes}
     keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
     keys += [(one.name, one.name) for one in plan.together]
-    told = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
+    conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
     return [
-        _Trial(found[key], found[key].condition or told.get(key, "")) for key in dict.fromkeys(keys) if key in found
+        _Trial(found[key], found[key].condition or conditions.get(key, ""))
+        for key in dict.fromkeys(keys)
+        if key in found
     ]
 
 

@@ -38,12 +38,14 @@ class OpenedEmg:
     muscles : channel to the muscles it was measured on
     maxima : envelope of channels in maximum voluntary contractions, empty where nobody measured any
     notes : what was done, and what is wrong with it, one line each
+    scale : what each channel was divided by, in the units of the file
     """
 
     emg: Emg
     muscles: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...]
     maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    scale: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
 
 def open_emg(
@@ -89,12 +91,14 @@ def open_emg(
             made = _as_envelopes(found, told, Path(path).name, reference)
             return replace(made, notes=(*mended, *made.notes))
         maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
+        peaks = largest([found], options) if maxima is None else maxima
         faults = raw_faults(found)
         whole = without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
-    return OpenedEmg(whole, told, (*mended, *notes), at_maximum)
+    scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
+    return OpenedEmg(whole, told, (*mended, *notes), at_maximum, scale)
 
 
 def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
@@ -151,17 +155,19 @@ def _as_envelopes(
 ) -> OpenedEmg:
     values, notes, maxima = found.values, [], FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
+    scale = np.ones(len(found.names))
     if reference:
-        values = values / np.array([_largest_of(reference, channel) for channel in found.names])
+        scale = np.array([_largest_of(reference, channel) for channel in found.names])
         maxima = FrozenMap(dict.fromkeys(found.names, 1.0))
         notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
     elif peak > BEYOND_ONE:
-        values = values / np.nanmax(values, axis=0).clip(1e-12)
+        scale = np.nanmax(values, axis=0).clip(1e-12)
         notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
-    emg = Emg(found.time, found.names, values)
+    emg = Emg(found.time, found.names, values / scale)
     faults = envelope_faults(emg)
     used = [one.text for one in faults if not told or one.channel in told]
-    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used), maxima)
+    divided = FrozenMap(dict(zip(found.names, scale.tolist(), strict=True)))
+    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used), maxima, divided)
 
 
 def _largest_of(reference: Sequence[Path], channel: str) -> float:

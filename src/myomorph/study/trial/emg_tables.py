@@ -10,6 +10,8 @@ import numpy as np
 
 from myomorph.io.parsing.text import written
 from myomorph.model.model import Model
+from myomorph.motion.emg_delay import EmgCalibration
+from myomorph.store.emg_store import put_conflicts
 from myomorph.study.trial.step import StepOutput
 from myomorph.tension.emg_conflicts import conflict_line
 from myomorph.tension.task import EmgTargets
@@ -20,9 +22,12 @@ EMG_TABLE, EMG_CONFLICTS = "emg_channels.csv", "emg_conflicts.csv"
 
 def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
     """Delay, gain and muscles of each channel as a table, where there are any."""
-    if told.calibration is None:
-        return
-    found = told.calibration
+    if told.calibration is not None:
+        write_channels(told.calibration, muscles, path)
+
+
+def write_channels(found: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
+    """Delay, gain and muscles of each channel as a table."""
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(
@@ -48,6 +53,7 @@ def write_conflicts(model: Model, tension: Tension, told: EmgTargets, output: St
     if told.target is None:
         return ()
     found = told.conflicts(model, tension)
+    put_conflicts(output.writer, found)
     with written(output.folder / EMG_CONFLICTS) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))

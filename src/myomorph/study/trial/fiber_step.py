@@ -1,4 +1,4 @@
-"""Fibers and tendons as part of the step `tension`: written, and told in notes, signals and numbers."""
+"""Fibers and tendons as part of the step `tension`: written, and reported in notes, signals and numbers."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def check_labels(labels: Mapping[str, str], model: Model) -> None:
 def fitted_to(model: Model, trial: Trial) -> Trial:
     """The trial in the model's ground frame, its markers checked against the model's size.
 
-    A recording whose vertical axis is z is turned to the model's vertical, which is told in its warnings: a C3D
+    A recording whose vertical axis is z is turned to the model's vertical, as its warnings report: a C3D
     file in which a standing body is tallest along z or whose plates lie level with z, and a Qualisys export, whose z
     points up by custom. Nothing is turned where a standing body is tallest along y.
 
@@ -158,8 +158,8 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     why = _why_z_is_up(model, trial, own, recorded)
     if not why:
         return trial
-    told = f"{why}: the recording was turned to the model's y axis"
-    return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, told))
+    warning = f"{why}: the recording was turned to the model's y axis"
+    return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, warning))
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:

@@ -1,4 +1,4 @@
-"""Forces at contact points of joints as part of the step `tension`: written, and told in notes and numbers."""
+"""Forces at contact points of joints as part of the step `tension`: written, and reported in notes and numbers."""
 
 from __future__ import annotations
 

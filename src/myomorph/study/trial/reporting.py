@@ -183,8 +183,8 @@ def model_of(found: Stored, demo_model: ModelMaker | None = None) -> Model:
         return _source_model(sources[0], found, demo_model)
     by_name = {one.name: one for one in sources}
     models = {
-        name: object_model(told) if isinstance(told, dict) else _source_model(by_name[told], found, demo_model)
-        for name, told in parts.items()
+        name: object_model(source) if isinstance(source, dict) else _source_model(by_name[source], found, demo_model)
+        for name, source in parts.items()
     }
     return join_models(models, found.facts["trial"])
 

@@ -18,7 +18,7 @@ NEVER = "is not computed yet"
 """Why a step is computed of which there is no result."""
 
 MOST = 60
-"""Longest value that is told whole [signs]."""
+"""Longest value that is reported whole [characters]."""
 KEY = "report_key"
 PAGE = "report.html"
 
@@ -84,14 +84,14 @@ def _option(options: Mapping[str, object], name: str) -> str:
 
 
 def report_key(trial: TrialInputs, done: Sequence[str]) -> str:
-    """Hash of all that a report is made of: results by their keys, and what it is told."""
+    """Hash of all that a report is made of: results by their keys, and its settings."""
     results = sorted(step_provenance(step_of(step), trial).key for step in done)
-    told = sorted(plain_settings(trial.options[ReportOptions]).items())
-    return value_source("report", trial.name, __version__, results, told, sorted(trial.facts.items())).sha256
+    settings = sorted(plain_settings(trial.options[ReportOptions]).items())
+    return value_source("report", trial.name, __version__, results, settings, sorted(trial.facts.items())).sha256
 
 
 def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) -> None:
-    """Write what is told of the recording now, before what an earlier run was told is taken over.
+    """Write the facts of the recording as they are now, before those of an earlier run are reused.
 
     Warnings stay those of the steps, which add their own.
     """
@@ -102,12 +102,12 @@ def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) ->
 
 
 def report_is_made(folder: Path, trial: TrialInputs, done: Sequence[str]) -> bool:
-    """Whether the report of a folder is that of its results, told what it would be told now."""
+    """Whether the report of a folder is that of its results and of the present facts."""
     return (folder / PAGE).is_file() and same_report(folder, trial, done)
 
 
 def same_report(folder: Path, trial: TrialInputs, done: Sequence[str]) -> bool:
-    """Whether results hold what is told of the recording now, such as the subject's mass."""
+    """Whether results hold the present facts of the recording, such as the subject's mass."""
     stored = folder / f"{file_name(trial.name)}{STORED}"
     if not stored.is_file():
         return False

@@ -116,9 +116,9 @@ class Part:
     source: str | dict[str, object]
 
 
-def object_model(told: dict[str, Any]) -> Model:
+def object_model(description: dict[str, Any]) -> Model:
     """The model of an object from its table as text."""
-    table = ObjectTable(**told)
+    table = ObjectTable(**description)
     return free_object(table.name, table.mass, table.size, inertia=table.inertia, mass_center=table.mass_center)
 
 
@@ -130,10 +130,12 @@ def object_part(table: ObjectTable, path: Path) -> Part:
     BadFile, BadData
         where the file is no table of the coordinates tx, ty, tz, rx, ry, rz, or the inertia is none of a body
     """
-    told = table.model_dump()
-    model = object_model(told)
-    sources = (file_source("motion", path), value_source("object", table.name, sorted(told.items())))
-    return Part(TrialInputs(table.name, table.name, model, sources=sources), inputs.read_motion(path, model), told)
+    description = table.model_dump()
+    model = object_model(description)
+    sources = (file_source("motion", path), value_source("object", table.name, sorted(description.items())))
+    return Part(
+        TrialInputs(table.name, table.name, model, sources=sources), inputs.read_motion(path, model), description
+    )
 
 
 def join_trials(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[TrialInputs, Poses]:
@@ -142,7 +144,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     Raises
     ------
     BadData
-        where the parts have no time in common, or differ in what their steps are told
+        where the parts have no time in common, or differ in the settings of their steps
     """
     for name, one in parts.items():
         if one.trial.torques is not None:

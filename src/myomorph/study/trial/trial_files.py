@@ -31,6 +31,7 @@ from myomorph.store.settings import (
 )
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
+from myomorph.study.trial.emg_gains import read_gains, rescaled
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
@@ -63,6 +64,7 @@ class TrialFiles:
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names tell none
+    emg_gains : gains of the subject's channels, found over all trials; None finds them on this recording alone
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
     contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
@@ -88,6 +90,7 @@ class TrialFiles:
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_mvc: tuple[Path, ...] = ()
     emg_side: Side = ""
+    emg_gains: Path | None = None
     tasks: Path | None = None
     actuators: Path | None = None
     contacts: str = ""
@@ -107,7 +110,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 
     Parameters
     ----------
-    settings : what each step is told
+    settings : of each step
     model : the model, where it was read already
 
     Raises
@@ -191,7 +194,7 @@ def _old_names(files: TrialFiles) -> tuple[str, ...]:
 
 
 def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:
-    """Phases that are told of times outside the recording."""
+    """Phases that are specified outside the recording."""
     start, stop = float(time[0]), float(time[-1])
     return tuple(
         f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
@@ -217,6 +220,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         ("tasks", files.tasks),
         ("actuators", files.actuators),
         *(("emg mvc", path) for path in files.emg_mvc),
+        ("emg gains", files.emg_gains),
     )
     sources = [file_source(role, path) for role, path in used if path is not None]
     if files.loads is not None:
@@ -237,6 +241,9 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         envelope = options[EnvelopeOptions]
         found = open_emg(files.emg, model, files.emg_muscles, envelope, files.emg_mvc, files.emg_side)
         sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(envelope).items())))
+    gains = None if files.emg_gains is None or found is None else read_gains(files.emg_gains)
+    if gains is not None and found is not None:
+        found = replace(found, emg=rescaled(found.emg, found.scale, gains.scale), scale=gains.scale)
     if files.laboratory:
         sources.append(value_source("laboratory", "axes of the laboratory", files.laboratory))
     if files.labels:
@@ -266,6 +273,8 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         emg=None if found is None else found.emg,
         emg_muscles={} if found is None else found.muscles,
         emg_maxima={} if found is None else found.maxima,
+        emg_scale={} if found is None else found.scale,
+        emg_gains=None if gains is None else gains.calibration,
         mass=files.mass,
         contacts=plan,
         contact_points=points,
@@ -291,10 +300,10 @@ def contact_sources(files: TrialFiles) -> list[Source]:
     # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_file import AUTO, contact_files
 
-    told = value_source("contacts", files.contacts, files.contacts, files.measured)
+    source = value_source("contacts", files.contacts, files.contacts, files.measured)
     if files.contacts == AUTO:
-        return [told]
-    return [told, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
+        return [source]
+    return [source, *(file_source("contacts", path) for path in contact_files(Path(files.contacts)))]
 
 
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
@@ -306,6 +315,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
         return []
+    # Brings SciPy: loaded only where loads are in an XML file.
     from myomorph.io.loads import read_load_entries
 
     with inputs.about(path):
@@ -385,6 +395,7 @@ def tension_parts(files: TrialFiles, options: OptionSet) -> Iterator[object]:
 
         yield options[ContactOptions]
     if files.emg is not None:
+        # As above.
         from myomorph.tension.emg_calibration import EmgOptions
 
         yield options[EmgOptions]
@@ -394,6 +405,7 @@ def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
     """Points that share a joint's force, where they are asked for."""
     if not files.contact_points:
         return None
+    # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.contact_points import contact_points
 
     return contact_points(files.contact_points, model)

@@ -14,6 +14,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
+from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
@@ -93,6 +94,8 @@ class TrialInputs:
     torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
     emg_maxima : envelope of channels in maximum voluntary contractions
+    emg_scale : what each channel's envelope was divided by, in the units of its file
+    emg_gains : delays and gains of the channels, None to find them on this recording
     events : of the recording
     plates : force plates, for pictures and for feet that share one
     plate_time : clock of their forces (samples,) [s]
@@ -120,6 +123,8 @@ class TrialInputs:
     emg: Emg | None = None
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     emg_maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    emg_scale: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    emg_gains: EmgCalibration | None = None
     events: tuple[Event, ...] = ()
     plates: tuple[ForcePlate, ...] = ()
     plate_time: Array = field(default_factory=lambda: np.zeros(0))

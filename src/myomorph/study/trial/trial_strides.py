@@ -79,15 +79,18 @@ def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
     BadData : no limb is told, and no body is named as a foot
     """
     children = {joint.parent: joint.child for joint in reversed(model.joints)}
-    told = dict(plan.limbs) or {foot: (foot, children.get(foot, foot)) for foot in feet_of(model)}
-    if not told:
+    limbs_bodies = dict(plan.limbs) or {foot: (foot, children.get(foot, foot)) for foot in feet_of(model)}
+    if not limbs_bodies:
         raise BadData(f"model '{model.name}' has no body named as a foot: name 'limbs' in the table 'strides'")
-    for name in (*(body for bodies in told.values() for body in bodies), *((plan.trunk,) if plan.trunk else ())):
+    for name in (
+        *(body for bodies in limbs_bodies.values() for body in bodies),
+        *((plan.trunk,) if plan.trunk else ()),
+    ):
         check_name("body", name, model.body_names)
-    trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in told.values()])
+    trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in limbs_bodies.values()])
     limbs = [
         Limb(name, (bodies[0],), bodies[1:2], bodies=(*bodies[:1], *_below(model, bodies[0])))
-        for name, bodies in told.items()
+        for name, bodies in limbs_bodies.items()
     ]
     return tuple(limbs), trunk
 

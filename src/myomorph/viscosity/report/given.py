@@ -88,7 +88,7 @@ class PassiveModel:
     values : of its terms, printed with their units
     viscosity : what it says of the viscosity [N m s/rad]
     aic, bic : above that of the best model; smaller is better
-    angle_error, wrench_error : of held-out swings it predicts, root mean square [rad], [N m]; NaN where not told
+    angle_error, wrench_error : of held-out swings it predicts, root mean square [rad], [N m]; NaN where not known
     chosen : whether it is the simplest of those that the data cannot tell from the best
     """
 

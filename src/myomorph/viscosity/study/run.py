@@ -82,12 +82,12 @@ def run_viscosity(
 
 def _outcome(files: SpecimenFiles, options: StudyOptions, out: Path, advance: Advance) -> SpecimenOutcome:
     report = SpecimenReport(files.name, truth=files.truth, paper=files.paper)
-    told = 0.0
+    done = 0.0
 
     def within(share: float) -> None:
-        nonlocal told
-        share = min(share, 1.0 - told)
-        told += share
+        nonlocal done
+        share = min(share, 1.0 - done)
+        done += share
         advance(share)
 
     try:

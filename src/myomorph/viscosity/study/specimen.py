@@ -257,9 +257,9 @@ def _tracked(
     notes: list[str] = []
     trials: list[SwingTrial] = []
     for entry in entries:
-        trial, told = open_swing(entry, specimen.model, files, place)
+        trial, trial_notes = open_swing(entry, specimen.model, files, place)
         trials.append(trial)
-        notes += told
+        notes += trial_notes
     frames = 2 * sum(len(trial.markers) for trial in trials)
     tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
     notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]

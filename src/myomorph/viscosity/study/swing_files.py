@@ -228,14 +228,14 @@ def open_swing(
     turn = np.eye(3) if files.up is None else turn_to(files.up, model.gravity)
     turn = turn if trial is recorded else Z_UP_TO_Y_UP @ turn
     raw = turned(open_wrench(swing.loads, place), turn)
-    wrenches, told = carrying(raw, model.gravity, swing.name)
+    wrenches, carried_notes = carrying(raw, model.gravity, swing.name)
     empty = None
     if files.tare is not None:
         empty = turned(open_wrench(files.tare, place), turn)
-        empty = replace(empty, forces=-empty.forces, torques=-empty.torques) if told else empty
+        empty = replace(empty, forces=-empty.forces, torques=-empty.torques) if carried_notes else empty
     assert trial.markers is not None
     notes = (f"{swing.name}: {text}" for text in trial.warnings if "plate" not in text)
-    return SwingTrial(swing.name, trial.markers, wrenches, swing.time, empty), (*told, *notes)
+    return SwingTrial(swing.name, trial.markers, wrenches, swing.time, empty), (*carried_notes, *notes)
 
 
 def recorded_markers(files: SwingFiles) -> Markers:

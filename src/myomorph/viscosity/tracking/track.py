@@ -172,9 +172,9 @@ def track(
             away = center_course(started, motion) - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, own, progress)
         wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
-        told = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        lines = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
-        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, told))
+        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines))
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
     return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
@@ -194,9 +194,9 @@ def _held_still(
     base = mean_base(specimen, motions, weights)
     held = mean_held(specimen, motions, weights, moved)
     center = base.apply(specimen.center)
-    for name, motion, own, told in zip(names, motions, found, moved, strict=True):
+    for name, motion, own, own_notes in zip(names, motions, found, moved, strict=True):
         before = slips_before(specimen, name, motion, held, center, *limits)
-        own += [slip for slip in before if slip.what not in told]
+        own += [slip for slip in before if slip.what not in own_notes]
     return base, held, found
 
 

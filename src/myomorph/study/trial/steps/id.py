@@ -17,7 +17,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.report.trial.given import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
-from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.finding_store import get_findings, put_findings
@@ -109,8 +109,6 @@ def shown_torques(trial: TrialInputs, found: Torques) -> Series:
         passive = passive_generalized_forces(trial.model, found.motion).values
         torques = replace(torques, values=torques.values - passive)
     if options.independent_coordinates:
-        from myomorph.rigid.closed_motion import loop_torques
-
         torques = loop_torques(trial.model, found.motion, torques).torques
     return torques
 

@@ -57,8 +57,8 @@ def solve_kinematics(trial: TrialInputs) -> CheckedFit:
     markers = used_markers(trial, trial.markers)
     with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
         options = trial.options
-        told = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
-        return checked_kinematics(trial.model, markers, *told, advance)
+        chosen = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
+        return checked_kinematics(trial.model, markers, *chosen, advance)
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> Markers:

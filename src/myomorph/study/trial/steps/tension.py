@@ -12,6 +12,7 @@ from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
+from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Series, Table, Wrenches
@@ -19,6 +20,7 @@ from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
 from myomorph.store import stored as store
+from myomorph.store.emg_store import get_conflicts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
@@ -37,6 +39,7 @@ from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.passive_share import LARGE
 from myomorph.tension.problem import TensionProblem
+from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import Tension, TensionOptions
 from myomorph.tension.task import (
     EmgRecording,
@@ -117,7 +120,16 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
         trial.contacts,
         options[ContactOptions],
         _emg_that_takes_part(trial),
+        _recruitment(trial),
     )
+
+
+def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
+    """Costs beside the effort; loads of joints need the forces on the body."""
+    found = trial.options[RecruitmentOptions]
+    if found.joint_load and trial.torques is not None:
+        raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
+    return found
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
@@ -125,7 +137,7 @@ def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
     chosen = trial.options.get(EmgOptions)
     if trial.emg is None or chosen is None or trial.options[EmgUse].emg_display_only:
         return None
-    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen)
+    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen, trial.emg_gains)
 
 
 def _objects(trial: TrialInputs) -> set[str]:
@@ -185,12 +197,14 @@ def _read(stored: Stored, options: OptionSet) -> Tensions | None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among the sources."""
     options = trial.options
-    told = (
+    chosen = (
         options.get(TensionOptions),
+        # As results of earlier versions, which had no such costs.
+        None if options[RecruitmentOptions] == RecruitmentOptions() else options[RecruitmentOptions],
         None if trial.contacts is None else options.get(ContactOptions),
         None if trial.emg is None else options.get(EmgOptions),
     )
-    return *(one for one in told if one is not None), options[EmgUse], options[TensionTables]
+    return *(one for one in chosen if one is not None), options[EmgUse], options[TensionTables]
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
@@ -220,7 +234,13 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
             tension.fibers,
         )
-    return replace(given, contacts=contacts, tension=shown, joint_contacts=contact_store.get_joint_contacts(stored))
+    return replace(
+        given,
+        contacts=contacts,
+        tension=shown,
+        joint_contacts=contact_store.get_joint_contacts(stored),
+        emg_conflicts=get_conflicts(stored),
+    )
 
 
 def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
@@ -276,7 +296,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, ForceOptions, TensionOptions, ContactOptions, EmgOptions),
+        *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
     grows_with="muscles",

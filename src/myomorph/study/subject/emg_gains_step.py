@@ -1,0 +1,132 @@
+"""The step `emg` of a study: gains, delay and shape of a subject's EMG channels over all trials of the subject."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from myomorph.io.parsing.text import written
+from myomorph.model.errors import BadData
+from myomorph.model.provenance import Provenance
+from myomorph.store.progress import progress
+from myomorph.store.results import whole_folder
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subjects import PROVENANCE
+from myomorph.study.trial.emg_gains import SubjectGains, common_scale, rescaled, write_gains
+from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
+from myomorph.study.trial.steps.id import solve_dynamics
+from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.trial_files import Settings
+from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
+from myomorph.tension.solve import TensionOptions
+from myomorph.tension.task import added_reserves
+from myomorph.tension.terms.actuators import floating_joints
+
+GAINS, TRIALS = "gains.json", "trials.csv"
+
+
+def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[str, str]]:
+    """Gains of a subject's channels over all trials, and why each trial that takes no part does not ("" for the rest).
+
+    Envelopes that were scaled to a recording's own largest value are brought to the largest of all recordings first.
+
+    Raises
+    ------
+    BadData
+        where no trial has EMG and joint torques, or where trials name other muscles for one channel
+    """
+    parts = {one.name: _left_out(one) for one in trials}
+    used = [one for one in trials if not parts[one.name]]
+    if not used:
+        told = "; ".join(f"{name}: {why}" for name, why in parts.items())
+        raise BadData(f"no trial tells EMG gains ({told}): leave the step 'emg' out, or give trials that do")
+    muscles = _muscles(used)
+    scale = common_scale([one.emg_scale for one in used])
+    found, maxima = [], dict[str, float]()
+    for trial in used:
+        assert trial.emg is not None
+        with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
+            recorded = solve_kinematics(trial).fit.motion if trial.motion is None else trial.motion
+            dynamics = solve_dynamics(trial, recorded)
+            emg = rescaled(trial.emg, trial.emg_scale, scale)
+            found.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
+            for name, one in trial.emg_maxima.items():
+                # Of the same contractions, in the units that all trials have now.
+                maxima[name] = one * trial.emg_scale.get(name, 1.0) / scale.get(name, 1.0)
+            advance(1)
+    first = used[0]
+    tension = first.options[TensionOptions]
+    actuators = added_reserves(first.model, tension) if first.actuators is None else first.actuators
+    told = {name: one for name, one in maxima.items() if name in muscles}
+    emg_options = first.options[EmgOptions]
+    calibration = calibrate_emg(first.model, found, muscles, emg_options, tension, actuators, told)
+    return SubjectGains(calibration, scale), parts
+
+
+def _left_out(trial: TrialInputs) -> str:
+    """Why a trial tells nothing of gains, "" where it does."""
+    if trial.emg is None:
+        return "no EMG"
+    if not trial.emg_muscles:
+        return "no channel's name tells a muscle of the model"
+    if trial.contacts is not None:
+        return "its contact forces are estimated, so its torques are not known before its tensions"
+    if trial.loads is None and trial.torques is None and floating_joints(trial.model):
+        return "no external forces"
+    return ""
+
+
+def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
+    """Muscles of the channels that all trials have."""
+    first = trials[0]
+    assert first.emg is not None
+    common = dict(first.emg_muscles)
+    for trial in trials[1:]:
+        for channel, names in trial.emg_muscles.items():
+            if channel in common and tuple(common[channel]) != tuple(names):
+                raise BadData(
+                    f"EMG channel '{channel}' is of {', '.join(common[channel])} in '{first.name}', but of "
+                    f"{', '.join(names)} in '{trial.name}': gains of all trials need the same electrodes"
+                )
+        common = {channel: names for channel, names in common.items() if channel in trial.emg_muscles}
+    if not common:
+        listed = ", ".join(one.name for one in trials)
+        raise BadData(f"no EMG channel is in all of the trials {listed}: gains of all trials need the same electrodes")
+    return common
+
+
+def _run(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> None:
+    trials = prepared.trials(files, settings)
+    gains, parts = subject_gains(trials)
+    muscles = _muscles([one for one in trials if not parts[one.name]])
+    with whole_folder(tables) as folder:
+        write_gains(gains, folder / GAINS)
+        write_channels(gains.calibration, muscles, folder / EMG_TABLE)
+        with written(folder / TRIALS) as stream:
+            table = csv.writer(stream, lineterminator="\n")
+            table.writerow(("trial", "takes part", "why not"))
+            table.writerows((name, "no" if why else "yes", why) for name, why in parts.items())
+        (folder / PROVENANCE).write_text(made.to_json() + "\n", encoding="utf-8")
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    more: dict[str, object] = {}
+    for step in ("ik", "id", "tension"):
+        more |= {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
+    return recordings_provenance("emg", files, prepared, settings, more)
+
+
+STEP = SubjectStep(
+    name="emg",
+    title="EMG gains over all trials",
+    options=(),
+    model="",
+    tables="emg_gains",
+    run=_run,
+    provenance=_provenance,
+    gains=GAINS,
+)

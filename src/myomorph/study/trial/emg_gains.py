@@ -1,0 +1,128 @@
+"""Gains of a subject's EMG channels as a file, and EMG of any recording of the subject in the units they are for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.parsing.text import written
+from myomorph.model.errors import BadFile, MyomorphError
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Emg
+from myomorph.motion.emg_delay import EmgCalibration, SynergyWeights
+from myomorph.motion.synergies import Synergies
+
+FORMAT = "myomorph EMG gains 1"
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectGains:
+    """Delay, gain and shape of a subject's channels.
+
+    Attributes
+    ----------
+    scale : what the envelopes of each channel were divided by, in the units of the recordings
+    """
+
+    calibration: EmgCalibration
+    scale: Mapping[str, float]
+
+
+def common_scale(scales: list[Mapping[str, float]]) -> dict[str, float]:
+    """The largest scale of each channel over recordings of the same electrodes."""
+    names = dict.fromkeys(name for one in scales for name in one)
+    return {name: max(one[name] for one in scales if name in one) for name in names}
+
+
+def rescaled(emg: Emg, own: Mapping[str, float], wanted: Mapping[str, float]) -> Emg:
+    """Envelopes divided by `wanted`, that were divided by `own`; channels that lack one of them stay as they are.
+
+    A recording alone is scaled to its own largest value: the same gain then means another activation in each.
+    """
+    factors = [own[name] / wanted[name] if name in own and name in wanted else 1.0 for name in emg.names]
+    return Emg(emg.time, emg.names, emg.values * np.array(factors))
+
+
+def write_gains(gains: SubjectGains, path: Path) -> None:
+    """Write gains as JSON."""
+    found = gains.calibration
+    numbers = {name: getattr(found, name).tolist() for name in ("delays", "gains", "offsets", "shapes")}
+    told = {
+        "format": FORMAT,
+        "channels": list(found.channels),
+        **numbers,
+        "intervals": _known(found.intervals),
+        "held_out": _known(found.held_out),
+        "by_torque": found.by_torque.tolist(),
+        "weight": found.weight,
+        "others_weight": found.others_weight,
+        "warnings": list(found.warnings),
+        "scale": dict(gains.scale),
+        "synergies": [
+            {
+                "channels": list(one.synergies.channels),
+                "scale": one.synergies.scale.tolist(),
+                "vectors": one.synergies.vectors.tolist(),
+                "explained": one.synergies.explained,
+                "muscles": list(one.muscles),
+                "weights": one.weights.tolist(),
+            }
+            for one in found.synergies
+        ],
+    }
+    with written(path) as stream:
+        json.dump(told, stream, indent=1, allow_nan=False)
+
+
+def read_gains(path: Path) -> SubjectGains:
+    """Read gains; raises `BadFile` where the file is none of `write_gains`."""
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadFile(path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'") from error
+    if not isinstance(told, dict) or told.get("format") != FORMAT:
+        raise BadFile(path, "holds no gains of EMG", "give gains.json of the step 'emg' of a study")
+    try:
+        return SubjectGains(_calibration(told), FrozenMap({name: float(one) for name, one in told["scale"].items()}))
+    except (KeyError, TypeError, ValueError, AttributeError, MyomorphError) as error:
+        raise BadFile(path, f"holds gains of EMG that do not fit together ({error})", "write it anew") from error
+
+
+def _calibration(told: dict[str, Any]) -> EmgCalibration:
+    count = len(told["channels"])
+    synergies = tuple(
+        SynergyWeights(
+            Synergies(
+                tuple(one["channels"]),
+                np.array(one["scale"], dtype=float),
+                np.array(one["vectors"], dtype=float).reshape(-1, len(one["channels"])),
+                float(one["explained"]),
+            ),
+            tuple(one["muscles"]),
+            np.array(one["weights"], dtype=float).reshape(len(one["muscles"]), -1),
+        )
+        for one in told["synergies"]
+    )
+    numbers = (np.array(told[name], dtype=float) for name in ("delays", "gains", "offsets"))
+    return EmgCalibration(
+        tuple(told["channels"]),
+        *numbers,
+        warnings=tuple(told["warnings"]),
+        shapes=np.array(told["shapes"], dtype=float),
+        intervals=np.array(told["intervals"], dtype=float).reshape(count, 2),
+        by_torque=np.array(told["by_torque"], dtype=bool),
+        synergies=synergies,
+        weight=float(told["weight"]),
+        others_weight=float(told["others_weight"]),
+        held_out=np.array(told["held_out"], dtype=float).reshape(count, 2),
+    )
+
+
+def _known(values: np.ndarray) -> list[list[float | None]]:
+    """Numbers for JSON, which has no NaN."""
+    return [[float(one) if np.isfinite(one) else None for one in row] for row in values]

@@ -1,0 +1,58 @@
+"""Costs beside the effort, as options: joint loads and co-contraction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.tension.terms.co_contraction import CoContractionTerm
+from myomorph.tension.terms.joint_load import JointLoadTerm
+from myomorph.tension.terms.term import Term
+
+
+@dataclass(frozen=True)
+class RecruitmentOptions:
+    """Costs beside the effort of muscles, with rigid tendons.
+
+    Attributes
+    ----------
+    joint_load : weight of the squared force that joints transmit, in body weights, beside the effort a^2 of one
+        muscle; 0 for none
+    joint_load_joints : names of these joints, separated by commas; "" for all that a muscle crosses
+    co_contraction : share of what the weaker side of every joint can give that it gives at least, 0 to 1; 0 for none
+    co_contraction_coordinates : names of these coordinates, separated by commas; "" for all that muscles turn both ways
+    """
+
+    joint_load: float = 0.0
+    joint_load_joints: str = ""
+    co_contraction: float = 0.0
+    co_contraction_coordinates: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.joint_load < float("inf"):
+            raise BadData(f"weight {self.joint_load:g} of joint loads: expected 0 or more")
+        if not 0.0 <= self.co_contraction <= 1.0:
+            raise BadData(f"co-contraction of {self.co_contraction:g}: expected 0 to 1")
+        for names, weight in (("joint_load_joints", "joint_load"), ("co_contraction_coordinates", "co_contraction")):
+            if getattr(self, names) and not getattr(self, weight):
+                raise BadData(f"{names} without {weight}: give {weight} above 0")
+
+
+def recruitment_terms(
+    model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None, options: RecruitmentOptions
+) -> tuple[Term, ...]:
+    """The terms that options ask for; errors are those of `JointLoadTerm` and `CoContractionTerm`."""
+    found: list[Term] = []
+    if options.joint_load:
+        joints = _names(options.joint_load_joints)
+        found.append(JointLoadTerm(model, motion, wrenches, options.joint_load, joints))
+    if options.co_contraction:
+        coordinates = _names(options.co_contraction_coordinates)
+        found.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
+    return tuple(found)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(one.strip() for one in text.split(",") if one.strip())

@@ -1,0 +1,102 @@
+"""Joint load and co-contraction as terms: beside joint reactions, sums of moments, and what effort alone gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from walking import walk
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.muscles.path import compile_paths
+from myomorph.rigid.dynamics import inverse_dynamics, rates_of
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.problem import tension_problem
+from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.terms.co_contraction import CoContractionTerm
+from myomorph.tension.terms.joint_load import JointLoadTerm
+
+KEEP = slice(150, 1150, 180)
+
+
+def knee_load(found, model, motion, wrenches):
+    reactions = joint_reactions(model, motion, found, wrenches, joints=["walker_knee_r"])
+    return np.linalg.norm(reactions.of("walker_knee_r"), axis=1)
+
+
+def test_rows_of_joint_loads_are_joint_reactions(data):
+    """What the rows leave is the force of each joint, as the reactions of the same tensions say."""
+    model, motion, wrenches = walk(data, KEEP)
+    tau = inverse_dynamics(model, motion, wrenches)
+    term = JointLoadTerm(model, motion, wrenches, 2.0, ("walker_knee_r", "hip_l", "ankle_r"))
+    problem, names = tension_problem(model, motion, tau, terms=[term])
+    problem.solve(0, len(motion))
+    found = problem.result(names)
+    weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)
+    left = -weight * problem.x[:, -9:].reshape(len(motion), 3, 3)
+    expected = joint_reactions(model, motion, found, wrenches, joints=term.joints, frame="ground").forces
+    np.testing.assert_allclose(left, expected, atol=1e-3 * weight * 1e-2)
+    assert found.optimal.all()
+
+
+def test_joint_load_falls_with_its_weight_and_effort_rises(data):
+    model, motion, wrenches = walk(data, KEEP)
+    tau = inverse_dynamics(model, motion, wrenches)
+    alone = solve_tension(model, motion, tau)
+    loads, efforts = [knee_load(alone, model, motion, wrenches).mean()], [(alone.activations**2).sum()]
+    for weight in (1e-7, 0.1, 10.0):
+        term = JointLoadTerm(model, motion, wrenches, weight, ("walker_knee_r",))
+        found = solve_tension(model, motion, tau, terms=[term])
+        loads.append(knee_load(found, model, motion, wrenches).mean())
+        efforts.append((found.activations**2).sum())
+    assert loads[1] == pytest.approx(loads[0], rel=1e-4)
+    assert loads[0] > loads[2] * 1.005 > loads[3] * 1.01
+    assert efforts[0] < efforts[2] < efforts[3]
+
+
+def test_co_contraction_is_at_least_what_is_asked_for(data):
+    """The weaker side of the ankle, from moment arms and forces alone."""
+    model, motion, wrenches = walk(data, KEEP)
+    tau = inverse_dynamics(model, motion, wrenches)
+    arms = compile_paths(model)
+    own = np.zeros((len(motion), len(model.muscles)))
+    ankle = model.coordinate_names.index("ankle_angle_r")
+    values = arms.evaluate(*rates_of(compile_tree(model), motion))[2]
+    use = np.flatnonzero(arms.arm_coordinate == ankle)
+    own[:, arms.arm_muscle[use]] = values[:, use]
+
+    def weaker(found):
+        sides = [np.maximum(sign * own * found.forces, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
+        return np.minimum(*sides)
+
+    alone, levels = solve_tension(model, motion, tau), (0.05, 0.2)
+    before = weaker(alone)
+    for level in levels:
+        term = CoContractionTerm(model, motion, tau, level, ("ankle_angle_r",))
+        found = solve_tension(model, motion, tau, terms=[term])
+        assert found.optimal.all()
+        full = found.forces / np.maximum(found.activations, 1e-9)
+        can = np.minimum(*[np.maximum(sign * own * full, 0.0).sum(axis=1) for sign in (1.0, -1.0)])
+        use = found.activations.min(axis=1) > 1e-8
+        assert (weaker(found) >= before - 1e-3).all()
+        if use.any():
+            assert (weaker(found)[use] / can[use] > 0.9 * level).all()
+    assert weaker(found).mean() > 2.0 * before.mean() + 1.0
+
+
+def test_what_is_asked_wrongly_is_refused(data):
+    model, motion, wrenches = walk(data, KEEP)
+    tau = inverse_dynamics(model, motion, wrenches)
+    with pytest.raises(UnknownName, match="walker_knee_r"):
+        JointLoadTerm(model, motion, wrenches, 1.0, ("walker_kneer",))
+    with pytest.raises(UnknownName, match="ankle_angle_r"):
+        CoContractionTerm(model, motion, tau, 0.1, ("ankle_angl_r",))
+    with pytest.raises(BadData, match="0 to 1"):
+        RecruitmentOptions(co_contraction=1.5)
+    with pytest.raises(BadData, match="joint_load_joints without joint_load"):
+        RecruitmentOptions(joint_load_joints="hip_r")
+    told = RecruitmentOptions(joint_load=1.0, joint_load_joints="hip_r, hip_l", co_contraction=0.1)
+    load, both = recruitment_terms(model, motion, tau, wrenches, told)
+    assert load.joints == ("hip_r", "hip_l")
+    assert {"knee_angle_r", "ankle_angle_l"} <= set(both.coordinates)
