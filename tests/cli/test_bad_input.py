@@ -253,13 +253,13 @@ def test_report_without_results(arm, command):
 
 
 def test_a_fault_of_ours_is_told_as_such(arm, command, monkeypatch):
-    import myomorph.motion.ik
+    import myomorph.motion.marker_checks
 
     def broken(*_, **__):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setattr("myomorph.study.trial.steps.ik.inverse_kinematics", broken)
-    assert myomorph.motion.ik.inverse_kinematics is not broken
+    monkeypatch.setattr("myomorph.study.trial.steps.ik.checked_kinematics", broken)
+    assert myomorph.motion.marker_checks.checked_kinematics is not broken
     step = steps_of(arm)["markers"][0]
     told = command(*step)
     assert told.status == 1
@@ -275,7 +275,7 @@ def test_interrupt_leaves_nothing(arm, command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("myomorph.study.trial.steps.ik.inverse_kinematics", interrupted)
+    monkeypatch.setattr("myomorph.study.trial.steps.ik.checked_kinematics", interrupted)
     before = sorted(arm.folder.iterdir())
     told = command(*steps_of(arm)["markers"][0])
     assert told.status == 130

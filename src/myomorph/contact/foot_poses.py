@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.contact.site_motion import center_of
 from myomorph.contact.sites import Foot, body_poses, feet_of
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
@@ -24,6 +24,7 @@ TIP = 1.35
 """Where the sole ends, over that length."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class FootPoses:
     """Feet and center of mass of a model at the times of a motion.

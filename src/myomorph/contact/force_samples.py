@@ -9,13 +9,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Wrenches
 
 Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 """What makes other forces, points and torques (..., 3) of those of one wrench."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class ForceSamples:
     """External forces at the times of a motion.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
@@ -22,6 +22,7 @@ BLIND = 1e-5
 """A direction of the coordinates that moves the markers by a smaller share of the usual is not determined."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MarkerFrames:
     """Markers of some frames against a model's pose.

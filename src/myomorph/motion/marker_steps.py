@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 
 LEAST = 0.03
 """Excess of a step below which it is no edge, on a body of human size [m]."""
@@ -55,6 +55,7 @@ class Exchange:
     stop: int
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Steps:
     """Steps of one marker that stand out.

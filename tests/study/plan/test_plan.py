@@ -157,11 +157,12 @@ def test_options_are_those_of_the_steps():
     """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
     from dataclasses import fields
 
+    from myomorph.tension.recruitment import RecruitmentOptions
     from myomorph.tension.solve import TensionOptions
     from myomorph.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}
-    own = {one.name for options in (TensionOptions, ContactOptions) for one in fields(options)}
+    own = {one.name for options in (TensionOptions, ContactOptions, RecruitmentOptions) for one in fields(options)}
     emg = {name for name in settings if name.startswith("emg_")}
     assert emg >= {"emg_mode", "emg_weight", "emg_slack", "emg_display_only"}
     assert set(settings) - emg == own | {"cutoff", "force_checks", "force_shift", "reactions", "intervals"}

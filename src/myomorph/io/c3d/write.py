@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, PlateRecording, Trial
 
@@ -32,6 +32,7 @@ KINDS: dict[int, tuple[Sequence[str], Sequence[str]]] = {
 """Channels of plates that are written: names and units."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Channel:
     """One analog channel: its name, unit and samples."""

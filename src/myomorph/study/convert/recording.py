@@ -12,7 +12,7 @@ from myomorph.io.c3d.read import emg_channels
 from myomorph.io.force_columns import force_columns, table_wrenches
 from myomorph.io.formats import trial_format
 from myomorph.io.sto import read_sto
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Wrenches
@@ -24,6 +24,7 @@ TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Parts of a recording, whatever files they came from.
