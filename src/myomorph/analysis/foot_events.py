@@ -17,7 +17,7 @@ NEAREST = 0.4
 """An event that is known better replaces the nearest one within this share of a stride; a runner's foot is farthest
 ahead a quarter of a stride before it strikes."""
 CLEAR = 0.4
-"""Skewness of the speeds of feet from which on their swing tells the direction."""
+"""Skewness of the speeds of feet from which on their swing shows the direction."""
 FEWEST = 8
 """Frames in which trunk and foot must be seen."""
 
@@ -123,11 +123,11 @@ def direction_of(
     forward = speeds @ axis
     away = forward - forward.mean()
     skew = float(np.mean(away**3)) / max(float(np.mean(away**2)) ** 1.5, 1e-12)
-    told = "feet swing fastest"
+    reason = "feet swing fastest"
     if facing is not None and abs(skew) < CLEAR:
-        skew, told = float(facing @ axis), "feet point"
+        skew, reason = float(facing @ axis), "feet point"
     axis = axis if skew > 0.0 else -axis
-    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where {told}; give it if it is not")
+    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is not")
     return axis, False
 
 

@@ -44,7 +44,7 @@ def running_contacts(
 ) -> Mapping[str, tuple[tuple[float, float], ...]]:
     """Contact intervals of each foot in a run [s]; none for a walk, in which a foot is always on the ground.
 
-    The events that tell a walk's contacts, a foot farthest ahead of and behind the trunk, are far from a runner's:
+    The events that show a walk's contacts, a foot farthest ahead of and behind the trunk, are far from a runner's:
     a foot goes on backward after it has left the ground. Between two flights one foot carries the body, the lower one.
     The force's slope where it passes half the weight leads to where it begins and ends.
 

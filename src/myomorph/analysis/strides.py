@@ -122,7 +122,7 @@ def find_strides(
     facing: Array | None = None,
     options: StrideOptions | None = None,
 ) -> Strides:
-    """Strides of each limb: from plates where they tell, else from a recording's events, else from points on the feet.
+    """Strides of each limb: from plates where there are, else from a recording's events, else from points on the feet.
 
     Source: Zeni, Richards and Higginson 2008.
 
@@ -377,7 +377,7 @@ def walking_strides(
     travels = _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
     ground, root = 0.0 if travels else None, model.body_names[:1]
     feet = {body for limb in limbs for body in limb.bodies}
-    told = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
+    plates = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
     running = [
         Event(time, label, split_side(foot)[1].capitalize())
         for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
@@ -391,8 +391,8 @@ def walking_strides(
             root,
             model.up,
             ground_speed=ground,
-            wrenches=told,
-            weight=None if told is None else model.weight,
+            wrenches=plates,
+            weight=None if plates is None else model.weight,
             events=events,
             running=running,
             facing=_facing(model, motion, limbs),

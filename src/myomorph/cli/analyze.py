@@ -35,7 +35,7 @@ def analyze_command(
     ] = None,
     emg_muscles: EmgMuscles = (),
     emg_side: Annotated[
-        Literal["right", "left", ""], Parameter(help="Side of EMG channels whose names tell none.")
+        Literal["right", "left", ""], Parameter(help="Side of EMG channels whose names contain none.")
     ] = "",
     emg_mvc: Annotated[
         tuple[Path, ...], Parameter(help="Recordings of maximum voluntary contractions.", consume_multiple=True)

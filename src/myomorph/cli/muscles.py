@@ -87,7 +87,7 @@ def tension_command(
         Path | None,
         Parameter(help="EMG (.sto, .mot, .csv, .c3d), raw or envelopes. A channel named as a muscle is its target."),
     ] = None,
-    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names contain none.")] = "",
     emg_muscles: EmgMuscles = (),
     emg_mvc: Annotated[
         list[Path] | None,

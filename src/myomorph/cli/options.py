@@ -53,7 +53,7 @@ EmgMuscles = Annotated[
     tuple[str, ...],
     Parameter(
         name="--emg-muscles",
-        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names tell no muscle, one or more.",
+        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names contain no muscle, one or more.",
         consume_multiple=True,
     ),
 ]

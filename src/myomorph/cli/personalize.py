@@ -53,7 +53,7 @@ def personalize_command(
         tuple[Path, ...],
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
-    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names tell none.")] = "",
+    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names contain none.")] = "",
     emg_muscles: EmgMuscles = (),
     passive: Annotated[
         tuple[Path, ...],

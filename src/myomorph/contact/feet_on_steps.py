@@ -339,7 +339,7 @@ def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
 
 
 def stairs_contacts(paws: FeetOnSteps) -> Contacts:
-    """Touches of the paws that stood on a step, as its cell tells."""
+    """Touches of the paws that stood on a step, as its cell shows."""
     touches = []
     for i, site in enumerate(paws.sites):
         on = paws.standing[:, :, i]

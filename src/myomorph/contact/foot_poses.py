@@ -92,13 +92,6 @@ class FootPoses:
         share = np.clip((reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0)
         return np.linalg.norm(reach - share[..., None] * along, axis=3)
 
-    def along(self, points: Array, foot: int) -> Array:
-        """How far points (frames, 3) lie ahead of the heel of a foot, over its length to the toes' joint (frames,)."""
-        heels, tips = self.soles
-        axis = self._level(tips[:, foot] - heels[:, foot])
-        axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-12)
-        return np.asarray(((points - heels[:, foot]) * axis).sum(axis=1) / self.feet[foot].length)
-
     def _level(self, vectors: Array) -> Array:
         """The horizontal part of vectors."""
         return np.asarray(vectors - (vectors @ self.up)[..., None] * self.up)

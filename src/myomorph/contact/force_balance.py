@@ -148,7 +148,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
         return 0
     best = int(np.argmin(errors[:-1]))
     if best:
-        # Forces to one side only may not tell a turn from a reflection: the points do.
+        # Forces to one side only may not distinguish a turn from a reflection: the points do.
         alike = [k for k in range(1, len(choices)) if errors[k] < 1.5 * errors[best]]
         best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
     # No turn makes sense of forces that the center of mass does not feel.

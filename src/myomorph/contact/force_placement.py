@@ -29,6 +29,8 @@ MARKED = 0.35
 BETWEEN = 0.06
 """A center of pressure farther from both soles, and between them, is that of two feet [m]."""
 
+SHARED = 0.1
+"""Time from which a plate is called shared [s]."""
 
 MILLI = 2.0
 """Moment over force of a human foot beyond which the moment may be in N mm [m]."""
@@ -286,7 +288,3 @@ def check_shared_plates(inspection: Inspection) -> None:
             advice="its force goes to one of them; `tension --contacts auto --measured shared` shares it",
             times=tuple(spans),
         )
-
-
-SHARED = 0.1
-"""Time from which a plate is called shared [s]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,16 +41,7 @@ class ForceSamples:
 
     def changed(self, number: int, change: Change) -> ForceSamples:
         """The same with one wrench changed."""
-        forces, points, torques = (np.array(one) for one in (self.forces, self.points, self.torques))
-        parts = change(forces[:, number], points[:, number], torques[:, number])
-        forces[:, number], points[:, number], torques[:, number] = parts
-        return replace(self, forces=forces, points=points, torques=torques)
-
-    def only(self, numbers: Array) -> ForceSamples:
-        """Some of the wrenches."""
-        return ForceSamples(
-            self.forces[:, numbers], self.points[:, numbers], self.torques[:, numbers], self.loaded[:, numbers]
-        )
+        return replace(self, **_changed(self, number, change))
 
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
@@ -75,7 +66,13 @@ def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
 
 def changed_wrenches(wrenches: Wrenches, number: int, change: Change) -> Wrenches:
     """Wrenches with one of them changed in all samples."""
-    forces, points, torques = (np.array(one) for one in (wrenches.forces, wrenches.points, wrenches.torques))
-    parts = change(forces[:, number], points[:, number], torques[:, number])
-    forces[:, number], points[:, number], torques[:, number] = parts
-    return replace(wrenches, forces=forces, points=points, torques=torques)
+    return replace(wrenches, **_changed(wrenches, number, change))
+
+
+def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> dict[str, Any]:
+    """Forces, points and torques with those of one wrench changed."""
+    parts = {name: np.array(getattr(forces, name)) for name in ("forces", "points", "torques")}
+    changed = change(*(one[:, number] for one in parts.values()))
+    for one, other in zip(parts.values(), changed, strict=True):
+        one[:, number] = other
+    return parts

@@ -101,14 +101,14 @@ def heard_contacts(
     own = tuple(dict.fromkeys(name for one in plan.instruments for name in one.sites))
     inside = Strokes(strokes.instruments, tuple(strokes.strokes[k] for k in struck), strokes.warnings)
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
-    told: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
     if plan.impulse == "motion":
         impacts = _impacts_by_motion(plan, strokes, struck, model, recorded, sites)
     else:
         laws = calibration_pairs(strokes, plan.known)
-        impacts, told = impacts_from_sound(strokes, laws, struck, plan.directions)
+        impacts, warned = impacts_from_sound(strokes, laws, struck, plan.directions)
     forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
-    return Heard(Contacts(contacts.sites, contacts.intervals, (*found, *contacts.warnings, *told)), forces, own)
+    return Heard(Contacts(contacts.sites, contacts.intervals, (*found, *contacts.warnings, *warned)), forces, own)
 
 
 def _impacts_by_motion(

@@ -35,7 +35,7 @@ class ForceColumns:
 
     Attributes
     ----------
-    name : what the columns of the force itself begin with, without what tells the axis
+    name : what the columns of the force itself begin with, without what names the axis
     force, point, torque : columns along x, y and z; () for a part that the table lacks, "" for an axis that it lacks
     """
 

@@ -23,7 +23,7 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
 
     Raises
     ------
-    BadFile : it is of another kind, holds no label, or tells of one label twice
+    BadFile : it is of another kind, holds no label, or has one label twice
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -61,6 +61,6 @@ def _from_csv(path: Path, text: str) -> dict[str, str]:
         if number == 0 and label.lower() in HEADINGS:
             continue
         if found.get(label, name) != name:
-            raise BadFile(path, f"tells of '{label}' twice: '{found[label]}' and '{name}'", HINT)
+            raise BadFile(path, f"has label '{label}' twice: '{found[label]}' and '{name}'", HINT)
         found[label] = name
     return found

@@ -146,8 +146,8 @@ def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, t
         return streams, tuple(value_source("stream", name, name) for name in names)
     files = [("markers", given.markers)] + ([("loads", given.loads)] if given.loads else [])
     series, wrenches = open_recording(model, given.markers, given.loads, labels=given.labels)
-    told = [value_source("markers", "labels of markers", sorted(given.labels.items()))] if given.labels else []
-    return Replay(series, wrenches, given.speed), (*(file_source(role, path) for role, path in files), *told)
+    mapped = [value_source("markers", "labels of markers", sorted(given.labels.items()))] if given.labels else []
+    return Replay(series, wrenches, given.speed), (*(file_source(role, path) for role, path in files), *mapped)
 
 
 STEP = "live"

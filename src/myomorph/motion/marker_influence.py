@@ -1,4 +1,4 @@
-"""What each marker says against all others: where they would put it, and what no marker tells."""
+"""What each marker says against all others: where they would put it, and what no marker determines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP = 1e-6
 """Of the differences that give the slopes of marker positions [rad or m]."""
 
 UNKNOWN = 0.15
-"""A direction of a marker of which the others tell a smaller share has no prediction."""
+"""A direction of a marker of which the others determine a smaller share has no prediction."""
 
 BLIND = 1e-5
 """A direction of the coordinates that moves the markers by a smaller share of the usual is not determined."""
@@ -82,10 +82,10 @@ def left_out(one: MarkerFrames, weight: Array) -> Array:
         basis, sizes, _ = np.linalg.svd(rows, full_matrices=False)
         basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)].reshape(len(seen), 3, -1)
         rest = np.eye(3) - np.einsum("mik,mjk->mij", basis, basis)
-        told, axes = np.linalg.eigh(rest)
-        inverse = np.where(told > UNKNOWN, 1.0 / np.maximum(told, UNKNOWN), 0.0)
+        eigenvalues, axes = np.linalg.eigh(rest)
+        inverse = np.where(eigenvalues > UNKNOWN, 1.0 / np.maximum(eigenvalues, UNKNOWN), 0.0)
         away = np.einsum("mij,mj,mkj,mk->mi", axes, inverse, axes, one.errors[f, seen])
-        away[(told <= UNKNOWN).sum(axis=1) > 1] = np.nan
+        away[(eigenvalues <= UNKNOWN).sum(axis=1) > 1] = np.nan
         found[f, seen] = np.einsum("mji,mj->mi", one.rotations[f, seen], away)
     return found
 
@@ -98,6 +98,6 @@ def undetermined(one: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tupl
     usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
-    # A variable at its bound in all frames is told by the bound.
+    # A variable at its bound in all frames is determined by the bound.
     own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not one.held[:, i].all()]
     return tuple(int(arrays.free[i]) for i in own if arrays.task_weight[arrays.free[i]] == 0.0)

@@ -55,11 +55,11 @@ def place_findings(
     for _ in range(MOST):
         away, spread = _steady(left_out(frames, weight))
         size = np.linalg.norm(away, axis=1)
-        told = np.isfinite(size) & (weight > 0.0)
-        if told.sum() < 6:
+        compared = np.isfinite(size) & (weight > 0.0)
+        if compared.sum() < 6:
             return
-        limit = max(OFF * unit, USUAL * float(np.median(size[told])))
-        order = [i for i in np.argsort(-np.nan_to_num(size)) if told[i]]
+        limit = max(OFF * unit, USUAL * float(np.median(size[compared])))
+        order = [i for i in np.argsort(-np.nan_to_num(size)) if compared[i]]
         worst = order[0]
         if size[worst] < limit:
             return
@@ -73,7 +73,7 @@ def place_findings(
         if spread[worst] > STEADY * size[worst] or (other < 0 and size[worst] < MIDDLE * unit):
             continue
         beside = f", '{partner[name]}' {100 * size[other]:.1f} cm" if other >= 0 else ""
-        usual = 100 * float(np.median(size[told]))
+        usual = 100 * float(np.median(size[compared]))
         text = (
             f"marker '{name}' lies {100 * size[worst]:.1f} cm from where all others put it on "
             f"'{model.marker(name).body}' (median of all {usual:.1f} cm{beside}): was it moved, or placed elsewhere "

@@ -26,10 +26,10 @@ RETURNS = 0.25
 """A marker that returns later did not jump for a few frames: it may have moved [s]."""
 
 GAP = 0.1
-"""Steps over longer gaps tell nothing [s]."""
+"""Steps over longer gaps are not compared [s]."""
 
 AROUND = 3
-"""Steps either way that tell the usual one."""
+"""Steps either way that make the usual one."""
 
 CLOSES = 0.35
 """What may be left of a jump after the marker has returned, or of two after their labels are exchanged."""

@@ -35,7 +35,7 @@ LEAST_GAIN = 0.005
 """What an exchange must take off the root mean square, on a human body [m]."""
 
 CLEARLY = 0.75
-"""Of swapped sides and a mirrored axis the one that leaves so much less is told to be it."""
+"""Of swapped sides and a mirrored axis the one that leaves so much less is reported as it."""
 
 SIDES = "left and right"
 FRONT = "front and back"
@@ -102,7 +102,7 @@ def find_swap(
             after = float(_rms(solve(swap.applied(observed[k : k + 1], columns)))[0])
             ratios.append(after / given[k])
             gains.append(given[k] - after)
-            # Most exchanges are wrong, which two frames tell.
+            # Most exchanges are wrong, which two frames show.
             if len(ratios) == 2 and min(ratios) > BETTER:
                 break
         if np.mean(np.array(ratios) < BETTER) > 0.6 and np.median(gains) > LEAST_GAIN * unit:

@@ -83,12 +83,12 @@ def _bound_findings(
         usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
         if usual < (BEYOND["translational"] if coordinate.motion == "translational" else BEYOND["rotational"]):
             continue
-        told = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
+        limit = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
         further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
         spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(at[:, i])]
         first = f"from {spans[0][0]:.2f} s on" if len(spans) > 1 else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
         text = (
-            f"coordinate '{names[i]}' is held at its bound of {told} in {int(at[:, i].sum())} of {len(fit.motion)} "
+            f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of {len(fit.motion)} "
             f"frames ({first}); the markers ask for about {further} more: check the bound, the markers there and the "
             "model's size"
         )
@@ -98,7 +98,7 @@ def _bound_findings(
 def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays) -> Iterator[Finding]:
     """Coordinates that no marker shows."""
     if model.loops:
-        # What a loop ties is told by the loop: slopes of single markers do not know it.
+        # What a loop ties is determined by the loop: slopes of single markers do not know it.
         return
     seen = np.flatnonzero(fit.seen)
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
@@ -108,7 +108,7 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: 
     if names:
         stay = "It stays" if len(names) == 1 else "They stay"
         text = (
-            f"no marker tells {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is not measured, "
+            f"no marker determines {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is not measured, "
             "or add markers"
         )
         yield Finding("undetermined", ", ".join(names), text)

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Event, Markers, Motion, Trial, Wrenches
 from myomorph.model.spatial import Transform
@@ -21,7 +21,7 @@ from myomorph.motion.measurements import place_markers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.progress import silent_mujoco
+from myomorph.study.analyze.generic_model import legs_and_trunk
 
 RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
 QUIET = (1.5, 3.0)
@@ -154,7 +154,6 @@ def events_of(trial: Trial) -> tuple[Event, ...]:
     return tuple(Event(float(time), label) for label, time in found.items())
 
 
-MODEL = "myolegs_abdomen"
 TRUNK_BEND = "flex_extension"
 LOCKED = ("lat_bending", "axial_rotation", "mtp_angle_r", "mtp_angle_l")
 FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
@@ -185,38 +184,19 @@ def leg_model() -> Model:
     and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side
     bending and twist of the trunk and the toes are locked.
     """
-    try:
-        # Brings MuJoCo and myo-sim: loaded only where it is needed.
-        import myo_sim
-    except ImportError:
-        raise BadData(
-            "the model of the legs comes with the package 'myo-sim': install it (pip install myo-sim)"
-        ) from None
-    from myomorph.io.mjcf.read import model_from_mujoco
-
-    with silent_mujoco():
-        # Without `load_model`'s keyframes, for which it compiles the model once more.
-        compiled = myo_sim.load_spec(MODEL).compile()
-    # Composed in memory: the source only says beside which folder its meshes lie.
-    model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / MODEL))
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
+    model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
-    root = model.joints[0]
-    start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
-    joint, coordinates = _pelvis_joint(root.child, start)
     held = [
         replace(one, locked=True, default=0.0) if one.name in LOCKED
         else replace(one, clamped=False) if one.name in FREED
         else one
-        for one in model.coordinates[6:]
+        for one in model.coordinates
     ]  # fmt: skip
     return replace(
         model,
         bodies=(*model.bodies, girdle),
-        joints=(joint, *model.joints[1:], rise),
-        coordinates=(*coordinates, *held, lift),
-        gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
+        joints=(*model.joints, rise),
+        coordinates=(*held, lift),
     )
 
 
@@ -228,20 +208,6 @@ def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
     body = Body("shoulder_r", 0.0, np.zeros(3), np.zeros((3, 3)))
     joint = Joint(name, "SliderJoint", "torso", body.name, still, still, (axis,), (name,))
     return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
-
-
-def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ...]]:
-    x, y, z = np.eye(3)
-    turns = (("pelvis_tilt", z), ("pelvis_list", x), ("pelvis_rotation", y))
-    shifts = (("pelvis_tx", x), ("pelvis_ty", y), ("pelvis_tz", z))
-    axes = [Axis("translation", vector, linear(1.0), (name,)) for name, vector in shifts]
-    axes += [Axis("rotation", vector, linear(1.0), (name,)) for name, vector in turns]
-    coordinates = [Coordinate(name, "rotational") for name, _ in turns]
-    coordinates += [Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts]
-    names = tuple(one.name for one in coordinates)
-    frame = Transform(start, np.zeros(3))
-    joint = Joint("ground_pelvis", "CustomJoint", GROUND, child, Transform.identity(), frame, tuple(axes), names)
-    return joint, tuple(coordinates)
 
 
 def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:

@@ -123,7 +123,7 @@ def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, .
     UnknownName
         where a channel or a muscle does not exist
     BadData
-        where no channel tells of a muscle
+        where no channel is of a muscle
     """
     told: set[str] = set()
     for channel, names in channels.items():

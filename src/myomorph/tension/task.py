@@ -62,11 +62,11 @@ class EmgRecording:
 
 @dataclass(frozen=True, eq=False)
 class EmgTargets:
-    """What EMG tells of a recording.
+    """What EMG shows of a recording.
 
     Attributes
     ----------
-    target : None where no channel tells of a muscle
+    target : None where no channel is of a muscle
     """
 
     target: EmgTarget | None
@@ -116,7 +116,7 @@ class TensionTask:
     torques : of those external forces alone that are known exactly
     actuators : beside the model's own
     setting : contacts, where their forces are asked for
-    emg : what EMG tells, where it takes part
+    emg : what EMG shows, where it takes part
     wrenches : external forces that act as they were measured, at the motion's times
     terms : further costs
     """
@@ -238,7 +238,7 @@ def emg_targets_of(
     emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
     if not muscles:
         names = ", ".join(emg.names)
-        note = f"EMG takes no part: no channel's name tells a muscle of the model; name them in emg_muscles ({names})"
+        note = f"EMG takes no part: no channel's name contains a muscle of the model; name them in emg_muscles ({names})"
         return EmgTargets(None, None, (note,))
     calibration = recorded.calibration
     if calibration is None:

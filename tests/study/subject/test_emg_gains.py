@@ -145,4 +145,4 @@ def test_a_subject_without_emg_says_what_lacks(arm):
     arm.emg.unlink()  # which would be found by its name
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("emg")))
     subject = run_study(read_plan(path), arm.out, fresh=True)[0]
-    assert "no trial tells EMG gains (early: no EMG; late: no EMG)" in subject.error
+    assert "no trial determines EMG gains (early: no EMG; late: no EMG)" in subject.error

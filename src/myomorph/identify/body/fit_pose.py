@@ -247,7 +247,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
 
 
 def landmark_of_marker(marker: str) -> str:
-    """Name of the landmark that a marker's name tells, "" where it tells none: "right ASIS" for `R.ASIS`."""
+    """Name of the landmark that a marker's name tells, "" where it has none: "right ASIS" for `R.ASIS`."""
     name = marker.strip().lower()
     for landmark, pattern in _MIDDLE:
         if re.fullmatch(pattern, name):

@@ -86,7 +86,7 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
     groups = _groups(trial, markers, rate, every, channels, plates, first)
     section = _section(groups)
     blocks = -(-len(section) // BLOCK)
-    # The parameter section tells its own length and where the data begin.
+    # The parameter section holds its own length and where the data begin.
     groups["POINT"]["DATA_START"] = np.array([2 + blocks], np.int16)
     section = _section(groups)
     section = section[:2] + bytes([blocks]) + section[3:]

@@ -30,7 +30,7 @@ SKULL = np.array([0.19, 0.29, 0.24])
 def stand_ins(model: Model) -> dict[str, list[Surface]]:
     """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their bodies' frames.
 
-    Only for trunks and heads that have a mass center away from their joint, which tells their size.
+    Only for trunks and heads that have a mass center away from their joint, which shows their size.
     """
     tree = compile_tree(model)
     still = Motion(np.zeros(1), (), np.zeros((1, 0)))
@@ -53,7 +53,7 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         along = (trunk.mass_center - start) / size
         tall = SHOULDERS * size
         if headed:
-            # Without the head the mass center lies lower: the joints of arms and neck tell the height.
+            # Without the head the mass center lies lower: the joints of arms and neck show the height.
             tall = max([1.05 * float((one - start) @ up) for one in joints], default=tall)
         middle = start + 0.53 * tall * along
         shapes = [ellipsoid(middle, axes, tall * THORAX)]

@@ -75,7 +75,7 @@ _SPINE = (
 
 
 def segments_given(given: IdentificationInput) -> Mapping[str, Segment]:
-    """Segment of each body: as given, else by the bodies' names; none of a model whose names tell none."""
+    """Segment of each body: as given, else by the bodies' names; none of a model whose names contain none."""
     try:
         return given.segments or segments_of(given.model)
     except BadData:

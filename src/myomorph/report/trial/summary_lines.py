@@ -32,7 +32,7 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
 
     Parameters
     ----------
-    markers : as recorded, which tell the size of the body
+    markers : as recorded, which show the size of the body
     """
     matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
     if len(fit.marker_names) == len(model.markers):
@@ -144,8 +144,8 @@ def _reserves(model: Model, tension: Tension) -> str:
     if alone:
         name = max(alone, key=lambda one: float(np.nanmax(np.abs(torques[one]))))
         peak = float(np.nanmax(np.abs(torques[name])))
-        told = f"{name} up to {plain(peak)} {reserve_unit(model, name)}"
-        text += f"; {len(alone)} coordinates without muscles are carried by reserves alone ({told})"
+        largest = f"{name} up to {plain(peak)} {reserve_unit(model, name)}"
+        text += f"; {len(alone)} coordinates without muscles are carried by reserves alone ({largest})"
     return text
 
 

@@ -54,7 +54,7 @@ class AnalyzeRequest:
     model : None for the generic one
     table : protocols, None for those of the package
     emg_muscles : EMG channel to muscles
-    emg_side : side of channels whose names tell none
+    emg_side : side of channels whose names contain none
     emg_mvc : recordings of maximum voluntary contractions
     command : as typed, for the study file
     """
@@ -101,8 +101,8 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         _check_markers(one)
     everyone = [*moving, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
-    model, path, labels, told = _model(everyone, request, out)
-    assumed += [*_protocols(moving), *told, *_height(static or moving[0], request.height)]
+    model, path, labels, of_model = _model(everyone, request, out)
+    assumed += [*_protocols(moving), *of_model, *_height(static or moving[0], request.height)]
     trials = tuple(_trial(one, model, request, name) for one, name in zip(moving, _names(moving), strict=True))
     study = StudyEntries(
         out.resolve().name,
@@ -287,7 +287,7 @@ def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | 
     if dead:
         texts.append(f"Analog channels without a signal, which take no part: {_list(dead)}.")
     if lost:
-        texts.append(f"EMG that does not tell its side is not used: {_list(lost)} (--emg-side left or right).")
+        texts.append(f"EMG without a side in its name is not used: {_list(lost)} (--emg-side left or right).")
     return (one.path, dead, texts) if alive else (None, (), texts)
 
 

@@ -16,6 +16,7 @@ from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
 from myomorph.study.plan.subject_trials import companion, plain_stem
+from myomorph.study.trial.external_forces import TABLES
 from myomorph.study.trial.inputs import read_recording
 from myomorph.study.trial.laboratory import Laboratory, Up
 
@@ -23,7 +24,6 @@ STILL = 0.03
 """Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""
 STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
 FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
-TABLES = (".mot", ".sto", ".csv", ".txt")
 SHARED, ALIKE = 0.6, 0.08
 """A static trial of the same body has this share of the markers, and distances that differ by less than this."""
 RIGID = (
@@ -45,7 +45,7 @@ class Recording:
     trial : as the file has it
     found : what its labels lie on
     laboratory : how its axes stand to a model's, y up and x forward
-    why_up, why_turn : what tells so, in words; "" where nothing was turned
+    why_up, why_turn : why, in words; "" where nothing was turned
     still : somebody stands still in it
     loads, emg : files beside it that belong to it
     """
@@ -121,7 +121,7 @@ def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tup
 
 
 def _up(trial: Trial, found: Recognized, places: dict[str, Array]) -> tuple[Up, str]:
-    """The axis that points up, "" where it is y; and what tells so."""
+    """The axis that points up, "" where it is y; and why."""
     low, high = (_mean(found, places, segments=one) for one in (("foot", "shank"), ("pelvis", "trunk", "head")))
     axis: Up = "y"
     why = ""
@@ -149,7 +149,7 @@ def _turn(upright: Laboratory, found: Recognized, places: dict[str, Array]) -> t
         front = _mean(
             found,
             places,
-            *(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip")),
+            *FOREFOOT,
         )
         back = _mean(found, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
         what = "the feet point"

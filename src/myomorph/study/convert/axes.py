@@ -75,7 +75,7 @@ def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
     Raises
     ------
     BadData
-        where the vertical or the walking direction is asked for and cannot be told
+        where the vertical or the walking direction is asked for and cannot be found
     """
     if axes:
         return rotated(found, axes_of_text(axes), f"axes were changed to {axes}")

@@ -27,7 +27,7 @@ LOADED = 20.0
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:
     """Forces with the bodies that are given, else step by step on the foot whose markers are nearest.
 
-    Forces that never act are left out; where no marker tells the feet, bodies stay unknown.
+    Forces that never act are left out; where no marker shows the feet, bodies stay unknown.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
 
 
 def side_of(name: str) -> str:
-    """Side of a marker by its name: "right", "left", or "" where it tells none."""
+    """Side of a marker by its name: "right", "left", or "" where it has none."""
     side = split_side(name)[1]
     if not side and other_side(name, capitals=True):
         side = "right" if name[:1].upper() == "R" or name.lower().startswith("right") else "left"

@@ -40,8 +40,8 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     parts = {one.name: _left_out(one) for one in trials}
     used = [one for one in trials if not parts[one.name]]
     if not used:
-        told = "; ".join(f"{name}: {why}" for name, why in parts.items())
-        raise BadData(f"no trial tells EMG gains ({told}): leave the step 'emg' out, or give trials that do")
+        reasons = "; ".join(f"{name}: {why}" for name, why in parts.items())
+        raise BadData(f"no trial determines EMG gains ({reasons}): leave the step 'emg' out, or give trials that do")
     muscles = _muscles(used)
     scale = common_scale([one.emg_scale for one in used])
     found, maxima = [], dict[str, float]()
@@ -66,11 +66,11 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
 
 
 def _left_out(trial: TrialInputs) -> str:
-    """Why a trial tells nothing of gains, "" where it does."""
+    """Why a trial does not determine gains, "" where it does."""
     if trial.emg is None:
         return "no EMG"
     if not trial.emg_muscles:
-        return "no channel's name tells a muscle of the model"
+        return "no channel's name contains a muscle of the model"
     if trial.contacts is not None:
         return "its contact forces are estimated, so its torques are not known before its tensions"
     if trial.loads is None and trial.torques is None and floating_joints(trial.model):

@@ -131,9 +131,9 @@ def personalize_files(
     generic = None if files.generic is None else inputs.open_model(files.generic)
     with inputs.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         found = personalize(model, trials, options, generic=generic, advance=advance)
-    told = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
-    told |= {"emg_muscles": sorted(files.emg_muscles.items())} if files.emg_muscles else {}
-    return PersonalizedFiles(found, provenance_of("personalize", files.sources(), told), tuple(warnings))
+    used = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
+    used |= {"emg_muscles": sorted(files.emg_muscles.items())} if files.emg_muscles else {}
+    return PersonalizedFiles(found, provenance_of("personalize", files.sources(), used), tuple(warnings))
 
 
 def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:

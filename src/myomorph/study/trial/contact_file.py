@@ -339,9 +339,9 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     refuse(path, problems)
     assert found is not None
     assert recording is not None
-    told, hint = found.stairs, ""
+    table, hint = found.stairs, ""
     try:
-        options = StairOptions(told.loaded, told.unloaded, search_range=told.search_range, tare=told.tare)
+        options = StairOptions(table.loaded, table.unloaded, search_range=table.search_range, tare=table.tare)
         loads = step_loads(steps, read_channels(recording), model.weight, options)
         hint = "name paws ([[paw]] body, point)"
         sites = tuple(paws) or foot_sites(model)
@@ -349,7 +349,7 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
         raise
     except MyomorphError as error:
         raise BadFile(path, str(error), hint) from None
-    return Stairs(path, loads, sites, recording, options, told.unmeasured)
+    return Stairs(path, loads, sites, recording, options, table.unmeasured)
 
 
 def _step(one: _Step, stairs: _Stairs) -> Step:
@@ -393,7 +393,7 @@ def _recording(given: str | None, path: Path, trial: Path | None, problems: list
 
 
 def recording_of(path: Path, trial: Path | None = None) -> tuple[Path, ...]:
-    """The file of the channels that a file of stairs names, () where it cannot be told."""
+    """The file of the channels that a file of stairs names, () where the file does not specify them."""
     table = read_toml(path).get("stairs")
     given = table.get("recording") if isinstance(table, dict) else None
     found = _recording(given if isinstance(given, str) else None, path, trial, [])

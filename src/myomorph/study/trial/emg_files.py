@@ -66,7 +66,7 @@ def open_emg(
     ----------
     named : channel to muscles, as a user tells it; other channels find theirs by name
     reference : recordings of maximum voluntary contractions, raw or envelopes as the EMG itself
-    side : "right" or "left", of channels whose names tell none
+    side : "right" or "left", of channels whose names contain none
 
     Raises
     ------
@@ -79,16 +79,16 @@ def open_emg(
         for muscle in muscles:
             index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
     with about(path):
-        told = muscles_of_channels(found.names, model, side) | dict(named)
+        measured_on = muscles_of_channels(found.names, model, side) | dict(named)
         # A channel with an empty list takes no part.
-        told = {channel: muscles for channel, muscles in told.items() if muscles}
-        mended = (*_mended(found, path), *_left_out(path, found.names, told))
+        measured_on = {channel: muscles for channel, muscles in measured_on.items() if muscles}
+        mended = (*_mended(found, path), *_left_out(path, found.names, measured_on))
         if Path(path).suffix.lower() == ".c3d":
-            if not told:
+            if not measured_on:
                 raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
-            found = _picked(found, tuple(told))
+            found = _picked(found, tuple(measured_on))
         if not _is_raw(found):
-            made = _as_envelopes(found, told, Path(path).name, reference)
+            made = _as_envelopes(found, measured_on, Path(path).name, reference)
             return replace(made, notes=(*mended, *made.notes))
         maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
         peaks = largest([found], options) if maxima is None else maxima
@@ -98,7 +98,7 @@ def open_emg(
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
-    return OpenedEmg(whole, told, (*mended, *notes), at_maximum, scale)
+    return OpenedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale)
 
 
 def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
@@ -106,16 +106,16 @@ def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
     return tuple(f"{Path(path).name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
 
 
-def _left_out(path: str | Path, names: Sequence[str], told: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
     """Channels that take no part while others do; of a C3D file those that are none of a plate or another sensor."""
-    lacking = [name for name in names if name not in told]
+    lacking = [name for name in names if name not in measured_on]
     if Path(path).suffix.lower() == ".c3d":
         lacking = [name for name in lacking if not OTHER_SENSORS.search(name)]
-    if not told or not lacking:
+    if not measured_on or not lacking:
         return ()
     which = ", ".join(lacking[:6]) + (" ..." if len(lacking) > 6 else "")
     told_by = "emg_muscles of a study, --emg-muscles"
-    return (f"EMG of {which} takes no part: the name tells no muscle of the model; name them ({told_by})",)
+    return (f"EMG of {which} takes no part: the name contains no muscle of the model; name them ({told_by})",)
 
 
 def _channels(path: str | Path) -> Series:
@@ -151,7 +151,7 @@ def _is_raw(series: Series) -> bool:
 
 
 def _as_envelopes(
-    found: Series, told: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
+    found: Series, measured_on: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
 ) -> OpenedEmg:
     values, notes, maxima = found.values, [], FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
@@ -165,9 +165,9 @@ def _as_envelopes(
         notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
     emg = Emg(found.time, found.names, values / scale)
     faults = envelope_faults(emg)
-    used = [one.text for one in faults if not told or one.channel in told]
+    used = [one.text for one in faults if not measured_on or one.channel in measured_on]
     divided = FrozenMap(dict(zip(found.names, scale.tolist(), strict=True)))
-    return OpenedEmg(without_faults(emg, faults), told, (*notes, *used), maxima, divided)
+    return OpenedEmg(without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
 
 
 def _largest_of(reference: Sequence[Path], channel: str) -> float:

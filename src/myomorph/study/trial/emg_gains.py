@@ -52,7 +52,7 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
     """Write gains as JSON."""
     found = gains.calibration
     numbers = {name: getattr(found, name).tolist() for name in ("delays", "gains", "offsets", "shapes")}
-    told = {
+    data = {
         "format": FORMAT,
         "channels": list(found.channels),
         **numbers,
@@ -76,25 +76,25 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
         ],
     }
     with written(path) as stream:
-        json.dump(told, stream, indent=1, allow_nan=False)
+        json.dump(data, stream, indent=1, allow_nan=False)
 
 
 def read_gains(path: Path) -> SubjectGains:
     """Read gains; raises `BadFile` where the file is none of `write_gains`."""
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise BadFile(path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'") from error
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BadFile(path, "holds no gains of EMG", "give gains.json of the step 'emg' of a study")
     try:
-        return SubjectGains(_calibration(told), FrozenMap({name: float(one) for name, one in told["scale"].items()}))
+        return SubjectGains(_calibration(data), FrozenMap({name: float(one) for name, one in data["scale"].items()}))
     except (KeyError, TypeError, ValueError, AttributeError, MyomorphError) as error:
         raise BadFile(path, f"holds gains of EMG that do not fit together ({error})", "write it anew") from error
 
 
-def _calibration(told: dict[str, Any]) -> EmgCalibration:
-    count = len(told["channels"])
+def _calibration(data: dict[str, Any]) -> EmgCalibration:
+    count = len(data["channels"])
     synergies = tuple(
         SynergyWeights(
             Synergies(
@@ -106,21 +106,21 @@ def _calibration(told: dict[str, Any]) -> EmgCalibration:
             tuple(one["muscles"]),
             np.array(one["weights"], dtype=float).reshape(len(one["muscles"]), -1),
         )
-        for one in told["synergies"]
+        for one in data["synergies"]
     )
     return EmgCalibration(
-        tuple(told["channels"]),
-        np.array(told["delays"], dtype=float),
-        np.array(told["gains"], dtype=float),
-        np.array(told["offsets"], dtype=float),
-        warnings=tuple(told["warnings"]),
-        shapes=np.array(told["shapes"], dtype=float),
-        intervals=np.array(told["intervals"], dtype=float).reshape(count, 2),
-        by_torque=np.array(told["by_torque"], dtype=bool),
+        tuple(data["channels"]),
+        np.array(data["delays"], dtype=float),
+        np.array(data["gains"], dtype=float),
+        np.array(data["offsets"], dtype=float),
+        warnings=tuple(data["warnings"]),
+        shapes=np.array(data["shapes"], dtype=float),
+        intervals=np.array(data["intervals"], dtype=float).reshape(count, 2),
+        by_torque=np.array(data["by_torque"], dtype=bool),
         synergies=synergies,
-        weight=float(told["weight"]),
-        others_weight=float(told["others_weight"]),
-        held_out=np.array(told["held_out"], dtype=float).reshape(count, 2),
+        weight=float(data["weight"]),
+        others_weight=float(data["others_weight"]),
+        held_out=np.array(data["held_out"], dtype=float).reshape(count, 2),
     )
 
 

@@ -49,7 +49,7 @@ LETTER = re.compile(r"^([RL])([A-Z]{2,})$")
 
 
 def plain_channel(channel: str) -> tuple[str, str]:
-    """A channel's name without what amplifiers put before and after it, and its side ("" where it tells none).
+    """A channel's name without what amplifiers put before and after it, and its side ("" where it has none).
 
     "Voltage.R Tib Ant" is ("Tib_Ant", "right"), "LTA" ("TA", "left").
     """
@@ -61,7 +61,7 @@ def plain_channel(channel: str) -> tuple[str, str]:
 
 
 def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:
-    """The model's muscles that each EMG channel was measured on, as far as its name tells muscle and side.
+    """The model's muscles that each EMG channel was measured on, as far as its name contains muscle and side.
 
     "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
     model calls it, "R Hams" the right biceps femoris, semitendinosus and semimembranosus; "soleus" without a side is
@@ -69,7 +69,7 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
 
     Parameters
     ----------
-    side : "right" or "left", of channels whose names tell none
+    side : "right" or "left", of channels whose names contain none
     """
     sided = {name: split_side(name) for name in model.muscle_names}
     found: dict[str, tuple[str, ...]] = {}
@@ -78,8 +78,8 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
         if whole in sided:
             found[channel] = (whole,)
             continue
-        base, told = plain_channel(channel)
-        here = told or side
+        base, own_side = plain_channel(channel)
+        here = own_side or side
         patterns = next((own for one, own in SPELLINGS if re.fullmatch(one, base, re.IGNORECASE)), None)
         patterns = patterns or next(((one,) for _, own in SPELLINGS for one in own if _is(one, base)), None)
         if patterns is None or not here:

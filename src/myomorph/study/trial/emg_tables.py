@@ -20,10 +20,10 @@ from myomorph.tension.tension import Tension
 EMG_TABLE, EMG_CONFLICTS = "emg_channels.csv", "emg_conflicts.csv"
 
 
-def write_calibration(told: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
+def write_calibration(targets: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
     """Delay, gain and muscles of each channel as a table, where there are any."""
-    if told.calibration is not None:
-        write_channels(told.calibration, muscles, path)
+    if targets.calibration is not None:
+        write_channels(targets.calibration, muscles, path)
 
 
 def write_channels(found: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
@@ -48,11 +48,11 @@ def _cell(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else ""
 
 
-def write_conflicts(model: Model, tension: Tension, told: EmgTargets, output: StepOutput) -> tuple[str, ...]:
+def write_conflicts(model: Model, tension: Tension, targets: EmgTargets, output: StepOutput) -> tuple[str, ...]:
     """Where EMG and torques contradict each other, as a table and as a line."""
-    if told.target is None:
+    if targets.target is None:
         return ()
-    found = told.conflicts(model, tension)
+    found = targets.conflicts(model, tension)
     put_conflicts(output.writer, found)
     with written(output.folder / EMG_CONFLICTS) as stream:
         table = csv.writer(stream, lineterminator="\n")

@@ -114,8 +114,8 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
         wrenches = nearest_feet(wrenches, model, motion)
     texts = tuple(one.text for one in findings)
     places = tuple(f"{one.place} may carry" for one in findings)
-    told = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
-    notes = (*texts, *told)
+    kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
+    notes = (*texts, *kept)
     return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
 
 
@@ -204,9 +204,7 @@ def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
     if not trial.plates:
         why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
         raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
-    if plates:
-        return recorded_wrenches(trial, ["" if one.strip().lower() in NOBODY else one.strip() for one in plates])
-    return recorded_wrenches(trial)
+    return recorded_wrenches(trial, [_body_on_plate(one) for one in plates] if plates else None)
 
 
 def upright(trial: Trial, model: Model) -> Trial:
@@ -243,4 +241,8 @@ def bodies_of(bodies: Sequence[str], plates: str) -> NamedBodies:
 
 def plates_of_text(text: str) -> tuple[str, ...]:
     """Bodies on plates from a text `body,body,...`; one that is empty, - or none is a plate that is left out."""
-    return tuple("" if one.strip().lower() in NOBODY else one.strip() for one in text.split(",")) if text else ()
+    return tuple(map(_body_on_plate, text.split(","))) if text else ()
+
+
+def _body_on_plate(text: str) -> str:
+    return "" if text.strip().lower() in NOBODY else text.strip()

@@ -102,10 +102,10 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
         return trial
     recorded = trial.markers.names
     if not any(name in labels for name in recorded):
-        told = (
+        warning = (
             f"labels: none of its {len(labels)} labels was recorded, which are {listing(next(iter(labels)), recorded)}"
         )
-        return replace(trial, warnings=(*trial.warnings, told))
+        return replace(trial, warnings=(*trial.warnings, warning))
     kept = [i for i, name in enumerate(recorded) if labels.get(name, name)]
     recorded = tuple(recorded[i] for i in kept)
     names = tuple(labels.get(name, name) for name in recorded)

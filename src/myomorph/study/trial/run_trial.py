@@ -81,7 +81,7 @@ def reused_steps(trial: TrialInputs, steps: Sequence[str], folder: Path) -> dict
     reasons = {step: _reasons(step, trial, earlier) for step in STEPS if step in steps}
     if REPORT in steps:
         computed = any(reasons.values())
-        reason = ("its results are new",) if computed else ("what it tells has changed",)
+        reason = ("its results are new",) if computed else ("what it contains has changed",)
         reasons[REPORT] = () if not computed and report_is_made(folder, trial, tuple(reasons)) else reason
     return reasons
 

@@ -61,7 +61,7 @@ class TrialFiles:
     plates : bodies that stand on the plates of a recording, in their order, "" for none; the nearest foot by default
     emg_muscles : EMG channel to the muscles it was measured on, where its name does not tell
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
-    emg_side : side of channels whose names tell none
+    emg_side : side of channels whose names contain none
     emg_gains : gains of the subject's channels, found over all trials; None finds them on this recording alone
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says

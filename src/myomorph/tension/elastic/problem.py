@@ -348,12 +348,6 @@ class ElasticProblem(TensionProblem):
         return replace(tension, fibers=fibers)
 
 
-def _with_fibers(tension: Tension, fibers: Fibers) -> Tension:
-    from dataclasses import replace
-
-    return replace(tension, fibers=fibers)
-
-
 def _at_frames(a: Array) -> Array:
     """Activations at the frames: the mean of those before and after, at the ends the nearest."""
     return np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])

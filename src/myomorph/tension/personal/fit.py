@@ -30,7 +30,7 @@ TRUSTING = (4, 16)
 FIRST_ERRORS = 5.0
 """Of the least errors of torques: with which the fit begins, so that it does not run after each of them at first."""
 INFORMATION = 0.85
-"""Share of what the misfits tell that counts, as the marginal is one of first order; chosen on simulated people."""
+"""Share of what the misfits show that counts, as the marginal is one of first order; chosen on simulated people."""
 LONGEST = 1.0
 """Step of a parameter, in standard deviations before the recordings."""
 SETTLED = 0.05
@@ -122,8 +122,8 @@ def fit(
         settled = 0 if trusting or moved >= SETTLED * damping else settled + 1
         if settled == 3:
             break
-    told = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
-    return Fitted(p, covariance, noise, *told, done, moved)
+    rest = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
+    return Fitted(p, covariance, noise, *rest, done, moved)
 
 
 @read_only

@@ -32,17 +32,17 @@ def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Arr
         squares += mean_squares
         carried += np.sum(part.torques**2, axis=0)
         frames += len(part.error)
-        free = part.told[part.windows.counted] & (part.variance > 0.0)
+        free = part.measured[part.windows.counted] & (part.variance > 0.0)
         moved = frame_products(part.gain.transpose(0, 2, 1), part.error)
         after = part.variance - part.variance * np.einsum("frm,frm->fm", part.gain, part.columns)
         after = after + np.einsum("frm,frm->fm", part.gain, among @ part.gain)
-        own = np.where(free, part.variance, 1.0) / noise.told
+        own = np.where(free, part.variance, 1.0) / noise.emg
         apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))
         known += float(free.sum())
     most = np.maximum(MOST_ERROR**2 * carried / frames, floors**2)
     torque = np.sqrt(np.clip(squares / frames, floors**2, most))
-    told = float(np.clip(apart / known, *SCALES)) if known else 1.0
-    return replace(noise, torque=torque, told=told)
+    emg = float(np.clip(apart / known, *SCALES)) if known else 1.0
+    return replace(noise, torque=torque, emg=emg)
 
 
 def hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> Noise:
@@ -50,11 +50,11 @@ def hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> No
 
     Upwards it is a short one: a misfit that the parameters have yet to follow is no error.
     """
-    torque, rest, told = (
+    torque, rest, emg = (
         one * np.clip((other / one) ** HASTE, *CHANGES)
-        for one, other in ((old.torque, new.torque), (old.rest, new.rest), (old.told, new.told))
+        for one, other in ((old.torque, new.torque), (old.rest, new.rest), (old.emg, new.emg))
     )
-    return Noise(np.maximum(torque, floors), np.maximum(rest, floors_at_rest), float(np.clip(told, *SCALES)))
+    return Noise(np.maximum(torque, floors), np.maximum(rest, floors_at_rest), float(np.clip(emg, *SCALES)))
 
 
 def torque_errors(part: Part, covariance: Array) -> tuple[Array, Array]:

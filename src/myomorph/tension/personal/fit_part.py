@@ -18,7 +18,7 @@ LEVEL, UNKNOWN = 0.1, 0.15
 """Of a muscle without EMG: mean activation expected, itself a parameter, and standard deviation over time; walking has
 root mean squares of 0.1 to 0.25."""
 EMG_LEAST, EMG_SHARE = 0.03, 0.15
-"""Standard deviation of an activation that EMG tells: this much, and a share of it."""
+"""Standard deviation of an activation that EMG shows: this much, and a share of it."""
 LEAST_OWN = 0.5
 """Share of the variance of EMG over time that is activation's at least."""
 REST = 0.003
@@ -38,12 +38,12 @@ class Noise:
     ----------
     torque : (rows,) standard deviation [N m or N]
     rest : (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N m or N]
-    told : factor on the variance of activations that EMG tells
+    emg : factor on the variance of activations that EMG shows
     """
 
     torque: Array
     rest: Array
-    told: float = 1.0
+    emg: float = 1.0
 
 
 def frame_products(matrices: Array, vectors: Array) -> Array:
@@ -63,9 +63,9 @@ class Part:
 
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
         self.prior, self.shapes, self.windows = prior, shapes, windows
-        self.told = np.isfinite(windows.emg)
-        self.envelope = np.where(self.told, windows.emg, LEVEL)
-        self.activations = np.clip(np.where(self.told, windows.emg, 0.05), 0.0, 1.0)
+        self.measured = np.isfinite(windows.emg)
+        self.envelope = np.where(self.measured, windows.emg, LEVEL)
+        self.activations = np.clip(np.where(self.measured, windows.emg, 0.05), 0.0, 1.0)
         self.torques = windows.torques[windows.counted]
         # Torques that were not measured are left out: their rows have no muscles, no misfit and an error of 1.
         self.known = np.isfinite(self.torques)
@@ -89,8 +89,8 @@ class Part:
         sizes = prior.sizes(p)
         followed = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations, w.step)
         at = Followed(*(self._of(one) for one in followed))
-        gains, told, now = prior.gains_of(p), self._of(self.told), self._of(self.activations)
-        expected, variance = self._known_activations(gains, noise, told)
+        gains, measured, now = prior.gains_of(p), self._of(self.measured), self._of(self.activations)
+        expected, variance = self._known_activations(gains, noise, measured)
         if self.rest:
             variance = np.full_like(variance, REST**2)
         self.plain = self.torques - frame_products(self.arms, at.force)
@@ -111,23 +111,23 @@ class Part:
         self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes = jacobian
 
-    def _known_activations(self, gains: Array, noise: Noise, told: np.ndarray) -> tuple[Array, Array]:
+    def _known_activations(self, gains: Array, noise: Noise, measured: np.ndarray) -> tuple[Array, Array]:
         """Mean and variance of activations (frames, muscles) before the torques are looked at.
 
         EMG has errors, so that its peaks are higher and its lows lower than those of activations: what is expected lies
         towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
         """
         # Where EMG is missing for a while, its gain says nothing of the level.
-        factors = np.where(np.logical_or(told, self.prior.gain >= len(self.prior.gains)), gains, 1.0)
+        factors = np.where(np.logical_or(measured, self.prior.gain >= len(self.prior.gains)), gains, 1.0)
         level = np.clip(factors * self._of(self.envelope), 0.0, 1.0)
-        scaled = np.where(told, level, 0.0)
-        variance = np.where(told, noise.told * (EMG_LEAST**2 + (EMG_SHARE * scaled) ** 2), UNKNOWN**2)
-        counts = np.maximum(told.sum(axis=0), 1)
+        scaled = np.where(measured, level, 0.0)
+        variance = np.where(measured, noise.emg * (EMG_LEAST**2 + (EMG_SHARE * scaled) ** 2), UNKNOWN**2)
+        counts = np.maximum(measured.sum(axis=0), 1)
         mean = scaled.sum(axis=0) / counts
-        between = np.sum(np.where(told, (scaled - mean) ** 2, 0.0), axis=0) / counts
-        own = np.maximum(between - np.sum(np.where(told, variance, 0.0), axis=0) / counts, LEAST_OWN * between)
-        share = np.where(told, own / np.maximum(own + variance, 1e-12), 1.0)
-        return np.where(told, mean + share * (scaled - mean), level), share * variance
+        between = np.sum(np.where(measured, (scaled - mean) ** 2, 0.0), axis=0) / counts
+        own = np.maximum(between - np.sum(np.where(measured, variance, 0.0), axis=0) / counts, LEAST_OWN * between)
+        share = np.where(measured, own / np.maximum(own + variance, 1e-12), 1.0)
+        return np.where(measured, mean + share * (scaled - mean), level), share * variance
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
@@ -192,7 +192,7 @@ class Part:
         jacobian[..., by_fiber] = self.arms * of_fiber[:, None]
         jacobian[..., by_point] = -self.arms * (at.by_slack * fiber)[:, None]
         of_force, of_strain = self.arms * at.force[:, None], self.arms * (at.by_strain * strain)[:, None]
-        follows = np.logical_or(self._of(self.told), prior.gain >= len(prior.gains))
+        follows = np.logical_or(self._of(self.measured), prior.gain >= len(prior.gains))
         of_gain = self.columns * np.where(follows, expected, 0.0)[:, None]
         for part, values, index, count in (
             (by_force, of_force, prior.group, len(prior.groups)),

@@ -40,7 +40,7 @@ class PersonalTrial:
     name : for messages and reports
     motion : with velocities
     torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
-    emg : activations that EMG tells, at the motion's times, before gains; None for none
+    emg : activations that EMG shows, at the motion's times, before gains; None for none
     passive : whether muscles were at rest and every frame held still, as where passive torques were measured; torques
         are then those that muscles and joints apply, NaN or without a column where nothing was measured
     """

@@ -44,7 +44,7 @@ class Poses:
     ----------
     fit : of the markers, None where the coordinates are those of a file
     notes : what may not be believed, one line each
-    findings : of the checks of markers, which the notes tell
+    findings : of the checks of markers, which the notes report
     """
 
     recorded: Motion
