@@ -108,8 +108,8 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: 
     if names:
         stay = "It stays" if len(names) == 1 else "They stay"
         text = (
-            f"no marker determines {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is not measured, "
-            "or add markers"
+            f"no marker determines {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is "
+            "not measured, or add markers"
         )
         yield Finding("undetermined", ", ".join(names), text)
 

@@ -238,7 +238,7 @@ def emg_targets_of(
     emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
     if not muscles:
         names = ", ".join(emg.names)
-        note = f"EMG takes no part: no channel's name contains a muscle of the model; name them in emg_muscles ({names})"
+        note = f"EMG takes no part: no channel's name contains a muscle; name them in emg_muscles ({names})"
         return EmgTargets(None, None, (note,))
     calibration = recorded.calibration
     if calibration is None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
+
+import pytest
 
 from made_standing import standing
 from myomorph.io.trc import write_trc
+from myomorph.model.errors import BadData
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
 from myomorph.study.plan.plan import read_plan
@@ -45,3 +49,16 @@ def test_a_wrong_height_is_said_first(tmp_path: Path) -> None:
     write_trc(standing(0.3), tmp_path / "walk.trc")
     prepared = prepare_study(AnalyzeRequest((tmp_path / "walk.trc",), 70.0, height=1.2), tmp_path / "out")
     assert any("WARNING" in text and "--height" in text for text in prepared.assumed)
+
+
+def test_a_study_file_that_was_changed_is_not_lost(tmp_path: Path) -> None:
+    write_trc(standing(0.3), tmp_path / "walk.trc")
+    request = AnalyzeRequest((tmp_path / "walk.trc",), 70.0)
+    study = prepare_study(request, tmp_path / "out").study
+    # As it was written it is only a step on the way.
+    assert prepare_study(replace(request, mass=71.0), tmp_path / "out").study == study
+    changed = study.read_text(encoding="utf-8").replace("mass = 71", "mass = 72")
+    study.write_text(changed, encoding="utf-8")
+    with pytest.raises(BadData, match=r"was changed since it was written.*myomorph run"):
+        prepare_study(request, tmp_path / "out")
+    assert study.read_text(encoding="utf-8") == changed

@@ -26,7 +26,7 @@ from myomorph.study.analyze.recordings import (
     standing_height,
     static_beside,
 )
-from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
+from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, is_unchanged, study_text
 from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.laboratory import AS_RECORDED
@@ -92,6 +92,7 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     MyomorphError
         with one line that says what is missing, and the option that supplies it
     """
+    _refuse_changed(out / STUDY)
     paths, assumed = files_of(request.recordings)
     looked = [look_at(path, table=request.table) for path in paths]
     static, moving, text = _static(looked, request)
@@ -122,6 +123,15 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     target.write_text(study_text(study, out), encoding="utf-8")
     own = [f"{one.name}: {text}" for one in trials for text in one.assumed]
     return Prepared(target, (*assumed, *own))
+
+
+def _refuse_changed(path: Path) -> None:
+    """Raise `BadData` where a study file stands that somebody has changed or written."""
+    if path.is_file() and not is_unchanged(path.read_text(encoding="utf-8", errors="replace")):
+        raise BadData(
+            f"{path} was changed since it was written, and would be lost: run it ('myomorph run {path} --out "
+            f"{path.parent}'), or give another folder (--out)"
+        )
 
 
 def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording | None, list[Recording], str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +14,8 @@ from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 SUBJECT = "subject"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
 WIDTH = 118
+MARK = "# As it was written: "
+"""Before the digest of all lines above, by which a later `analyze` knows that nobody has changed the file."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
     def path(one: Path) -> str:
         return _text(_relative(one, folder))
 
-    lines = [f"# Written by: {study.command}", "# Change it as you like; these words run it again:"]
+    lines = [f"# Written by: {' '.join(study.command.split())}", "# Change it as you like; these words run it again:"]
     lines += [f"# myomorph run {_shell(folder / 'study.toml')} --out {_shell(folder)}", "#", "# What was assumed:"]
     for text in study.assumed:
         lines += _comment(text)
@@ -128,7 +131,18 @@ def study_text(study: StudyEntries, folder: Path) -> str:
             lines.append(f"time = [{trial.time[0]:.4g}, {trial.time[1]:.4g}]")
         if trial.assumed:
             lines += ["assumed = [", *(f"  {_text(text)}," for text in trial.assumed), "]"]
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines) + "\n"
+    return f"{text}{MARK}{_digest(text)}\n"
+
+
+def is_unchanged(text: str) -> bool:
+    """Whether a study file is still as `study_text` made it, so that nothing is lost with it."""
+    body, mark, digest = text.rpartition(MARK)
+    return bool(mark) and digest.strip() == _digest(body)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _relative(path: Path, folder: Path) -> str:

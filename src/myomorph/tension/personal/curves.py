@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +153,3 @@ def _table(grid: Array, muscles: tuple[Muscle, ...], make: Callable[[int], Array
     stacked = np.array(values)
     step = float(grid[1] - grid[0])
     return Lookup(float(grid[0]), step, stacked, np.gradient(stacked, axis=1), np.array(index, np.int64))
-
-
-cached_shapes = lru_cache(maxsize=8)(muscle_shapes)
