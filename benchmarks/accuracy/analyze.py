@@ -199,8 +199,8 @@ def measure(folder: Path) -> Iterator[Row]:
                 "markers, RMS [mm]": float("nan")
                 if found is None or found.fit is None
                 else 1e3 * _rms(found.fit.errors),
-                **{f"{NAMES[joint]}, r": agreement.get(joint, (float("nan"),) * 2)[0] for joint in JOINTS},
-                **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, (float("nan"),) * 2)[1] for joint in JOINTS},
+                **{f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS},
+                **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1] for joint in JOINTS},
                 "reference": case.source,
                 "assumptions": said.getvalue().count("\n  "),
                 "time [s]": seconds,
