@@ -27,7 +27,8 @@ from benchmarks.mouse_recordings import (
     whole_skeleton,
 )
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
-from myomorph.analysis.strides import Limb, Strides, find_strides, walking_strides
+from myomorph.analysis.strides import Limb, Strides, find_strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.arrays import Array

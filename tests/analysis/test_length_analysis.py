@@ -10,7 +10,7 @@ import pytest
 from tests.walker import shown
 
 from myomorph.analysis.length_analysis import curves_table, length_analysis, range_row, ranges_table
-from myomorph.analysis.strides import chains, walking_limbs, walking_points, walking_strides
+from myomorph.analysis.walking import chains, walking_limbs, walking_points, walking_strides
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData
 from myomorph.model.segments import feet_of

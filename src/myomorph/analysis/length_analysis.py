@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.cycles import Band, Cycles, band, over_cycles
-from myomorph.analysis.strides import Stride, Strides, chains, walking_limbs
+from myomorph.analysis.strides import Stride, Strides
+from myomorph.analysis.walking import chains, walking_limbs
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model

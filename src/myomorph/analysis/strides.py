@@ -24,17 +24,12 @@ from myomorph.analysis.foot_events import (
     on_events,
     on_plates,
 )
-from myomorph.analysis.running_events import running_contacts
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Model, index_of
-from myomorph.model.segments import feet_of
-from myomorph.model.series import Event, Motion, Series, Wrenches
+from myomorph.model.model import index_of
+from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
-from myomorph.motion.ik import KinematicsFit
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 __all__ = ["Limb", "Stride", "StrideOptions", "Strides", "find_strides"]
 
@@ -173,13 +168,18 @@ def find_strides(
     along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
     tracks: dict[str, FootTrack] = {}
     for limb in limbs:
-        lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
-        track = foot_track(points.time, feet[limb.name], lifting, trunk, along, options)
+        track = foot_track(
+            points.time,
+            feet[limb.name],
+            _mean(points, limb.lifting) if limb.lifting else feet[limb.name],
+            trunk,
+            along,
+            options,
+        )
         if track is None:
             notes.append(f"{limb.name}: the foot is not seen to go forward and back")
             continue
-        track = on_events(track, limb, running, "running")
-        track = on_events(track, limb, events)
+        track = on_events(on_events(track, limb, running, "running"), limb, events)
         if wrenches is not None and weight is not None:
             track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
         tracks[limb.name] = track
@@ -280,161 +280,3 @@ def _phases(first: Array, strikes: Array) -> Array:
         if len(inside):
             found[k] = (inside[0] - start) / (stop - start)
     return found
-
-
-TRAVELS = 3.0
-"""The body goes over the ground, and not in place on a belt, where it goes so many times as far as a foot beside it."""
-
-STANDS = 0.5
-"""Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
-
-LEAST_DUTY = 0.1
-"""The only stride of a recording has a stance and a swing of at least this share."""
-
-STEADY = 0.35
-"""Strides of a walk differ in duration by less than this share of the usual one, as a median."""
-
-
-def walking_limbs(model: Model) -> tuple[Limb, ...]:
-    """A limb for every body that is a foot by its name and has a side; () where there are none."""
-    feet = [name for name in feet_of(model) if split_side(name)[1]]
-    return tuple(Limb(name, (name,), bodies=(name,)) for name in feet)
-
-
-def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
-    """By limb: its bodies from the foot up to where the chains of all limbs meet, and those beyond the foot."""
-    parents = {joint.child: joint.parent for joint in model.joints}
-    ways: dict[str, list[str]] = {}
-    for body in model.body_names:
-        way, at = [body], parents.get(body, GROUND)
-        while at != GROUND:
-            way.append(at)
-            at = parents.get(at, GROUND)
-        ways[body] = way
-    own = {limb.name: set(ways[limb.points[0]]) for limb in limbs}
-    shared = set.intersection(*own.values()) if len(own) > 1 else {model.body_names[0]}
-    own = {name: bodies - shared for name, bodies in own.items()}
-    return {
-        name: frozenset(body for body in model.body_names if bodies & set(ways[body])) for name, bodies in own.items()
-    }
-
-
-def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = None) -> Series:
-    """Mass centers of the feet and the origin of the root (frames, points, 3) [m].
-
-    With a fit, a foot is unseen (NaN) in frames that show no marker of it nor of the body it hangs on: there its
-    pose is a guess.
-    """
-    tree = compile_tree(model)
-    limbs = walking_limbs(model)
-    names = [limb.name for limb in limbs]
-    root = model.body_names[0]
-    known = np.isfinite(motion.values).all(axis=1)
-    values = tree.coordinates_of(motion)
-    values[~known] = tree.defaults
-    poses = forward_kinematics(tree, values)
-    places = np.empty((len(motion), len(names) + 1, 3))
-    for k, name in enumerate(names):
-        b = tree.body_index[name]
-        places[:, k] = poses.origins[:, b] + poses.rotations[:, b] @ model.body(name).mass_center
-    places[:, -1] = poses.origins[:, tree.body_index[root]]
-    places[~known] = np.nan
-    if fit is not None and len(fit.motion) == len(motion):
-        parents = {joint.child: joint.parent for joint in model.joints}
-        for k, name in enumerate(names):
-            near = [
-                i for i, marker in enumerate(fit.marker_names) if model.marker(marker).body in (name, parents[name])
-            ]
-            if near:
-                places[~np.isfinite(fit.errors[:, near]).any(axis=1), k] = np.nan
-    return Series(motion.time, (*names, root), places)
-
-
-def walking_strides(
-    model: Model,
-    motion: Motion,
-    fit: KinematicsFit | None = None,
-    options: StrideOptions | None = None,
-    *,
-    wrenches: Wrenches | None = None,
-    events: Sequence[Event] = (),
-) -> Strides | None:
-    """Strides of a motion, or None where it is no walk: no feet, feet that stand, no stride, or none like another.
-
-    Parameters
-    ----------
-    motion : coordinates (frames, coordinates) [rad or m]
-    wrenches : on the feet: strikes and lifts that they show go before all others
-    events : of the recording, which go before those of the motion
-    """
-    limbs = walking_limbs(model)
-    if len(limbs) < 2 or not len(motion):
-        return None
-    points = walking_points(model, motion, fit)
-    if not feet_move(points):
-        return None
-    # On a belt the root, the last of the points, only drifts.
-    travels = _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
-    ground, root = 0.0 if travels else None, model.body_names[:1]
-    feet = {body for limb in limbs for body in limb.bodies}
-    plates = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
-    running = [
-        Event(time, label, split_side(foot)[1].capitalize())
-        for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
-        for interval in intervals
-        for time, label in zip(interval, ("Foot Strike", "Foot Off"), strict=True)
-    ]
-    try:
-        found = find_strides(
-            points,
-            limbs,
-            root,
-            model.up,
-            ground_speed=ground,
-            wrenches=plates,
-            weight=None if plates is None else model.weight,
-            events=events,
-            running=running,
-            facing=_facing(model, motion, limbs),
-            options=options,
-        )
-    except BadData:
-        return None
-    lasting: Array = np.array([one.duration for one in found.strides])
-    if not len(lasting):
-        return None
-    if len(lasting) == 1:
-        only = found.strides[0]
-        return found if LEAST_DUTY < only.duty < 1.0 - LEAST_DUTY and only.length > 0.0 else None
-    usual = float(np.median(lasting))
-    unlike = float(np.median(np.abs(lasting - usual))) / usual
-    return found if unlike < STEADY else None
-
-
-def _facing(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
-    """(3,) mean direction from the feet's joints to their centers of mass; None where they have none."""
-    tree = compile_tree(model)
-    known = np.isfinite(motion.values).all(axis=1)
-    if not known.any():
-        return None
-    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
-    ways = [poses.rotations[:, tree.body_index[limb.name]] @ model.body(limb.name).mass_center for limb in limbs]
-    mean: Array = np.mean(ways, axis=(0, 1))
-    return mean if np.linalg.norm(mean) > 0.0 else None
-
-
-def feet_move(points: Series) -> bool:
-    """Whether a foot goes about as far over the ground or the belt as beside the root."""
-    beside = _ways_beside(points)
-    return any(_way(points.values[:, k]) > STANDS * way for k, way in enumerate(beside))
-
-
-def _ways_beside(points: Series) -> list[float]:
-    """How far every foot goes as the root sees it [m]."""
-    return [_way(points.values[:, k] - points.values[:, -1]) for k in range(len(points.names) - 1)]
-
-
-def _way(places: Array) -> float:
-    """Extent of a path (frames, 3) without its farthest tenth [m]."""
-    seen = places[np.isfinite(places).all(axis=1)]
-    return float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))) if len(seen) else 0.0

@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-import myomorph.analysis.strides as strides_module
+import myomorph.analysis.walking as strides_module
 from made_walker import PERIOD, recording, walker
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto

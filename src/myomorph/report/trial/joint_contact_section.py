@@ -6,7 +6,8 @@ import numpy as np
 
 from myomorph.analysis.cycles import band, over_cycles
 from myomorph.analysis.joint_loads import own_strides, stride_loads
-from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot

@@ -10,7 +10,8 @@ import numpy as np
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.analysis.phases import Movement, find_movement
-from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
 from myomorph.report.page.parts import Verdict

@@ -9,7 +9,8 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from myomorph.analysis.joint_loads import own_strides
-from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from myomorph.analysis.joint_loads import stride_loads
-from myomorph.analysis.strides import Strides, walking_strides
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.model import Model

@@ -9,7 +9,8 @@ import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.groups import Animal
-from myomorph.analysis.strides import Limb, Stride, Strides, feet_move, find_strides, walking_limbs, walking_points
+from myomorph.analysis.strides import Limb, Stride, Strides, find_strides
+from myomorph.analysis.walking import feet_move, walking_limbs, walking_points
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
