@@ -151,10 +151,10 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
     figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
     counts = ", ".join(f"{len(own)} of {limb}" for limb, own in analysis.strides.items())
     lead = (
-        f"From foot strike to foot strike of each muscle's own side ({counts}). A stride starts where the foot is "
-        "farthest ahead of the trunk. Thin lines are strides; the band is the 95 % interval of their mean. Velocities "
-        "in the table are means of each stride's maximum, in optimal fiber lengths a second; 'standing' is the model's "
-        "default pose."
+        f"From foot strike to foot strike of each muscle's own side ({counts}): as plates show it, else as events of "
+        "the recording, else where the foot is farthest ahead of the trunk. Thin lines are strides; the band is the "
+        "95 % interval of their mean. Velocities in the table are means of each stride's maximum, in optimal fiber "
+        "lengths a second; 'standing' is the model's default pose."
     )
     rows = tuple(range_row(one) for one in ranges)
     grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)
