@@ -144,6 +144,7 @@ def raw_loads(
         with about(path):
             wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
     elif ending == ".toml":
+        # As above.
         from myomorph.contact.feet_on_steps import stairs_wrenches
         from myomorph.study.trial.contact_file import read_stairs
 
