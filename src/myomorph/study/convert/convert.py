@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -185,9 +186,10 @@ def _write_channels(table: Table, path: Path) -> str:
 def _write_table(table: Table, path: Path) -> str:
     if path.suffix.lower() == ".csv":
         with written(path) as stream:
-            stream.write(",".join(("time", *table.names)) + "\n")
+            rows = csv.writer(stream, lineterminator="\n")
+            rows.writerow(("time", *table.names))
             for time, row in zip(table.time.tolist(), table.values.tolist(), strict=True):
-                stream.write(",".join(f"{one:.10g}" for one in (time, *row)) + "\n")
+                rows.writerow([f"{one:.10g}" for one in (time, *row)])
     else:
         write_sto(table, path)
     return f"{len(table.names)} columns, {len(table)} rows"
@@ -195,9 +197,9 @@ def _write_table(table: Table, path: Path) -> str:
 
 def _write_events(events: Sequence[Event], path: Path) -> str:
     with written(path) as stream:
-        stream.write("time,event,side\n")
-        for one in events:
-            stream.write(f"{one.time:.10g},{one.label},{one.side}\n")
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("time", "event", "side"))
+        rows.writerows((f"{one.time:.10g}", one.label, one.side) for one in events)
     return f"{len(events)} events"
 
 

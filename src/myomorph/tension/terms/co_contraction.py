@@ -23,6 +23,9 @@ WEIGHT = 100.0
 """Cost of a co-contraction that lacks, squared, in units of the effort a^2 of one muscle: an aim and no constraint, so
 that a joint whose muscles cannot do it still has a solution."""
 
+SMALL = 1e-4
+"""Moment arms below this turn nothing [m]."""
+
 
 class CoContractionTerm(Term):
     """At every coordinate that muscles turn both ways, the weaker side gives at least `level` of what it can.
@@ -111,7 +114,3 @@ class CoContractionTerm(Term):
         beyond = -np.ones((len(frames), 1))
         values = [np.hstack([size[:, of, j], beyond]) for j, of in enumerate(self._crossing)]
         return np.hstack(values), self._torque[frames.part] / weaker + 2.0 * self._level
-
-
-SMALL = 1e-4
-"""Moment arms below this turn nothing [m]."""
