@@ -1,0 +1,245 @@
+"""A trial computed anew with drawn errors: the same chain of steps on other inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.io.loads import loads_table
+from myomorph.io.sto import table_from_motion
+from myomorph.model.arrays import Array
+from myomorph.model.errors import MyomorphError
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.settings import Differentiation, TensionTables
+from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
+from myomorph.study.trial.steps.ik import Poses, solve_kinematics
+from myomorph.study.trial.steps.tension import Tensions, task_of
+from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.tension import TensionOptions
+from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
+from myomorph.uncertainty.sources import GROUPS, Sources
+
+FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
+"""What a draw may end in that has no solution."""
+MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
+"""Groups of sources that change the motion, and those that change the torques of the same motion."""
+EXPONENTS = (1.5, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A table of the chain.
+
+    Attributes
+    ----------
+    name : of its file
+    names : columns
+    values : (frames, names) as they were computed without errors
+    table : from values to what is written
+    unit : of the columns, in which `values` are; "" where they differ
+    """
+
+    name: str
+    time: Array
+    names: tuple[str, ...]
+    values: Array
+    table: Callable[[Array], Table]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """What was computed of a trial without errors, and from what.
+
+    Attributes
+    ----------
+    markers : that draws move: those recorded, else the model's own on the motion that was given; None without any
+    base : what inverse kinematics makes of these
+    residuals : root mean square error of each marker in the recording [m]
+    loads : external forces as recorded
+    """
+
+    trial: TrialInputs
+    recorded: Motion
+    torques: Torques | None
+    tensions: Tensions | None
+    markers: Markers | None
+    base: Motion | None
+    residuals: Mapping[str, float]
+    loads: Wrenches | None
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The tables whose spread is asked for."""
+        return tuple(self._made(self.trial, self.recorded, self.torques, self.tensions))
+
+    def drawn(self, draw: Draw) -> dict[str, Array]:
+        """Values of all tables under the errors of a draw.
+
+        Raises
+        ------
+        one of `FAILURES`, where the drawn trial has no solution
+        """
+        trial = drawn_trial(self, draw)
+        moved, loaded = _acts(draw.sources, MOVED), _acts(draw.sources, LOADED)
+        recorded = self._moved(trial, draw) if moved else self.recorded
+        torques = self.torques
+        if torques is not None and (moved or loaded):
+            torques = solve_dynamics(trial, recorded)
+        tensions = self.tensions
+        if tensions is not None and torques is not None:
+            task = task_of(trial, recorded, torques)
+            tension, _ = task.solved(lambda count: None)
+            loads = task.loads(tension)[0] if task.setting is not None else None
+            tensions = Tensions(tension, loads=loads)
+        return {one.name: one.values for one in self._made(trial, recorded, torques, tensions)}
+
+    def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
+        """The motion that inverse kinematics finds under the errors of a draw."""
+        if self.markers is None or self.base is None:
+            return drawn_angles(trial.model, self.recorded, draw)
+        markers = drawn_markers(trial.model, self.markers, draw, self.residuals)
+        found = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+        return replace(self.recorded, values=self.recorded.values + found.values - self.base.values)
+
+    def _made(
+        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, tensions: Tensions | None
+    ) -> list[Quantity]:
+        model = self.trial.model
+        kinds = [model.coordinate(name).motion for name in recorded.names]
+        units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
+        factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
+
+        def coordinates(values: Array) -> Table:
+            return table_from_motion(Motion(recorded.time, recorded.names, values / factors), model)
+
+        made = [
+            Quantity(
+                "coordinates", recorded.time, recorded.names, recorded.values * factors, coordinates, units
+            )
+        ]
+        if torques is None:
+            return made
+        if self.trial.torques is None:
+            made.append(_torques(trial, torques))
+        if tensions is not None:
+            made += self._of_muscles(trial, torques, tensions)
+        return made
+
+    def _of_muscles(self, trial: TrialInputs, torques: Torques, tensions: Tensions) -> list[Quantity]:
+        tension = tensions.tension
+        parts = (
+            ("activations", tension.muscles, tension.activations, "1"),
+            ("forces", tension.muscles, tension.forces, "N"),
+        )
+        made = [_named(name, tension.time, names, values, unit) for name, names, values, unit in parts]
+        if tensions.loads is not None and tension.contacts is not None:
+            table = loads_table(tensions.loads)
+            made.append(_named("contact_forces", table.time, table.names, table.values, ""))
+        frame = trial.options[TensionTables].reactions
+        if frame != "none":
+            recorded = Motion(torques.motion.time, torques.motion.names, torques.motion.values)
+            table = task_of(trial, recorded, torques).reactions(tension, frame)
+            made.append(_named("joint_reactions", table.time, table.names, table.values, ""))
+        return made
+
+
+def _torques(trial: TrialInputs, torques: Torques) -> Quantity:
+    shown = shown_torques(trial, torques)
+    kinds = [trial.model.coordinate(name).motion for name in shown.names]
+    units = tuple("N m" if kind == "rotational" else "N" for kind in kinds)
+
+    def table(values: Array) -> Table:
+        return torque_table(Series(shown.time, shown.names, values), trial.model)
+
+    return Quantity("torques", shown.time, shown.names, shown.values, table, units)
+
+
+def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
+    def table(given: Array) -> Table:
+        return Table(time, names, given, facts=FrozenMap({"name": name.replace("_", " ")}))
+
+    return Quantity(name, time, names, values, table, (unit,) * len(names))
+
+
+def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tensions: Tensions | None) -> Chain:
+    """What a trial's results are drawn around."""
+    markers, base, residuals = None, None, dict[str, float]()
+    if poses.fit is not None:
+        checked = solve_kinematics(trial)
+        markers, base = checked.markers, checked.fit.motion
+        errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
+        residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
+    elif trial.model.markers:
+        markers = markers_of(trial, poses.recorded)
+        base = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+    if torques is None and tensions is not None:
+        torques = solve_dynamics(trial, poses.recorded)
+    loads = None if trial.loads is None else trial.loads(poses.recorded)
+    return Chain(trial, poses.recorded, torques, tensions, markers, base, residuals, loads)
+
+
+def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
+    """Where a model's markers are in a motion."""
+    tree = compile_tree(trial.model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    places = trial.model.markers
+    bodies = np.array([tree.body_number(one.body) for one in places], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in places]))
+    return Markers(motion.time, tuple(one.name for one in places), points)
+
+
+def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
+    """A trial's inputs with the errors of a draw; markers and motion are drawn apart."""
+    trial, sources = chain.trial, draw.sources
+    options = trial.options
+    if sources.filter_cutoff:
+        cutoff = cutoff_of(trial, chain.recorded)
+        if cutoff is not None:
+            options = options.having(Differentiation(cutoff * draw.factor("filter_cutoff", "cutoff")))
+    if sources.criterion:
+        options = options.having(_criterion(options[TensionOptions], draw))
+    loads = chain.loads
+    if loads is not None and _acts(sources, ("forces",)):
+        loads = drawn_wrenches(loads, trial.model.up, draw)
+    return replace(
+        trial,
+        model=drawn_model(trial.model, draw),
+        options=options,
+        loads=None if loads is None else lambda motion: loads,
+        emg=None if trial.emg is None else drawn_emg(trial.emg, draw),
+    )
+
+
+def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
+    """Another effort that is least; of minmax nothing is drawn."""
+    if options.recruitment == "minmax":
+        return options
+    low, high = EXPONENTS
+    exponent = low + (high - low) * draw.normals.uniform(draw.number, "criterion", "exponent")
+    volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
+    return replace(options, exponent=exponent, weights="volume" if volume else "equal")
+
+
+def _acts(sources: Sources, groups: tuple[str, ...]) -> bool:
+    return any(size for group in groups for size in sources.of(group).values())
+
+
+def alone(sources: Sources, group: str) -> Sources:
+    """Only the sources of one group."""
+    return _without(sources, tuple(one for one in GROUPS if one != group))
+
+
+def frozen(sources: Sources, group: str) -> Sources:
+    """All sources but those of one group."""
+    return _without(sources, (group,))
+
+
+def _without(sources: Sources, groups: tuple[str, ...]) -> Sources:
+    return replace(sources, **{name: 0.0 for group in groups for name in GROUPS[group]})
