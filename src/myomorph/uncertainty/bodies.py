@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -47,18 +46,18 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     model : as it was given
     draw : which errors
     """
-    has, changes = draw.sources, {}
+    has = draw.sources
     if has.segment_mass or has.mass_center or has.inertia:
-        changes["bodies"] = _bodies(model, draw)
+        model = replace(model, bodies=_bodies(model, draw))
     if has.joint_center or has.joint_axis:
-        changes["joints"] = tuple(_joint(one, draw) for one in model.joints)
+        model = replace(model, joints=tuple(_joint(one, draw) for one in model.joints))
     if has.placement:
-        changes["markers"] = tuple(_marker(one, draw) for one in model.markers)
+        model = replace(model, markers=tuple(_marker(one, draw) for one in model.markers))
     if has.attachment or has.strength or has.fiber_length or has.slack_length:
-        changes["muscles"] = tuple(_muscle(one, draw) for one in model.muscles)
+        model = replace(model, muscles=tuple(_muscle(one, draw) for one in model.muscles))
     if has.wrap_radius:
-        changes["wrap_objects"] = tuple(map(partial(_surface, draw=draw), model.wrap_objects))
-    return replace(model, **changes) if changes else model  # type: ignore[arg-type]
+        model = replace(model, wrap_objects=tuple(_surface(one, draw) for one in model.wrap_objects))
+    return model
 
 
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:

@@ -20,8 +20,8 @@ REACH = 4
 class Normals:
     """Standard normal numbers of `draws` draws.
 
-    Numbers depend on the seed, the source's name, the item's name and the draw alone: a marker is misplaced alike in every
-    trial of a subject, and two conditions differ by what differs between them.
+    Numbers depend on the seed, the source's name, the item's name and the draw alone: a marker is misplaced alike in
+    every trial of a subject, and two conditions differ by what differs between them.
 
     Attributes
     ----------

@@ -120,8 +120,8 @@ def shifted(wrenches: Wrenches, late: float) -> Wrenches:
         # Beside a sample without a center of pressure the nearer one counts.
         return np.asarray(np.where(np.isfinite(mixed), mixed, near))
 
-    parts = (between(one) for one in (wrenches.forces, wrenches.points, wrenches.torques))
-    return replace(wrenches, **dict(zip(("forces", "points", "torques"), parts, strict=True)))
+    forces, points, torques = (between(one) for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    return replace(wrenches, forces=forces, points=points, torques=torques)
 
 
 def drawn_emg(emg: Emg, draw: Draw) -> Emg:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import ClassVar
 
 from myomorph.model.errors import BadData
 
@@ -31,8 +30,9 @@ class Sources:
     ----------
     marker_noise : of a camera system, each marker, frame and axis by itself [m]
     skin_thigh, skin_shank, skin_foot, skin_trunk, skin_arm : movement of skin on bone, each axis [m]: half of its
-        variance moves all markers of a segment alike, half each by itself; more where a marker's own residual is larger.
-        Peters et al. 2010 find up to 30 mm on the thigh and 15 mm on the shank, Leardini et al. 2005 less elsewhere
+        variance moves all markers of a segment alike, half each by itself; more where a marker's own residual is
+        larger. Peters et al. 2010 find up to 30 mm on the thigh and 15 mm on the shank, Leardini et al. 2005 less
+        elsewhere
     skin_time : over which skin keeps its place: standard deviation of the Gaussian that correlates it [s]
     angle : of joint angles that were given without markers, correlated in the same way [rad]
     placement : of the model's markers on their bodies, each axis, the same in all frames [m] (Della Croce et al. 2005)
@@ -51,11 +51,9 @@ class Sources:
     fiber_length : optimal, of each muscle, as a share
     slack_length : of each tendon, as a share of the optimal fiber length
     emg_gain : of each channel of EMG, as a share
-    criterion : which effort is least is a convention: 1 draws the exponent from 1.5 to 3 and weights that are equal or by
-        volume, 0 keeps those of the tensions
+    criterion : which effort is least is a convention: 1 draws the exponent from 1.5 to 3 and weights that are equal
+        or by volume, 0 keeps those of the tensions
     """
-
-    SETTING_PREFIX: ClassVar[str] = "sd_"
 
     marker_noise: float = 0.0005
     skin_thigh: float = 0.008

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.frozen_map import FrozenMap
 
 LEVEL = 0.9
 IN_MEMORY = 100e6
@@ -36,6 +37,41 @@ class Spread:
     low: Array
     high: Array
     deviation: Array
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What groups of sources contribute to the columns of one table, as shares of the variance (groups, names).
+
+    Attributes
+    ----------
+    groups : names
+    alone : of each group, the others left out
+    total : what is missing where a group is left out, so that what it does together with others counts too
+    """
+
+    groups: tuple[str, ...]
+    alone: Array
+    total: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """The spread of every table of a trial.
+
+    Attributes
+    ----------
+    spreads : by the tables' names
+    shares : by the tables' names, what each group of sources contributes
+    draws, failed : how many inputs were drawn, and of how many there is no solution
+    """
+
+    spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
+    shares: Mapping[str, Shares] = field(default_factory=lambda: FrozenMap({}))
+    draws: int = 0
+    failed: int = 0
+    notes: tuple[str, ...] = ()
 
 
 class Draws:

@@ -43,7 +43,8 @@ class Quantity:
     names : columns
     values : (frames, names) as they were computed without errors
     table : from values to what is written
-    unit : of the columns, in which `values` are; "" where they differ
+    unit : of the values
+    units, factors : of each column in tables that people read, and from the values to these
     """
 
     name: str
@@ -51,7 +52,9 @@ class Quantity:
     names: tuple[str, ...]
     values: Array
     table: Callable[[Array], Table]
+    unit: str
     units: tuple[str, ...]
+    factors: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,20 @@ class Chain:
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Groups of sources that can change a result."""
+        marked, forced = self.markers is not None, self.torques is not None and self.trial.torques is None
+        acting = {
+            "placement": marked,
+            "joints": marked or forced,
+            "forces": forced and self.loads is not None,
+            "masses": forced,
+            "filter": forced,
+            "EMG": self.tensions is not None and self.trial.emg is not None,
+        } | dict.fromkeys(("paths", "muscles", "criterion"), self.tensions is not None)
+        return tuple(one for one in GROUPS if acting.get(one, True))
 
     def quantities(self) -> tuple[Quantity, ...]:
         """The tables whose spread is asked for."""
@@ -117,13 +134,10 @@ class Chain:
         factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
 
         def coordinates(values: Array) -> Table:
-            return table_from_motion(Motion(recorded.time, recorded.names, values / factors), model)
+            return table_from_motion(Motion(recorded.time, recorded.names, values), model)
 
-        made = [
-            Quantity(
-                "coordinates", recorded.time, recorded.names, recorded.values * factors, coordinates, units
-            )
-        ]
+        given = (recorded.time, recorded.names, recorded.values)
+        made = [Quantity("coordinates", *given, coordinates, "rad or m", units, factors)]
         if torques is None:
             return made
         if self.trial.torques is None:
@@ -141,12 +155,12 @@ class Chain:
         made = [_named(name, tension.time, names, values, unit) for name, names, values, unit in parts]
         if tensions.loads is not None and tension.contacts is not None:
             table = loads_table(tensions.loads)
-            made.append(_named("contact_forces", table.time, table.names, table.values, ""))
+            made.append(_named("contact_forces", table.time, table.names, table.values, "N, N m or m"))
         frame = trial.options[TensionTables].reactions
         if frame != "none":
             recorded = Motion(torques.motion.time, torques.motion.names, torques.motion.values)
             table = task_of(trial, recorded, torques).reactions(tension, frame)
-            made.append(_named("joint_reactions", table.time, table.names, table.values, ""))
+            made.append(_named("joint_reactions", table.time, table.names, table.values, "N, N m or m"))
         return made
 
 
@@ -158,14 +172,16 @@ def _torques(trial: TrialInputs, torques: Torques) -> Quantity:
     def table(values: Array) -> Table:
         return torque_table(Series(shown.time, shown.names, values), trial.model)
 
-    return Quantity("torques", shown.time, shown.names, shown.values, table, units)
+    given = (shown.time, shown.names, shown.values)
+    return Quantity("torques", *given, table, "N m or N", units, np.ones(len(units)))
 
 
 def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
     def table(given: Array) -> Table:
         return Table(time, names, given, facts=FrozenMap({"name": name.replace("_", " ")}))
 
-    return Quantity(name, time, names, values, table, (unit,) * len(names))
+    count = len(names)
+    return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
 
 
 def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tensions: Tensions | None) -> Chain:
