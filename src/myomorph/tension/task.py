@@ -157,7 +157,7 @@ class TensionTask:
     def reactions(self, tension: Tension, frame: str) -> Table:
         """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
         own = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*own, frame=frame, actuators=self.actuators).table()
+        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(magnitudes=True)
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Forces at contact points of joints."""

@@ -14,6 +14,7 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
@@ -129,6 +130,8 @@ class Chain:
         self, trial: TrialInputs, recorded: Motion, torques: Torques | None, tensions: Tensions | None
     ) -> list[Quantity]:
         model = self.trial.model
+        if trial.time is not None:
+            recorded = cut(recorded, *trial.time)
         kinds = [model.coordinate(name).motion for name in recorded.names]
         units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
         factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
@@ -156,11 +159,17 @@ class Chain:
         if tensions.loads is not None and tension.contacts is not None:
             table = loads_table(tensions.loads)
             made.append(_named("contact_forces", table.time, table.names, table.values, "N, N m or m"))
-        frame = trial.options[TensionTables].reactions
+        frame, points = trial.options[TensionTables].reactions, trial.contact_points
+        if frame == "none" and points is None:
+            return made
+        recorded = replace(torques.motion, velocities=None, accelerations=None)
+        task = task_of(trial, recorded, torques)
         if frame != "none":
-            recorded = Motion(torques.motion.time, torques.motion.names, torques.motion.values)
-            table = task_of(trial, recorded, torques).reactions(tension, frame)
+            table = task.reactions(tension, frame)
             made.append(_named("joint_reactions", table.time, table.names, table.values, "N, N m or m"))
+        if points is not None:
+            table = task.joint_contacts(tension, points).table()
+            made.append(_named("joint_contact_forces", table.time, table.names, table.values, "N"))
         return made
 
 
