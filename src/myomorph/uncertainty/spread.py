@@ -38,6 +38,22 @@ class Spread:
     high: Array
     deviation: Array
 
+    def over(self, time: Array, own: Array, nominal: Array) -> Spread:
+        """The spread at other times, its limits as far from the values without errors as between its own frames.
+
+        Parameters
+        ----------
+        time : (samples,) [s]
+        own, nominal : values without errors at the spread's times and at the others
+        """
+        if len(time) == len(self.time):
+            return self
+        low, high, deviation = (
+            np.column_stack([np.interp(time, self.time, column) for column in values.T])
+            for values in (self.low - own, self.high - own, self.deviation)
+        )
+        return Spread(time, self.names, nominal + low, nominal + high, deviation)
+
 
 @read_only
 @dataclass(frozen=True, eq=False)

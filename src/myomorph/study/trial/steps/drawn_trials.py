@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from myomorph.io.loads import loads_table
 from myomorph.io.sto import table_from_motion
@@ -20,8 +21,9 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
 from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
-from myomorph.study.trial.steps.tension import Tensions, task_of
+from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
@@ -32,6 +34,8 @@ FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion."""
 EXPONENTS = (1.5, 3.0)
+POSES, TENSIONS = 50.0, 25.0
+"""Poses and tensions that are drawn a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +68,25 @@ class Chain:
 
     Attributes
     ----------
+    tense : whether tensions are asked for
     markers : that draws move: those recorded, else the model's own on the motion that was given; None without any
     base : what inverse kinematics makes of these
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
+    pose_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not depend on each
+        other
     """
 
     trial: TrialInputs
     recorded: Motion
     torques: Torques | None
-    tensions: Tensions | None
+    tense: bool
     markers: Markers | None
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
+    pose_step: int = 1
+    tension_step: int = 1
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -89,88 +98,101 @@ class Chain:
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
-            "EMG": self.tensions is not None and self.trial.emg is not None,
-        } | dict.fromkeys(("paths", "muscles", "criterion"), self.tensions is not None)
+            "EMG": self.tense and self.trial.emg is not None,
+        } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
         return tuple(one for one in GROUPS if acting.get(one, True))
 
-    def quantities(self) -> tuple[Quantity, ...]:
-        """The tables whose spread is asked for."""
-        return tuple(self._made(self.trial, self.recorded, self.torques, self.tensions))
+    def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
+        """Tables without errors, of all frames and of those that are drawn."""
+        whole = replace(self, tension_step=1)._made(self.trial, self.recorded, self.torques)
+        if self.tension_step == 1:
+            return tuple((one, one) for one in whole)
+        return tuple(zip(whole, self._made(self.trial, self.recorded, self.torques), strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
-        """Values of all tables under the errors of a draw.
+        """Values of all tables under the errors of a draw, at the frames that are drawn.
 
         Raises
         ------
         one of `FAILURES`, where the drawn trial has no solution
         """
-        trial = drawn_trial(self, draw)
-        moved, loaded = _acts(draw.sources, MOVED), _acts(draw.sources, LOADED)
+        trial, sources = drawn_trial(self, draw), draw.sources
+        moved = acts(sources, MOVED)
         recorded = self._moved(trial, draw) if moved else self.recorded
         torques = self.torques
-        if torques is not None and (moved or loaded):
+        if torques is not None and (moved or acts(sources, LOADED)):
             torques = solve_dynamics(trial, recorded)
-        tensions = self.tensions
-        if tensions is not None and torques is not None:
-            task = task_of(trial, recorded, torques)
-            tension, _ = task.solved(lambda count: None)
-            loads = task.loads(tension)[0] if task.setting is not None else None
-            tensions = Tensions(tension, loads=loads)
-        return {one.name: one.values for one in self._made(trial, recorded, torques, tensions)}
+        return {one.name: one.values for one in self._made(trial, recorded, torques)}
 
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
             return drawn_angles(trial.model, self.recorded, draw)
+        some = slice(None, None, self.pose_step)
         markers = drawn_markers(trial.model, self.markers, draw, self.residuals)
+        markers = replace(markers, time=markers.time[some], values=markers.values[some])
         found = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
-        return replace(self.recorded, values=self.recorded.values + found.values - self.base.values)
+        errors = found.values - self.base.values[some]
+        if self.pose_step > 1:
+            known = np.isfinite(errors).all(axis=1)
+            errors = make_interp_spline(found.time[known], errors[known])(self.recorded.time)
+        return replace(self.recorded, values=self.recorded.values + errors)
 
-    def _made(
-        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, tensions: Tensions | None
-    ) -> list[Quantity]:
+    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
         model = self.trial.model
-        if trial.time is not None:
-            recorded = cut(recorded, *trial.time)
-        kinds = [model.coordinate(name).motion for name in recorded.names]
+        shown = recorded if trial.time is None else cut(recorded, *trial.time)
+        kinds = [model.coordinate(name).motion for name in shown.names]
         units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
         factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
 
         def coordinates(values: Array) -> Table:
-            return table_from_motion(Motion(recorded.time, recorded.names, values), model)
+            return table_from_motion(Motion(shown.time, shown.names, values), model)
 
-        given = (recorded.time, recorded.names, recorded.values)
+        given = (shown.time, shown.names, shown.values)
         made = [Quantity("coordinates", *given, coordinates, "rad or m", units, factors)]
         if torques is None:
             return made
         if self.trial.torques is None:
             made.append(_torques(trial, torques))
-        if tensions is not None:
-            made += self._of_muscles(trial, torques, tensions)
+        if self.tense:
+            made += _of_muscles(trial, task_of(trial, recorded, every(self.tension_step, torques)))
         return made
 
-    def _of_muscles(self, trial: TrialInputs, torques: Torques, tensions: Tensions) -> list[Quantity]:
-        tension = tensions.tension
-        parts = (
-            ("activations", tension.muscles, tension.activations, "1"),
-            ("forces", tension.muscles, tension.forces, "N"),
-        )
-        made = [_named(name, tension.time, names, values, unit) for name, names, values, unit in parts]
-        if tensions.loads is not None and tension.contacts is not None:
-            table = loads_table(tensions.loads)
-            made.append(_named("contact_forces", table.time, table.names, table.values, "N, N m or m"))
-        frame, points = trial.options[TensionTables].reactions, trial.contact_points
-        if frame == "none" and points is None:
-            return made
-        recorded = replace(torques.motion, velocities=None, accelerations=None)
-        task = task_of(trial, recorded, torques)
-        if frame != "none":
-            table = task.reactions(tension, frame)
-            made.append(_named("joint_reactions", table.time, table.names, table.values, "N, N m or m"))
-        if points is not None:
-            table = task.joint_contacts(tension, points).table()
-            made.append(_named("joint_contact_forces", table.time, table.names, table.values, "N"))
-        return made
+
+def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
+    tension, _ = task.solved(lambda count: None)
+    parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
+    made = [_named(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
+    tables = []
+    if task.setting is not None:
+        tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
+    frame, points = trial.options[TensionTables].reactions, trial.contact_points
+    if frame != "none":
+        tables.append(("joint_reactions", task.reactions(tension, frame)))
+    if points is not None:
+        tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
+    return [*made, *(_named(name, one.time, one.names, one.values, "N, N m or m") for name, one in tables)]
+
+
+def every(step: int, torques: Torques) -> Torques:
+    """Every so manieth frame of a motion with its torques and external forces."""
+    if step == 1:
+        return torques
+    some, motion, wrenches = slice(None, None, step), torques.motion, torques.wrenches
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    thin = replace(
+        motion,
+        time=motion.time[some],
+        values=motion.values[some],
+        velocities=motion.velocities[some],
+        accelerations=motion.accelerations[some],
+    )
+    if wrenches is not None:
+        parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
+        wrenches = replace(wrenches, **parts)
+    own = torques.torques
+    return Torques(thin, replace(own, time=own.time[some], values=own.values[some]), wrenches)
 
 
 def _torques(trial: TrialInputs, torques: Torques) -> Quantity:
@@ -193,21 +215,34 @@ def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: 
     return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
 
 
-def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tensions: Tensions | None) -> Chain:
-    """What a trial's results are drawn around."""
-    markers, base, residuals = None, None, dict[str, float]()
+def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
+    """What a trial's results are drawn around.
+
+    Parameters
+    ----------
+    tense : whether tensions are asked for
+    thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
+    """
+    markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
     if poses.fit is not None:
         checked = solve_kinematics(trial)
         markers, base = checked.markers, checked.fit.motion
         errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
-        markers = markers_of(trial, poses.recorded)
+        markers = markers_of(trial, recorded)
         base = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
-    if torques is None and tensions is not None:
-        torques = solve_dynamics(trial, poses.recorded)
-    loads = None if trial.loads is None else trial.loads(poses.recorded)
-    return Chain(trial, poses.recorded, torques, tensions, markers, base, residuals, loads)
+    if torques is None and tense:
+        torques = solve_dynamics(trial, recorded)
+    loads = None if trial.loads is None else trial.loads(recorded)
+    chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads)
+    if not thin:
+        return chain
+    rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
+    # Contacts and elastic tendons tie frames to each other.
+    tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
+    tension_step = 1 if tied else max(1, int(rate / TENSIONS))
+    return replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
 
 
 def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
@@ -231,7 +266,7 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
     loads = chain.loads
-    if loads is not None and _acts(sources, ("forces",)):
+    if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
     return replace(
         trial,
@@ -252,7 +287,8 @@ def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     return replace(options, exponent=exponent, weights="volume" if volume else "equal")
 
 
-def _acts(sources: Sources, groups: tuple[str, ...]) -> bool:
+def acts(sources: Sources, groups: tuple[str, ...]) -> bool:
+    """Whether any source of some groups has a size."""
     return any(size for group in groups for size in sources.of(group).values())
 
 

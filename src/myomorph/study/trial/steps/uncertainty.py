@@ -42,11 +42,14 @@ class DrawOptions:
     draws : inputs drawn with all their errors; the limits hold 90 % of what comes of them
     contributions : further draws for each group of sources (at most as many as `draws`), once with it alone and once
         with all but it, for the table of what each contributes; 0 for no such table
+    all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a second, and what lies
+        between is interpolated
     draw_seed : other random numbers for another one
     """
 
     draws: int = 200
     contributions: int = 12
+    all_frames: bool = False
     draw_seed: int = 0
 
     def __post_init__(self) -> None:
@@ -60,8 +63,9 @@ def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
     chosen, sources = trial.options[DrawOptions], trial.options[Sources]
-    chain = chain_of(trial, poses, torques, tensions)
-    quantities, normals, failed = chain.quantities(), Normals(chosen.draws, chosen.draw_seed), 0
+    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
+    whole, quantities = zip(*chain.quantities(), strict=True)
+    normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     runs = chosen.draws + 2 * len(groups) * min(chosen.contributions, chosen.draws)
     shapes = {one.name: one.values.shape for one in quantities}
@@ -74,12 +78,15 @@ def _run(
             advance(1)
         if len(draws.done) < 2:
             raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
-        spreads = {one.name: draws.spread(one.name, one.time, one.names) for one in quantities}
+        spreads = {
+            one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
+            for one, part in zip(whole, quantities, strict=True)
+        }
         shares = _shares(chain, quantities, draws, groups, advance) if groups else {}
     found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws))
-    for one in quantities:
+    for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
-    _write_table(quantities, found, output.folder / TABLE)
+    _write_table(whole, found, output.folder / TABLE)
     put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
     return found
 
