@@ -51,6 +51,7 @@ from benchmarks.accuracy import (
     tension,
     tension_defaults,
     transfer,
+    uncertainty,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -86,6 +87,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
+        _uncertainty(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _faults(folder),
@@ -197,6 +199,19 @@ def _joint_loads(folder: Path) -> Page:
             "knee_peaks": lambda: knee.measure_peaks(folder),
             "knee_where": lambda: knee.measure_where(folder),
             "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _uncertainty(folder: Path) -> Page:
+    return Page(
+        "uncertainty",
+        "Whether limits hold",
+        "Limits of results that hold 90 % of draws, against known and measured truth.",
+        {
+            "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
+            "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
 

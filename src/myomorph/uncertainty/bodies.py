@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.model import GROUND, Body, Joint, Marker, Model
+from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.motion.root import floating_coordinates
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 
@@ -50,7 +51,10 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     if has.segment_mass or has.mass_center or has.inertia:
         model = replace(model, bodies=_bodies(model, draw))
     if has.joint_center or has.joint_axis:
-        model = replace(model, joints=tuple(_joint(one, draw) for one in model.joints))
+        floating = set(floating_coordinates(model))
+        # Where a body floats in the laboratory, no joint holds it.
+        joints = (one if floating.intersection(one.coordinates) else _joint(one, draw) for one in model.joints)
+        model = replace(model, joints=tuple(joints))
     if has.placement:
         model = replace(model, markers=tuple(_marker(one, draw) for one in model.markers))
     if has.attachment or has.strength or has.fiber_length or has.slack_length:
@@ -79,7 +83,7 @@ def _body(body: Body, mass: float, draw: Draw) -> Body:
 
 def _joint(joint: Joint, draw: Draw) -> Joint:
     """A joint that moves about another center and other axes, and leaves the default pose as it was."""
-    if joint.parent == GROUND or not joint.coordinates:
+    if not joint.coordinates:
         return joint
     off = Transform(
         rotation_from_euler_xyz(draw.of("joint_axis", joint.name, 3)), draw.of("joint_center", joint.name, 3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -33,7 +34,8 @@ FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
 MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion."""
-EXPONENTS = (1.5, 3.0)
+EXPONENTS = (2.0, 3.0)
+"""Of the effort, as published: both are usual."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
 
@@ -88,6 +90,11 @@ class Chain:
     pose_step: int = 1
     tension_step: int = 1
 
+    @cached_property
+    def cutoff(self) -> float | None:
+        """Of the low-pass filter [Hz], None for none."""
+        return cutoff_of(self.trial, self.recorded)
+
     @property
     def groups(self) -> tuple[str, ...]:
         """Groups of sources that can change a result."""
@@ -128,6 +135,9 @@ class Chain:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
             return drawn_angles(trial.model, self.recorded, draw)
+        if self.cutoff is None:
+            # What is not filtered holds no noise that a filter would take off.
+            draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
         some = slice(None, None, self.pose_step)
         markers = drawn_markers(trial.model, self.markers, draw, self.residuals)
         markers = replace(markers, time=markers.time[some], values=markers.values[some])
@@ -259,10 +269,9 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     """A trial's inputs with the errors of a draw; markers and motion are drawn apart."""
     trial, sources = chain.trial, draw.sources
     options = trial.options
-    if sources.filter_cutoff:
-        cutoff = cutoff_of(trial, chain.recorded)
-        if cutoff is not None:
-            options = options.having(Differentiation(cutoff * draw.factor("filter_cutoff", "cutoff")))
+    # As of the result: errors are not to choose a filter of their own.
+    cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
+    options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
     loads = chain.loads
@@ -281,8 +290,7 @@ def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     """Another effort that is least; of minmax nothing is drawn."""
     if options.recruitment == "minmax":
         return options
-    low, high = EXPONENTS
-    exponent = low + (high - low) * draw.normals.uniform(draw.number, "criterion", "exponent")
+    exponent = EXPONENTS[draw.normals.uniform(draw.number, "criterion", "exponent") > 0.5]
     volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
     return replace(options, exponent=exponent, weights="volume" if volume else "equal")
 

@@ -69,7 +69,7 @@ def _run(
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     runs = chosen.draws + 2 * len(groups) * min(chosen.contributions, chosen.draws)
     shapes = {one.name: one.values.shape for one in quantities}
-    with progress(f"{trial.name}: uncertainty", runs) as advance, Draws(chosen.draws, shapes) as draws:
+    with progress(f"{trial.name}: uncertainty", runs, "draws") as advance, Draws(chosen.draws, shapes) as draws:
         for number in range(chosen.draws):
             try:
                 draws.put(number, chain.drawn(Draw(number, sources, normals)))
