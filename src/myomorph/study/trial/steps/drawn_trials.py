@@ -36,6 +36,8 @@ MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter
 """Groups of sources that change the motion, and those that change the torques of the same motion."""
 EXPONENTS = (2.0, 3.0)
 """Of the effort, as published: both are usual."""
+BESIDE = 1.0
+"""Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
 
@@ -234,6 +236,8 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
     thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
     """
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
+    if trial.time is not None:
+        recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
     if poses.fit is not None:
         checked = solve_kinematics(trial)
         markers, base = checked.markers, checked.fit.motion
