@@ -14,18 +14,16 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
 from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
 from myomorph.tension.passive_share import passive_notes
-from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import ContactSolution, Tension, TensionOptions, solve_contacts, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
@@ -131,19 +129,17 @@ class TensionTask:
     wrenches: Wrenches | None
     terms: tuple[Term, ...] = ()
 
-    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
-        """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
+    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
+        """The tensions; where it can be asked what it leaves open of contact forces, the problem that found these."""
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
-        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
+        arguments = (self.model, self.motion, self.torques, self.options, self.actuators, advance)
         elastic = self.options.tendons == "elastic"
         # What contacts leave open is asked of the power criterion alone.
         closed = elastic or self.options.recruitment == "minmax"
         if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms), None
-        problem, names = tension_problem(*arguments, contacts=contacts, emg=emg, terms=self.terms)
-        over_frames(problem.solve, len(self.motion), advance, problem.window)
-        return problem.result(names), problem
+            return solve_tension(*arguments, contacts=contacts, emg=emg, terms=self.terms), None
+        return solve_contacts(*arguments, contacts=contacts, emg=emg, terms=self.terms)
 
     def notes(self, tension: Tension) -> tuple[str, ...]:
         """What is to be known of the solution, one line each."""
@@ -263,16 +259,17 @@ def added_reserves(model: Model, options: TensionOptions, objects: Collection[st
 
 
 def contact_warnings(
-    problem: TensionProblem, tension: Tension, frames: Sequence[int], advance: Callable[[int], None]
+    solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
     """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
 
     Parameters
     ----------
-    problem : as `tension_problem` sets it up with contacts, solved
+    solution : the problem that found contact forces, solved
     frames : numbers of the instants
     advance : called with the number of instants just done
     """
+    problem, tension = solution
     marked = relaxations(problem, tension)
     near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
     intervals = []
