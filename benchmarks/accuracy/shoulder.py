@@ -1,4 +1,4 @@
-"""Force in the glenohumeral joint of an abduction with an empty hand: our settings beside OpenSim's static optimization."""
+"""Force in the glenohumeral joint of an arm abduction: our settings beside OpenSim's static optimization."""
 
 from __future__ import annotations
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.accuracy.recruitment import CRITERIA
+from benchmarks.accuracy.recruitment import ours as recruited
+from benchmarks.recruitment_programs import solve_program
+from benchmarks.recruitment_programs import walk as some_walk
 from walking import walk
 
 from myomorph.model.errors import BadData, UnknownName
@@ -99,3 +103,14 @@ def test_what_is_asked_wrongly_is_refused(data):
     load, both = recruitment_terms(model, motion, tau, wrenches, told)
     assert load.joints == ("hip_r", "hip_l")
     assert {"knee_angle_r", "ankle_angle_l"} <= set(both.coordinates)
+
+
+@pytest.mark.parametrize("name", ["co-contraction 0.1", "co-contraction 0.1, exponent 3", "weights by volume"])
+def test_frames_of_a_walk_are_recruited_as_conic_programs_say(data, name):
+    """Clarabel on full matrices of moment arms; the knees of this model lead a patella, whose share counts once."""
+    data("rajagopal-walk-emg/grf_walk.xml")
+    one = some_walk(data("rajagopal-walk-emg/subject_walk_scaled.osim").parents[1])
+    found = recruited(one, CRITERIA[name], one.torques)
+    assert found.optimal.all()
+    for frame in (0, 4, 8):
+        np.testing.assert_allclose(found.activations[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4)
