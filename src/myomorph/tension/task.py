@@ -210,8 +210,6 @@ def tension_task(
     if recruitment is not None and recruitment != RecruitmentOptions():
         if plan is not None:
             raise BadData("joint_load, co_contraction: joint torques are not known before contact forces are")
-        if options.tendons == "elastic":
-            raise BadData("joint_load, co_contraction: they need rigid tendons; leave out tendons = 'elastic'")
         terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
     return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms)
 

@@ -102,7 +102,7 @@ class CoContractionTerm(Term):
         names = tuple(f"co-contraction of {name}" for name in self.coordinates)
         every, wide = np.ones(count), np.full(count, np.inf)
         shape = row.astype(np.int64), column.astype(np.int64), np.zeros(len(row)), np.zeros(count)
-        return Rows(names, *shape, every, WEIGHT * every, -wide, wide)
+        return Rows(names, *shape, every, WEIGHT * every, -wide, wide, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """|r| F / A of each muscle, and |tau| / A + 2 level."""
