@@ -21,7 +21,8 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.passive_share import contact_notes
+from myomorph.tension.solve import TensionOptions, solve_contacts, solve_tension, tension_problem
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -118,6 +119,20 @@ def test_contact_forces_are_those_of_muscles_with_or_without_passive_force_and_t
         loaded = inverse_dynamics(model, motion, one.contacts.wrenches("site"))
         again = solve_tension(model, motion, loaded, TensionOptions(passive=passive))
         np.testing.assert_allclose(again.activations, one.activations, atol=1e-6)
+
+
+def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walker):
+    model, motion, _, tau = walker
+    short = [replace(one, tendon_slack_length=0.9 * one.tendon_slack_length) for one in model.muscles]
+    changed = tuple(one if one.name == "recfem_r" else own for own, one in zip(model.muscles, short, strict=True))
+    notes = []
+    for one in (model, replace(model, muscles=changed)):
+        solution = solve_contacts(one, motion, tau, contacts=task(one, motion))[1]
+        notes.append(contact_notes(solution.found))
+    assert notes[0] == ()
+    assert len(notes[1]) == 1
+    assert f"above the maximum isometric force in 1 of {len(model.muscles)} muscles (recfem_r" in notes[1][0]
+    assert "--no-contact-passive" in notes[1][0]
 
 
 def test_a_contact_costs_the_same_whatever_number_of_sites_it_is_made_of(walker):

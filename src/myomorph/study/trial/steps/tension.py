@@ -37,7 +37,7 @@ from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
-from myomorph.tension.passive_share import LARGE
+from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import ContactSolution, Tension, TensionOptions
 from myomorph.tension.task import (
@@ -102,6 +102,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     notes += task.setting.notes
     if solution is not None:
         notes += _write_warnings(trial, solution, output)
+        # Where the tensions have passive force too, their own notes say it.
+        notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
