@@ -71,7 +71,7 @@ def contact_notes(found: Tension) -> tuple[str, ...]:
         f"{found.muscles[i]} {found.passive_share[i]:.1f} times at {found.passive_time[i]:.2f} s" for i in at
     )
     return (
-        f"contact forces: passive force above the maximum isometric force in {len(order)} of {len(found.muscles)} muscles "
-        f"({worst}{' ...' if len(order) > 3 else ''}): fibers of the model do not fit the motion; compare with "
+        f"contact forces: passive force above the maximum isometric force in {len(order)} of {len(found.muscles)} "
+        f"muscles ({worst}{' ...' if len(order) > 3 else ''}): fibers of the model do not fit the motion; compare with "
         "--no-contact-passive",
     )
