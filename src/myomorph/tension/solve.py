@@ -28,6 +28,7 @@ __all__ = [
     "solve_contacts",
     "solve_tension",
     "tension_problem",
+    "with_contacts",
 ]
 
 
@@ -145,7 +146,7 @@ def solve_contacts(
     if problem.options == options:
         return first, ContactSolution(problem, first)
     tension = solve_tension(model, motion, torques_under(problem, torques), options, actuators, emg=emg)
-    return _with_contacts(tension, first), ContactSolution(problem, first)
+    return with_contacts(tension, first), ContactSolution(problem, first)
 
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
@@ -164,7 +165,7 @@ def torques_under(problem: TensionProblem, torques: Series) -> Series:
     return Series(torques.time, torques.names, left)
 
 
-def _with_contacts(tension: Tension, found: Tension) -> Tension:
+def with_contacts(tension: Tension, found: Tension) -> Tension:
     """Tensions under contact forces that were found before them; of status and residual the worse counts."""
     return replace(
         tension,
@@ -205,4 +206,4 @@ def _sequential(
     tension = solve_tension(
         model, motion, torques_under(first, torques), options, actuators, progress, emg=emg, terms=terms
     )
-    return _with_contacts(tension, found)
+    return with_contacts(tension, found)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
@@ -23,7 +22,14 @@ from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
-from myomorph.tension.solve import ContactSolution, Tension, TensionOptions, solve_contacts, solve_tension
+from myomorph.tension.solve import (
+    ContactSolution,
+    Tension,
+    TensionOptions,
+    solve_contacts,
+    solve_tension,
+    with_contacts,
+)
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
@@ -117,6 +123,7 @@ class TensionTask:
     emg : what EMG shows, where it takes part
     wrenches : external forces that act as they were measured, at the motion's times
     terms : further costs
+    recruitment : costs that need all joint torques, which are known only once contact forces are; None for none
     """
 
     model: Model
@@ -128,9 +135,23 @@ class TensionTask:
     emg: EmgTargets | None
     wrenches: Wrenches | None
     terms: tuple[Term, ...] = ()
+    recruitment: RecruitmentOptions | None = None
 
     def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
-        """The tensions; where it can be asked what it leaves open of contact forces, the problem that found these."""
+        """The tensions; where it can be asked what it leaves open of contact forces, the problem that found these.
+
+        With contacts, joint loads and co-contraction are costs of the tensions under the contact forces.
+        """
+        tension, solution = self._solved(advance)
+        if self.recruitment is None:
+            return tension, solution
+        loads, carried = self.loads(tension)
+        terms = recruitment_terms(self.model, self.motion, carried, loads, self.recruitment)
+        emg = None if self.emg is None else self.emg.target
+        again = solve_tension(self.model, self.motion, carried, self.options, self.actuators, emg=emg, terms=terms)
+        return with_contacts(again, tension), solution
+
+    def _solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
         arguments = (self.model, self.motion, self.torques, self.options, self.actuators, advance)
@@ -207,11 +228,13 @@ def tension_task(
         contacts = None if setting is None else setting.task
         targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
     terms: tuple[Term, ...] = ()
+    later = None
     if recruitment is not None and recruitment != RecruitmentOptions():
-        if plan is not None:
-            raise BadData("joint_load, co_contraction: joint torques are not known before contact forces are")
-        terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
-    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms)
+        if plan is None:
+            terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
+        else:
+            later = recruitment
+    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms, later)
 
 
 def emg_targets_of(
