@@ -140,6 +140,9 @@ class SubjectTable(Strict):
     emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
     emg_mvc: list[str] = Field(default_factory=list)
     emg_side: Side = ""
+    emg_gains_file: str | None = None
+    passive: list[str] = Field(default_factory=list)
+    generic: str | None = None
     tasks: str | None = None
     actuators: str | None = None
     contacts: str = ""

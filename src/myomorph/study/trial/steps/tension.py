@@ -37,10 +37,9 @@ from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
-from myomorph.tension.passive_share import LARGE
-from myomorph.tension.problem import TensionProblem
+from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.solve import Tension, TensionOptions
+from myomorph.tension.solve import ContactSolution, Tension, TensionOptions
 from myomorph.tension.task import (
     EmgRecording,
     TensionTask,
@@ -84,7 +83,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         put_dynamics(output, torques, trial.model)
     task = task_of(trial, poses.recorded, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
-        tension, problem = task.solved(advance)
+        tension, solution = task.solved(advance)
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
     notes += write_fibers(tension, trial.model, task.motion, output)
@@ -101,8 +100,10 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         return Tensions(tension, notes=notes)
     loads, carried = _write_contacts(task, tension, trial.contacts.situation, output)
     notes += task.setting.notes
-    if problem is not None:
-        notes += _write_warnings(trial, problem, tension, output)
+    if solution is not None:
+        notes += _write_warnings(trial, solution, output)
+        # Where the tensions have passive force too, their own notes say it.
+        notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
@@ -177,13 +178,11 @@ def _write_contacts(
     return loads, carried
 
 
-def _write_warnings(
-    trial: TrialInputs, problem: TensionProblem, tension: Tension, output: StepOutput
-) -> tuple[str, ...]:
+def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepOutput) -> tuple[str, ...]:
     """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
-    frames = evenly_spaced(trial.options[TensionTables].intervals, len(tension))
+    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.found))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
-        warnings = contact_warnings(problem, tension, frames, advance)
+        warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals:
         write_sto(warnings.table(), output.folder / "contact_intervals.sto")
