@@ -125,7 +125,9 @@ def calibrate_emg(
         peaks = np.nanpercentile(np.vstack(heights), PEAK, axis=0)
         bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
         groups = _groups(frames, names, tells, peaks)
-        tracking = TorqueTracking(frames, tells, groups, gain_prior(peaks, bounds), options.offsets)
+        prior = gain_prior(peaks, bounds)
+        noise = _noise([Emg(emg.time, names, np.array([emg[one] for one in names]).T) for emg in cleaned], told)
+        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=noise)
         found = _Search(tracking, names, options).found(model.muscle_names)
     if options.mode == "driven" or options.weight is not None or any(one.contacts is not None for one in trials):
         return found
@@ -153,6 +155,21 @@ def _smooth(emg: Emg) -> Emg:
     # A filter rounds the corners of clean envelopes: it is for those that need it.
     rough = np.std(whole - smooth, axis=0) > ROUGHNESS * np.sqrt(np.mean(smooth**2, axis=0))
     return Emg(emg.time, emg.names, np.where(known, np.where(rough, smooth, whole), np.nan))
+
+
+def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
+    """(channels,) standard deviation of the noise that smoothing leaves, if it is white: what is too fast tells it."""
+    squares, counts = np.zeros(len(smooth[0].names)), np.zeros(len(smooth[0].names))
+    for rough, one in zip(envelopes, smooth, strict=True):
+        fast = rough.values - one.values
+        beyond = 0.5 * rough.rate - SMOOTH
+        if beyond <= 0.0:
+            continue
+        known = np.isfinite(fast)
+        squares += np.where(known, fast, 0.0).__pow__(2).sum(axis=0) * SMOOTH / beyond
+        counts += known.sum(axis=0)
+    found: Array = np.sqrt(squares / np.maximum(counts, 1.0))
+    return found
 
 
 PEAK = 99.0

@@ -47,6 +47,8 @@ AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
 """Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
 SURE, ROUGH = 0.01, 0.1
 """Error of a torque in shares of its RMS: least that is believed, and first guess."""
+KEPT, MOST_NOISE = 0.01, 0.5
+"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it may take."""
 ROUNDS = 5
 CLOCK, EARLIER = 0.01, 0.6
 """Of the courses of synergies: step of their clock, and how far it begins before the motion [s]."""
@@ -143,6 +145,7 @@ class TorqueTracking:
     prior : of the gains
     offsets : whether channels may have an activation at rest
     errors : of the torques, and what a frame is worth, where they are known from elsewhere
+    noise : (channels,) standard deviation of noise in the envelopes; it makes gains smaller unless that is corrected
     """
 
     def __init__(
@@ -153,6 +156,7 @@ class TorqueTracking:
         prior: Prior,
         offsets: bool,
         errors: tuple[Array, float] | None = None,
+        noise: Array | None = None,
     ):
         self.frames, self.tells, self.groups, self.prior, self.offsets = frames, tells, groups, prior, offsets
         self.measured = np.flatnonzero(tells.any(axis=1))
@@ -161,6 +165,8 @@ class TorqueTracking:
         self._least = np.maximum(SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6))
         self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
         self._white: list[tuple[Array, Array]] = []
+        self.noise = np.zeros(tells.shape[1]) if noise is None else noise
+        self._excess = np.zeros(tells.shape[1])
         self._courses = [[_courses(one, group) for group in groups] for one in frames]
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
@@ -170,7 +176,7 @@ class TorqueTracking:
             self.whiten(delays)
             fit = self.fit(delays, shapes)
             sigma, share = self.errors
-            squares, count, worth = np.zeros_like(sigma), 0, []
+            squares, count, worth, excess = np.zeros_like(sigma), 0, [], np.zeros_like(self._excess)
             for k, one in enumerate(self.frames):
                 good, covariance = self._covariance(one, delays)
                 left = self._left(k, fit, delays, shapes)[good]
@@ -178,9 +184,12 @@ class TorqueTracking:
                 error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
                 rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
                 squares, count = squares + np.sum(error**2 + rest, axis=0), count + len(left)
+                mixed = self._mixed(one, delays)[good]
+                excess += np.sum(np.einsum("krc,kr->kc", mixed, error / sigma**2) ** 2, axis=0)
                 worth += [independent_samples(e, e) / len(e) for e in error.T if len(e) > 8 and np.std(e) > 0.0]
             sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
             self.errors = (sigma, float(np.median(worth)) if worth else share)
+            self._excess = excess * self.noise**2
         self.whiten(delays)
 
     def fit(self, delays: Array, shapes: Array) -> Fit:
@@ -202,8 +211,20 @@ class TorqueTracking:
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
         spread = np.full((int(good.sum()), one.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
-        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good]], axis=2)
+        doubt = self._mixed(one, delays)[good] * (np.exp(self._log_gains) * self.noise)
+        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good], doubt], axis=2)
         return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
+
+    def _mixed(self, one: TrackedFrames, delays: Array) -> Array:
+        """Generalized force of an envelope of 1 at a gain of 1, (frames, rows, channels)."""
+        known = np.isfinite(shifted(one.emg, one.time, delays))
+        return np.einsum("krm,kmc->krc", one.columns[..., self.measured], self._shares(known))
+
+    def _shares(self, known: Array) -> Array:
+        """(frames, measured, channels) of the known channels (frames, channels) in each muscle's activation."""
+        tells = self.tells[self.measured]
+        found: Array = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        return found
 
     def whiten(self, delays: Array) -> None:
         """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
@@ -221,8 +242,7 @@ class TorqueTracking:
         one = self.frames[k]
         envelopes = shifted(one.emg, one.time, delays)
         known = np.isfinite(envelopes)
-        tells = self.tells[self.measured]
-        shares = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        shares = self._shares(known)
         drives = shaped(np.where(known, envelopes, 0.0), shapes)
         courses = [
             np.nan_to_num(shifted(one_course, one.time, np.full(1, delays[group.channels].mean())))
@@ -275,11 +295,24 @@ class TorqueTracking:
         found: Array = whole.T @ whole
         return found
 
+    def _corrected(self, matrix: Array, ridge: Array) -> Array:
+        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes."""
+        count = len(self._excess)
+        free = np.diag(matrix)[:count]
+        share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * free)
+        for part in (1.0, 0.5, 0.25, 0.0):
+            found = matrix.copy()
+            found[np.arange(count), np.arange(count)] -= part * share
+            if np.linalg.eigvalsh(found - KEPT * matrix + ridge)[0] > 0.0:
+                break
+        return found
+
     def _most_probable(self, matrix: Array, slope: Array, square: float) -> Fit:
         """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
         mean, precision, upper = self.prior
         count, size = len(mean), len(slope)
         ridge = self._ridge(size)
+        matrix = self._corrected(matrix, ridge)
         # From the gains of the last fit, which are near where delays differ little.
         log_gains = self._log_gains
         x = np.zeros(size)
