@@ -62,13 +62,14 @@ class Prior(NamedTuple):
     upper: Array
 
 
-def gain_prior(peaks: Array, maxima: Array) -> Prior:
+def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     """Prior of log gains (channels,).
 
     Parameters
     ----------
     peaks : (channels,) largest envelope over all trials
     maxima : (channels,) envelope in a maximum voluntary contraction, NaN where nobody measured one
+    shared : standard deviation of what all channels share
     """
     told, alive = np.isfinite(maxima), peaks > 0.0
     largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
@@ -76,9 +77,9 @@ def gain_prior(peaks: Array, maxima: Array) -> Prior:
     usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
     upper = -np.log(largest)
     mean = np.where(told, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
-    shared = np.where(told, 0.0, SHARED)
+    level = np.where(told, 0.0, shared)
     spread = np.where(told, NEAR_MAXIMUM, APART)
-    covariance = np.diag(spread**2) + np.outer(shared, shared)
+    covariance = np.diag(spread**2) + np.outer(level, level)
     return Prior(mean, np.linalg.inv(covariance), upper)
 
 
@@ -91,6 +92,7 @@ class Fit(NamedTuple):
     gains, offsets : (channels,)
     weights : of each group of synergies (muscles, synergies)
     deviation : (channels,) standard deviation of the gains' logarithms
+    misfit : the part of the cost that is of torques, without that of the priors
     """
 
     cost: float
@@ -98,6 +100,7 @@ class Fit(NamedTuple):
     offsets: Array
     weights: tuple[Array, ...]
     deviation: Array
+    misfit: float
 
 
 @read_only
@@ -296,10 +299,14 @@ class TorqueTracking:
         return found
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
-        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes."""
+        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.
+
+        Where channels say little more than their noise, all of it cannot be taken off.
+        """
+        if not self._excess.any():
+            return matrix
         count = len(self._excess)
-        free = np.diag(matrix)[:count]
-        share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * free)
+        share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * np.diag(matrix)[:count])
         for part in (1.0, 0.5, 0.25, 0.0):
             found = matrix.copy()
             found[np.arange(count), np.arange(count)] -= part * share
@@ -331,8 +338,8 @@ class TorqueTracking:
         gains, self._log_gains = np.exp(log_gains), log_gains
         x[:count] = gains
         apart = log_gains - mean
-        cost = 0.5 * (square - 2.0 * slope @ x + x @ matrix @ x) + 0.5 * (apart @ precision @ apart)
-        cost += 0.5 * float(x @ ridge @ x)
+        misfit = 0.5 * float(square - 2.0 * slope @ x + x @ matrix @ x)
+        cost = misfit + 0.5 * float(apart @ precision @ apart) + 0.5 * float(x @ ridge @ x)
         free = np.flatnonzero((x > 0.0) | (np.arange(size) < count))
         scale = np.concatenate([gains, np.ones(size - count)])[free]
         curved = (matrix + ridge)[np.ix_(free, free)] * np.outer(scale, scale)
@@ -347,7 +354,7 @@ class TorqueTracking:
             stop = start + shape[0] * shape[1]
             weights.append(np.minimum(x[start:stop].reshape(shape), 1.0))
             start = stop
-        return Fit(float(cost), gains, offsets, tuple(weights), deviation)
+        return Fit(cost, gains, offsets, tuple(weights), deviation, misfit)
 
 
 def _courses(one: TrackedFrames, group: Group) -> Emg:
