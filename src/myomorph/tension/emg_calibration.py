@@ -25,6 +25,7 @@ from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.emg_groups import calibration_of, some_names, synergy_groups
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut
 from myomorph.tension.emg_level import kept_level, settled_fit
+from myomorph.tension.emg_swaps import swap_lines
 from myomorph.tension.emg_targets import EmgOptions, emg_targets, mapped_muscles
 from myomorph.tension.emg_tracking import (
     Fit,
@@ -109,13 +110,12 @@ def calibrate_emg(
         noise = _noise([Emg(emg.time, names, np.array([emg[one] for one in names]).T) for emg in cleaned], told)
         tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=noise)
         found = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
-    if any(one.contacts is not None for one in trials) and options.unmeasured_weight is None:
+    if any(one.contacts is not None for one in trials):
         # No channel is left out where forces of contacts are unknown: nothing shows that synergies tell of others.
-        return replace(found, synergies=())
-    if options.mode == "driven" or options.weight is not None or any(one.contacts is not None for one in trials):
-        return found
-    held = HeldOut(model, trials, channels, options, (tension, actuators), tracking, found, peaks, bounds)
-    return held.chosen(every)
+        return found if options.unmeasured_weight else replace(found, synergies=())
+    held = HeldOut(model, trials, channels, options, (tension, actuators), tracking, found, peaks, bounds, every)
+    found = replace(found, warnings=(*swap_lines(names, held.swapped()), *found.warnings))
+    return found if options.mode == "driven" or options.weight is not None else held.chosen(found)
 
 
 SMOOTH = 8.0

@@ -11,12 +11,13 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, shifted
+from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.tension.emg_frames import few_frames
-from myomorph.tension.emg_groups import calibration_of, some_names, synergy_groups
+from myomorph.tension.emg_groups import SAME, calibration_of, some_names, synergy_groups
 from myomorph.tension.emg_level import kept_level, settled_fit
+from myomorph.tension.emg_swaps import Swap, swapped_channels
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.tension.emg_tracking import TorqueTracking, gain_prior
+from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactTask
@@ -63,51 +64,71 @@ class HeldOut:
         found: EmgCalibration,
         peaks: Array,
         maxima: Array,
+        every: int,
     ):
         self.model, self.channels, self.options = model, channels, options
         self.told = told
         self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, found, peaks, maxima
 
-    def chosen(self, every: int) -> EmgCalibration:
-        """The calibration with the firmest weight at which channels come out as well as without EMG."""
-        names = self.found.channels
-        if len(names) < 2:
-            return replace(self.found, weight=ALONE_WEIGHT)
-        total = sum(len(one.motion) for one in self.trials)
+        total = sum(len(one.motion) for one in trials)
         step = every * max(total // every // HELD_FRAMES, 1)
-        few = [few_frames(one.motion, one.torques, step) for one in self.trials]
-        alone = [solve_tension(self.model, *one, *self.told) for one in few]
-        table = np.full((len(names), 1 + len(WEIGHTS)), np.nan)
-        for c in range(len(names)):
-            table[c] = self._without(c, few, [one.activations for one in alone])
-        known = table[np.isfinite(table[:, 0])]
+        self.few = [few_frames(one.motion, one.torques, step) for one in trials]
+        self.alone = [solve_tension(model, *one, *told).activations for one in self.few]
+
+    def swapped(self) -> tuple[Swap, ...]:
+        """Pairs of channels that look exchanged."""
+        muscles = {name: self.channels[name] for name in self.found.channels}
+        return swapped_channels(
+            np.vstack([self._measured(k) for k in range(len(self.few))]),
+            np.vstack([channel_means(muscles, self.model.muscle_names, one) for one in self.alone]),
+        )
+
+    def _measured(self, k: int) -> Array:
+        """Envelopes (frames, channels) of a trial at the delay found."""
+        return shifted(self.tracking.frames[k].emg, self.few[k][0].time, self.found.delays)
+
+    def chosen(self, found: EmgCalibration) -> EmgCalibration:
+        """A calibration with the firmest weight at which channels come out as well as without EMG."""
+        names = found.channels
+        if len(names) < 2:
+            return replace(found, weight=ALONE_WEIGHT)
+        table = np.array([self._without(c, [c]) for c in range(len(names))])
+        # A muscle that acts as none under an electrode fares as channels do without those that act as they do.
+        unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
+        known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
         if not len(known):
-            return replace(self.found, weight=ALONE_WEIGHT)
+            return replace(found, weight=ALONE_WEIGHT)
         changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
         good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
         held = table[:, [0, 1 + best]]
         weight, others = WEIGHTS[best]
-        warnings = self._warnings(held, best)
-        return replace(self.found, weight=weight, others_weight=others, held_out=held, warnings=warnings)
+        warnings = (*found.warnings, *self._warnings(held, best))
+        return replace(found, weight=weight, others_weight=others, held_out=held, warnings=warnings)
 
-    def _without(self, c: int, few: Sequence[tuple[Motion, Series]], alone: Sequence[Array]) -> Array:
-        """Correlations (1 + weights,) of a channel without EMG, and with the EMG of all others at each weight."""
+    def _with_twins(self) -> list[tuple[int, list[int]]]:
+        """Channels that have others whose muscles act alike, and these channels with them."""
+        tells = self.tracking.tells
+        shares = tells / np.maximum(tells.sum(axis=0), 1.0)
+        same = shares.T @ action_cosines(self.tracking.frames) @ shares >= SAME
+        found = [(c, np.flatnonzero(row | (np.arange(len(row)) == c)).tolist()) for c, row in enumerate(same)]
+        return [(c, out) for c, out in found if len(out) > 1]
+
+    def _without(self, c: int, out: Sequence[int]) -> Array:
+        """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels at each weight."""
         names = self.found.channels
-        rest = np.flatnonzero(np.arange(len(names)) != c)
+        rest = np.setdiff1d(np.arange(len(names)), out)
         left = {names[k]: self.channels[names[k]] for k in rest}
         calibration = self._calibrated(rest)
         emg = [one.emg for one in self.tracking.frames]
         columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
-        measured = [
-            shifted(one, motion.time, self.found.delays)[:, c] for one, (motion, _) in zip(emg, few, strict=True)
-        ]
-        ways: list[Sequence[Array]] = [alone]
+        measured = [self._measured(k)[:, c] for k in range(len(self.few))]
+        ways: list[Sequence[Array]] = [self.alone]
         for weight, others in WEIGHTS:
             given = self.options.unmeasured_weight
             options = replace(self.options, weight=weight, unmeasured_weight=given or others)
             solved = []
-            for one, (motion, torques) in zip(emg, few, strict=True):
+            for one, (motion, torques) in zip(emg, self.few, strict=True):
                 target = emg_targets(one, left, self.model, motion.time, options, calibration)
                 solved.append(solve_tension(self.model, motion, torques, *self.told, emg=target).activations)
             ways.append(solved)
@@ -132,7 +153,7 @@ class HeldOut:
         return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
 
     def _warnings(self, held: Array, best: int) -> tuple[str, ...]:
-        names, lines = self.found.channels, list(self.found.warnings)
+        names, lines = self.found.channels, list[str]()
         fallen = [
             f"{name} ({before:.2f} to {after:.2f})"
             for name, (before, after) in zip(names, held, strict=True)

@@ -7,7 +7,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import DOUBT
 from myomorph.tension.emg_groups import TOLD
-from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking
+from myomorph.tension.emg_tracking import NEAR_MAXIMUM, Fit, Prior, TorqueTracking
 
 HELD = 1e6
 """Precision of the logarithm of a gain that is held."""
@@ -43,7 +43,9 @@ def settled_fit(tracking: TorqueTracking, wide: Prior, delays: Array, shapes: Ar
     deviation = tracking.fit(delays, shapes).deviation
     tracking.prior = prior
     fit = tracking.fit(delays, shapes)
-    silent = deviation >= TOLD * np.sqrt(np.diag(np.linalg.inv(wide.precision)))
+    spread = np.sqrt(np.diag(np.linalg.inv(wide.precision)))
+    # A maximum contraction tells a gain well enough to be weighed against torques.
+    silent = (deviation >= TOLD * spread) & (spread > 2.0 * NEAR_MAXIMUM)
     if not silent.any():
         return fit._replace(deviation=deviation)
     apart = (np.log(fit.gains) - prior.mean)[~silent]

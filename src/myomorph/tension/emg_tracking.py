@@ -121,6 +121,13 @@ class Group:
     like: Array
 
 
+def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
+    """(muscles, muscles) cosine between what muscles do at the joints over all frames."""
+    product = np.asarray(sum(one.gram for one in frames))
+    size = np.sqrt(np.maximum(np.diag(product), 1e-300))
+    return np.asarray(product / np.outer(size, size))
+
+
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
     """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
 
@@ -128,9 +135,7 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
     ----------
     tells : (all muscles, channels) True where a channel tells of a muscle
     """
-    product = sum(np.einsum("krm,krn->mn", one.columns, one.columns) for one in frames)
-    size = np.sqrt(np.maximum(np.diag(product), 1e-300))
-    cosine = np.maximum(product / np.outer(size, size), 0.0)[muscles]
+    cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
     found: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
