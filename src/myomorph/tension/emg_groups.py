@@ -8,16 +8,16 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import EmgCalibration, SynergyWeights
-from myomorph.motion.synergies import find_synergies
+from myomorph.motion.synergies import Synergies, find_synergies
 from myomorph.tension.emg_frames import TrackedFrames
-from myomorph.tension.emg_tracking import Fit, Group, TorqueTracking, alike
+from myomorph.tension.emg_tracking import Fit, Group, TorqueTracking, action_cosines, alike
 
 TOLD = 0.5
 """Torques tell a gain where they leave less than this share of the prior's standard deviation of its logarithm."""
 CROWDED = 2
 """Synergies need as many channels."""
 SAME = 0.95
-"""Cosine between what an unmeasured muscle and measured ones do at the joints, from which on synergies tell of it: both
+"""Cosine between what an unmeasured muscle and measured ones do at the joints, from which on these tell of it: both
 gastrocnemii, hamstrings or vasti have 0.95 and more, soleus and gastrocnemii 0.88, rectus femoris and vasti 0.7."""
 
 
@@ -57,11 +57,10 @@ def calibration_of(
     """A fit as a calibration of the channels."""
     prior = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
     spread = np.exp(np.outer(fit.deviation, (-1.96, 1.96)))
-    synergies = tuple(
-        SynergyWeights(group.synergies, tuple(muscles[m] for m in group.muscles[same]), weights[same])
-        for group, weights in zip(tracking.groups, fit.weights, strict=True)
-        for same in [np.flatnonzero(group.like.sum(axis=1) >= SAME)]
+    near = (
+        np.maximum(action_cosines(tracking.frames), 0.0) @ tracking.tells / np.maximum(tracking.tells.sum(axis=0), 1.0)
     )
+    synergies = tuple(_twins(group, near, fit.gains, names, muscles) for group in tracking.groups)
     return EmgCalibration(
         names,
         delays,
@@ -71,8 +70,25 @@ def calibration_of(
         shapes,
         fit.gains[:, None] * spread,
         fit.deviation < TOLD * prior,
-        synergies,
+        tuple(one for one in synergies if one.muscles),
     )
+
+
+def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], muscles: tuple[str, ...]) -> SynergyWeights:
+    """Activations of muscles that act as measured ones do: the mean of these.
+
+    Their own course says more of them than synergies that they share with muscles which act otherwise.
+
+    Parameters
+    ----------
+    near : (muscles, channels) cosine between what muscles do at the joints
+    """
+    own = near[np.ix_(group.muscles, group.channels)] >= SAME
+    told = own.any(axis=1)
+    scale = group.synergies.scale
+    weights = own[told] / own[told].sum(axis=1, keepdims=True) * (gains[group.channels] * scale)
+    courses = Synergies(tuple(names[c] for c in group.channels), scale, np.eye(len(scale)), 1.0)
+    return SynergyWeights(courses, tuple(muscles[m] for m in group.muscles[told]), weights)
 
 
 def some_names(names: Sequence[str]) -> str:
