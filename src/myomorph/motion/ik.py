@@ -131,23 +131,6 @@ class KinematicsFit(Labelled):
         largest: Array = np.max(np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf)
         return np.where(np.isfinite(largest), largest, np.nan)
 
-    @property
-    def summary(self) -> str:
-        """Frames, markers and errors in one line."""
-        lost = int((~self.converged & self.seen).sum())
-        if not np.isfinite(self.errors).any():
-            return f"{len(self.motion)} frames, none with a marker"
-        frame, marker = np.unravel_index(int(np.nanargmax(self.errors)), self.errors.shape)
-        worst = 100 * float(self.errors[frame, marker])
-        where = f"{self.marker_names[marker]} at {self.motion.time[frame]:.2f} s"
-        opened = "" if self.closure is None else f"; loops closed to {float(np.nanmax(self.closure)):.1g} m"
-        return (
-            f"{len(self.motion)} frames, {len(self.marker_names)} markers: root mean square "
-            f"{100 * float(np.nanmean(self.rms)):.2f} cm, largest {worst:.2f} cm ({where})"
-            + (f"; {lost} frames did not converge" if lost else "")
-            + opened
-        )
-
 
 def inverse_kinematics(
     model: Model,
