@@ -39,6 +39,9 @@ if not Path("{name}").exists():
     shutil.copytree(Path(os.environ["MYOMORPH_DATA"], "{name}"), "{name}")
 """
 
+COLORS = re.compile(r"\x1b\[[0-9;]*m")
+"""What a terminal is told, as which a cell appears to a command."""
+
 STATUS = "assert _exit_code == 0, f'exit status {_exit_code}'"
 """What a run adds after each command: IPython passes over a command that fails."""
 
@@ -130,7 +133,7 @@ def run_notebook(page: Path, folder: Path, timeout: int = 600) -> None:
     except CellExecutionError as error:
         raise AssertionError(f"{page.name}: {error}") from None
     for cell in notebook.cells:
-        printed = "".join(one.get("text", "") for one in cell.get("outputs", ()))
+        printed = COLORS.sub("", "".join(one.get("text", "") for one in cell.get("outputs", ())))
         missing = [line for line in cell.metadata.get("prints", ()) if not was_printed(line, printed)]
         assert not missing, f"{page.name}: not printed: {missing}; but\n{printed}"
 
