@@ -99,11 +99,12 @@ class KinematicsFit(Labelled):
 
     def variables(self) -> dict[str, Variable]:
         """Coordinates [rad or m], marker errors, and what became of each frame."""
-        frames = {"converged": Variable(("time",), self.converged), "iterations": Variable(("time",), self.iterations)}
+        counts = {"converged": self.converged, "iterations": self.iterations}
+        frames = {name: Variable(("time",), one, "1") for name, one in counts.items()}
         if self.closure is not None:
-            frames["closure"] = Variable(("time",), self.closure)
+            frames["closure"] = Variable(("time",), self.closure, "m or rad")
         return {
-            "coordinates": Variable(("time", "coordinate"), self.motion.values),
+            "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
             "marker_error": Variable(("time", "marker"), self.errors, "m"),
             **frames,
         }

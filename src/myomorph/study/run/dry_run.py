@@ -93,6 +93,19 @@ class DryRun:
         return together([row.expected for row in self.rows if row.expected.seconds is not None])
 
     @property
+    def side(self) -> int:
+        """Jobs that run side by side."""
+        return max(min(self.workers, sum(1 for row in self.rows if row.computed)), 1)
+
+    @property
+    def lasts(self) -> float:
+        """Time of the whole run, without what is compiled once [s]; 0 where there is nothing to compute."""
+        if not any(row.computed for row in self.rows):
+            return 0.0
+        longest = max((row.expected.seconds or 0.0) for row in self.rows)
+        return max((self.expected.seconds or 0.0) / self.side, longest) + self.begins
+
+    @property
     def unknown(self) -> tuple[str, ...]:
         """Trials for whose time nothing tells."""
         return tuple(f"{row.subject}/{row.trial}".rstrip("/") for row in self.rows if row.expected.seconds is None)
@@ -380,11 +393,8 @@ def _time(found: DryRun) -> Iterator[str]:
         yield "nothing to compute: all results are there and would come out the same"
         return
     seconds = expected.seconds or 0.0
-    side = min(found.workers, sum(1 for row in found.rows if row.computed))
-    longest = max((row.expected.seconds or 0.0) for row in found.rows)
-    lasts = in_words(max(seconds / side, longest) + found.begins)
     work = f"{in_words(seconds)} of work and {in_words(found.begins)} to begin and to write the study's page"
-    yield f"expected: {lasts} with {_many(side, 'worker')}, {work}"
+    yield f"expected: {in_words(found.lasts)} with {_many(found.side, 'worker')}, {work}"
     if found.compiles:
         yield f"  and {in_words(found.compiles)} more, once on this machine, to compile kernels"
     if expected.measured:
