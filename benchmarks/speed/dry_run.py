@@ -35,7 +35,7 @@ mass = 72.6
 markers = '{data}/opensim-gait-subject01/experiment/subject01_walk1.trc'
 loads = '{data}/opensim-gait-subject01/experiment/subject01_walk1_grf.xml'
 """
-GENERIC = GAIT.replace("ref_scale/std_subject01_simbody.osim", "experiment/gait2354_simbody.osim")
+
 KNEE = """model = '{data}/knee-implant-walk/nominal.osim'
 [[subject.trials]]
 markers = '{data}/knee-implant-walk/walk1.trc'
@@ -79,7 +79,7 @@ STUDIES = (
     Study("muscle paths", GAIT, "ik muscles"),
     Study("tensions", GAIT, "ik id muscles tension"),
     Study("tensions of 80 muscles, report", WALK + "time = [0.45, 1.8]\n", "ik id muscles tension report"),
-    Study("calibrated", GENERIC, "calibrate ik id"),
+    Study("calibrated", GAIT, "calibrate ik id"),
     Study("masses", GAIT, "ik identify id", "[options.identify]\nspacing = 0.01\n"),
     Study("four subjects", WALK, "ik id tension", copies=4),
     Study("two walks, report", KNEE, "ik id tension report"),

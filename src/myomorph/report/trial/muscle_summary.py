@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
@@ -58,7 +59,7 @@ def _range(model: Model, time: Array, fibers: Array) -> str:
         ends.append(f"{fibers[frame, k]:.2f} ({names[k]} at {time[frame]:.2f} s)")
     low, high = FIBER_RANGE
     with np.errstate(invalid="ignore"):
-        out = ((fibers < low) | (fibers > high)).any(axis=0)
+        out = np.any((fibers < low) | (fibers > high), axis=0)
     verdict = f"within {low:g} to {high:g} (Zajac 1989)"
     if out.any():
         verdict = f"{_some(names, out)} outside {low:g} to {high:g} (Zajac 1989)"
@@ -74,7 +75,7 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
     frame, k = np.unravel_index(int(np.nanargmax(shares)), shares.shape)
     share = float(shares[frame, k])
     with np.errstate(invalid="ignore"):
-        over = (shares >= 1.0).any(axis=0)
+        over = np.any(shares >= 1.0, axis=0)
     verdict = "below it" if not over.any() else f"{_some(model.muscle_names, over)} too fast to pull"
     return (
         f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[k]} at "
@@ -99,7 +100,7 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     return f"{some} ({where}): moment arms there are doubtful"
 
 
-def _some(names: tuple[str, ...], which: Array) -> str:
+def _some(names: tuple[str, ...], which: NDArray[np.bool_]) -> str:
     found = [name for name, one in zip(names, which, strict=True) if one]
     more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
     return ", ".join(found[:MOST_NAMED]) + more

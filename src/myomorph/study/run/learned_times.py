@@ -80,10 +80,11 @@ def read_samples(path: Path | None) -> list[Sample]:
         with path.open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
                 with suppress(KeyError, TypeError, ValueError):
-                    whole = [int(row[name]) for name in NAMES[2:6]]
+                    coordinates, muscles, frames, first = (int(row[name]) for name in NAMES[2:6])
                     seconds = float(row["seconds"])
                     if math.isfinite(seconds) and seconds >= 0.0:
-                        found.append(Sample(row["step"], row["settings"], *whole, seconds))
+                        size = (coordinates, muscles, frames, first)
+                        found.append(Sample(row["step"], row["settings"], *size, seconds))
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
     return found
