@@ -73,8 +73,7 @@ def muscles_command(
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*results.notes, *trial.warnings))
-    counts = f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames"
-    said(f"{counts}{filter_summary(trial, poses.recorded)}; wrote {out}")
+    said(f"{results[muscles.MuscleLengths].summary}{filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0
 
 
