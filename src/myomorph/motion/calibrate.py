@@ -46,7 +46,8 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
 
 POSITIVE = (
-    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "iterations",
+    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "zero_sd",
+    "iterations",
 )  # fmt: skip
 
 FEW_FRAMES = 10
@@ -245,7 +246,9 @@ def _calibration(
     before, after = reduce(problem, given).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
     sides = _side_estimates(problem, search)
-    zeros = zero_angles(problem, search.found.point, given, search.noise**2, search.free, options.static is not None)
+    zeros = zero_angles(
+        problem, search.found.point, given, search.noise**2, search.free, options.static is not None, options.zero_sd
+    )
     markers = tuple(
         MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],

@@ -40,9 +40,13 @@ class CalibrationOptions:
     marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies much
         farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of human size, on a
         smaller one less in proportion (`length_unit`)
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]; by default 0.01 likewise
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is not let go [m]; by
+        default 0.01 likewise
     noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin; 0 takes
         it from the residual, right for markers without skin; by default 0.005 likewise
+    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad]; it widens the
+        intervals of zero angles. 4 degrees, as angles differ between examiners who palpate the same landmarks
+        (Della Croce et al. 2005)
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
@@ -65,7 +69,8 @@ class CalibrationOptions:
     marker_sd: float | None = None
     fixed_sd: float | None = None
     noise: float | None = None
-    independent_frames: int = 12
+    zero_sd: float = 0.07
+    independent_frames: int = 6
     static_sd: float = 0.1
     iterations: int = 60
     marker_weights: Mapping[str, float] = field(default_factory=dict)

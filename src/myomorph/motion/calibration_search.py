@@ -93,6 +93,7 @@ def search_minimum(
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
     told, sides, usual, repeats = True, (), usual_shifts(problem.model, names, distances), 0
+    landmark = np.array([problem.model.marker(name).fixed for name in names])
     differing: frozenset[tuple[int, int]] = frozenset()
     if options.method == "joint":
         tree = compile_tree(problem.model)
@@ -111,7 +112,8 @@ def search_minimum(
         point = found.point
         if noise < at_first:
             sides = side_differences(problem.lengths, point.x, found.reduced.H / noise**2, problem.prior, options)
-            now = frozenset((one.first, one.second) for one in sides if one.differs)
+            # What was set free stays so: freed in turn, a thigh and its shank would take the difference from each other.
+            now = differing | {(one.first, one.second) for one in sides if one.differs}
             # A side set free shows in the others' evidence: the last stage is done again.
             if not stages and now != differing and repeats < SIDE_REPEATS and steps < options.iterations:
                 stages, repeats = [noise], repeats + 1
@@ -120,6 +122,8 @@ def search_minimum(
             # The variance that Student's t gives each marker: one that lies far off is no longer pulled back.
             shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
             released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
+            # One on a bony landmark is not let go: it holds the zero angles of its body.
+            released = np.where(landmark, usual, released)
             prior = calibration_prior(problem.lengths, released, options, size, tuple(differing))
             problem = replace(problem, prior=prior)
         if not stages and not distances.noise:

@@ -38,7 +38,7 @@ def _rows(problem: SharedProblem, at: Point) -> Array:
 
 
 def zero_angles(
-    problem: SharedProblem, at: Point, start: Point, variance: float, free: Array, static: bool
+    problem: SharedProblem, at: Point, start: Point, variance: float, free: Array, static: bool, zero_sd: float
 ) -> tuple[ZeroAngle, ...]:
     """The zeros of all angles that markers show, what fixes each, and its standard deviation.
 
@@ -51,6 +51,7 @@ def zero_angles(
     variance : of a marker along one axis [m^2]
     free : (unknowns,) what was searched for
     static : whether the last set of frames is a static trial
+    zero_sd : of the generic bones' axes against the person's [rad]
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)
@@ -82,7 +83,7 @@ def zero_angles(
         ZeroAngle(
             problem.model.coordinates[j].name,
             float(means[0][j] - means[1][j]),
-            float(known[-1, k] ** -0.5),
+            float(np.hypot(known[-1, k] ** -0.5, zero_sd)),
             FrozenMap({name: float(shares[row, k]) for row, name in enumerate(order)}),
         )
         for k, j in enumerate(chosen)

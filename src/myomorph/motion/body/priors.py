@@ -16,7 +16,7 @@ from myomorph.motion.lengths import Length, mirrored_lengths
 ASYMMETRIC_SD = 0.1
 """Of the difference of two sides that the data show to differ, as a share of the length."""
 
-ASYMMETRIC_SHARE = 0.05
+ASYMMETRIC_SHARE = 0.1
 """Of pairs of lengths that differ so: the odds at which the data must show it."""
 
 
@@ -120,10 +120,12 @@ def side_differences(
         D[row, pairs[k][0]], D[row, pairs[k][1]] = 1.0, -1.0
     seen, spread = D @ freed, D @ covariance @ D.T
     sd = np.full(len(along), options.side_sd)
-    odds = float(np.log(ASYMMETRIC_SHARE / (1.0 - ASYMMETRIC_SHARE)))
     gains = np.full(len(along), -np.inf)
     wide_sd = max(ASYMMETRIC_SD, options.side_sd)
     for _ in along:
+        # Where one length differs, others of the same limb are as likely to.
+        share = 0.5 if (sd >= wide_sd).any() else ASYMMETRIC_SHARE
+        odds = float(np.log(share / (1.0 - share)))
         now = _log_evidence(seen, spread, sd)
         for k in np.flatnonzero(sd < wide_sd):
             wide = sd.copy()
