@@ -32,7 +32,7 @@ from myomorph.motion.ik import (
     marker_arrays,
     tracked_markers,
 )
-from myomorph.motion.lengths import factors_of, length_unit, lengths_of
+from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
 from myomorph.motion.postures import overall_size, spread_postures
 from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import skeleton, stretch_of
@@ -123,7 +123,8 @@ def calibrate(
         search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
-    return _calibration(model, search.problem, search, names, chosen, options, path_lengths)
+    found = _calibration(model, search.problem, search, names, chosen, options, path_lengths)
+    return replace(found, notes=(*found.notes, *_thin_notes(model, names, recordings)))
 
 
 def _check(options: CalibrationOptions) -> None:
@@ -281,6 +282,31 @@ def _calibration(
         zero_angles=zeros,
         sides=sides,
     )
+
+
+THIN = 3
+"""A segment with fewer markers than these can turn without showing it [markers]."""
+
+
+def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:
+    """Segments that one or two markers show, the model's that are missing there, and recorded ones it does not know."""
+    seen = {name for one in recordings for name, values in zip(one.names, np.moveaxis(one.values, 1, 0), strict=True)
+            if name in names and np.isfinite(values).any()}  # fmt: skip
+    thin, missing = [], []
+    for bodies in segments_that_stretch(model):
+        here = [one.name for one in model.markers if one.body in bodies]
+        shown = [name for name in here if name in seen]
+        if 0 < len(shown) < THIN:
+            thin.append(f"{bodies[0]} ({', '.join(shown)})")
+            missing += [name for name in here if name not in seen]
+    if not thin:
+        return
+    text = f"segments that fewer than {THIN} markers show: {', '.join(thin)}"
+    if missing:
+        strange = sorted({name for one in recordings for name in one.names} - set(model.marker_names))
+        text += f"; the model also has {', '.join(missing)} there, which no recording shows"
+        text += f" (recorded and unknown to the model: {listing(missing[0], strange)})" if strange else ""
+    yield text
 
 
 def _side_estimates(problem: SharedProblem, search: Search) -> tuple[SideEstimate, ...]:

@@ -112,7 +112,7 @@ def search_minimum(
         point = found.point
         if noise < at_first:
             sides = side_differences(problem.lengths, point.x, found.reduced.H / noise**2, problem.prior, options)
-            # What was set free stays so: freed in turn, a thigh and its shank would take the difference from each other.
+            # What was set free stays so: a thigh and its shank freed in turn would never settle.
             now = differing | {(one.first, one.second) for one in sides if one.differs}
             # A side set free shows in the others' evidence: the last stage is done again.
             if not stages and now != differing and repeats < SIDE_REPEATS and steps < options.iterations:

@@ -18,7 +18,7 @@ from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, SYMMETRY, ZeroAngle
 from myomorph.motion.shared_fit import reduce
 
-WIDE = np.radians(5.0)
+WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
 
 
