@@ -12,6 +12,8 @@ from benchmarks.accuracy import (
     analyses,
     analyze,
     calibration,
+    calibration_static,
+    calibration_zeros,
     certificates,
     conditions,
     contact_defaults,
@@ -332,6 +334,9 @@ def _calibration(folder: Path) -> Page:
         {
             "calibration": lambda: calibration.measure(folder),
             "calibration_lengths": lambda: calibration.measure_lengths(folder),
+            "calibration_static": lambda: calibration_static.measure(folder),
+            "calibration_zeros": lambda: calibration_zeros.measure_zeros(folder),
+            "calibration_unequal": lambda: calibration_zeros.measure_unequal(folder),
             "transfer": lambda: transfer.measure(folder),
             "shape_people": shape.measure_people,
             "shape_segments": shape.measure_segments,
