@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,7 +28,7 @@ POSTURE_SD = 0.2
 """How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]."""
 
 ACCELERATION_SD = 20.0
-"""How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]; it holds what no marker shows."""
+"""How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]."""
 
 BOUND_SD = 0.01
 """How far a coordinate goes beyond its bounds [rad or m]."""
@@ -86,6 +87,7 @@ class Problem:
     Attributes
     ----------
     model : skeleton with the masses before
+    names : of the markers
     markers : what is tracked, and the coordinates that are free
     locations : (markers, 3) on the model [m]
     trials : that count
@@ -96,6 +98,7 @@ class Problem:
 
     model: Model
     lengths: tuple[Length, ...]
+    names: tuple[str, ...]
     markers: MarkerArrays
     locations: Array
     trials: tuple[TrialData, ...]
@@ -151,10 +154,9 @@ class Problem:
             grown[names[body]] = factor
         return self.locations * grown[self.markers.body] + shifts
 
-    def arrays(self, at: Unknowns, factors: Array | None = None) -> TreeArrays:
-        """The tree at a point, or with other lengths but the same masses."""
-        tree = compile_tree(self.stretched(at.factors if factors is None else factors)).arrays
-        return with_masses(tree, at.parameters)
+    def arrays(self, at: Unknowns) -> TreeArrays:
+        """The tree at a point."""
+        return with_masses(compile_tree(self.stretched(at.factors)).arrays, at.parameters)
 
     def rates(self, trial: TrialData, coefficients: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations (frames, coordinates) of a trial's splines."""
@@ -320,10 +322,35 @@ def linearize(problem: Problem, at: Unknowns) -> Equations:
 def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
     """Trees and marker positions with each length a little longer."""
     found = []
+    tree = problem.arrays(at)
     for i in range(len(at.factors) if problem.body else 0):
         factors = at.factors.copy()
         factors[i] += LENGTH_STEP
-        found.append((problem.arrays(at, factors), problem.placed(factors, at.shifts)))
+        pre, post, coefficients = _length_slopes(problem)[i]
+        longer = tree._replace(
+            pre_p=tree.pre_p + LENGTH_STEP * pre,
+            post_p=tree.post_p + LENGTH_STEP * post,
+            functions=tree.functions._replace(coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients),
+        )
+        found.append((longer, problem.placed(factors, at.shifts)))
+    return found
+
+
+@lru_cache(maxsize=4)
+def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
+    """How each length changes the constants of the tree: all but linear, so that once is enough."""
+    given, found = compile_tree(problem.model).arrays, []
+    for i in range(len(problem.lengths)):
+        factors = np.ones(len(problem.lengths))
+        factors[i] += LENGTH_STEP
+        longer = compile_tree(problem.stretched(factors)).arrays
+        pairs = (
+            (longer.pre_p, given.pre_p),
+            (longer.post_p, given.post_p),
+            (longer.functions.coefficients, given.functions.coefficients),
+        )
+        pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
+        found.append((pre, post, coefficients))
     return found
 
 
@@ -425,6 +452,8 @@ def _trial_equations(
     band, right = np.zeros((window, basis.count * n)), np.zeros(basis.count * n)
     cross = np.zeros((basis.count * n, p))
     row, column = np.tril_indices(window)
+    # Markers do not feel masses, which come last.
+    k = problem.columns()[2].start
     for first in np.unique(basis.first):
         f = np.flatnonzero(basis.first == first)
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
@@ -448,21 +477,23 @@ def _trial_equations(
         right[span] += gradient.ravel() + A.T @ b
         if p:
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            cross[span] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, p)
+            cross[span, :k] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, k)
             cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(-1, p)
-            H += flat.T @ flat + shared_residual.T @ shared_residual
-            g += flat.T @ misses[f].ravel() + shared_residual.T @ b
+            flat = shared_markers.reshape(-1, k)
+            H[:k, :k] += flat.T @ flat
+            H += shared_residual.T @ shared_residual
+            g[:k] += flat.T @ misses[f].ravel()
+            g += shared_residual.T @ b
     return TrialEquations(band, right, cross)
 
 
 def _shared_rows(
     problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
 ) -> tuple[Array, Array]:
-    """Weighted rows of markers (frames, 3 m, shared) and residuals (6 frames, shared)."""
+    """Weighted rows of markers (frames, 3 m, shared but masses) and residuals (6 frames, shared)."""
     lengths, places, masses = problem.columns()
     m = len(problem.locations)
-    markers = np.zeros((len(frames), 3 * m, problem.count))
+    markers = np.zeros((len(frames), 3 * m, masses.start))
     residual = np.zeros((len(frames), 6, problem.count))
     if problem.body:
         markers[:, :, lengths] = of.lengths_of_markers[frames]

@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_bande
 from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved
 from myomorph.model.arrays import Array
 
-LEAST_GAIN = 1e-4
+LEAST_GAIN = 1e-3
 """A step that lowers the cost by a smaller share is the last."""
 
 

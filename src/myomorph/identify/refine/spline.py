@@ -34,9 +34,9 @@ class Basis:
     count: int
 
     @classmethod
-    def of(cls, time: Array, spacing: float) -> Basis:
-        """Basis for frames at `time` (frames,) with knots about `spacing` apart [s]."""
-        start, end = float(time[0]), float(time[-1])
+    def of(cls, time: Array, spacing: float, span: tuple[float, float] | None = None) -> Basis:
+        """Basis for frames at `time` (frames,) with knots about `spacing` apart over a span, by default theirs [s]."""
+        start, end = (float(time[0]), float(time[-1])) if span is None else span
         pieces = max(1, round((end - start) / spacing))
         step = (end - start) / pieces
         knots = start + step * np.arange(-DEGREE, pieces + DEGREE + 1)

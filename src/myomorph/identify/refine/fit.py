@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.refine.masses import MassPrior
+from myomorph.identify.refine.masses import MassPrior, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData, Unknowns, generic_parameters, motion_of
 from myomorph.identify.refine.solve import Solution, solve
@@ -24,11 +24,14 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, mar
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of
 from myomorph.motion.root import floating_coordinates
 from myomorph.motion.stretch import skeleton
-from myomorph.rigid.regressor import base_wrench
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
 from myomorph.rigid.tree import compile_tree
 
 KNOTS = 4.0
 """Knots a period of the cutoff frequency."""
+
+FRAMES_A_KNOT = 2.0
+"""Frames between knots that are enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class SubjectTrial:
     name: str
     markers: Markers
     wrenches: Wrenches
-    tracking: InverseKinematicsOptions = InverseKinematicsOptions()
+    tracking: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
     time: tuple[float, float] | None = None
 
 
@@ -200,7 +203,7 @@ def refine(
         predictions = _predictions(given, trials, recorded, options, told) if options.check else ()
         kept = bool(predictions) and _worse(predictions)
         problem = problem_of(given, trials, recorded, options, shared=not kept)
-        solution = solve(problem, problem.begin(), told)
+        solution = solve(thinned(problem), problem.begin(), told)
     return _refinement(given, trials, recorded, problem, solution, predictions, kept, path_lengths)
 
 
@@ -261,6 +264,7 @@ def problem_of(
     return Problem(
         bare,
         lengths_of(model),
+        names,
         arrays,
         arrays.location.copy(),
         tuple(data),
@@ -271,6 +275,23 @@ def problem_of(
         shared,
         shared,
     )
+
+
+def thinned(problem: Problem) -> Problem:
+    """The problem with as many frames as its knots need: skin stays alike for longer, and forces are filtered."""
+    rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
+    trials = []
+    for one in problem.trials:
+        step = max(1, int(1.0 / (rate * float(np.median(np.diff(one.time)))) + 1e-6))
+        every, span = slice(None, None, step), (float(one.time[0]), float(one.time[-1]))
+        basis = Basis.of(one.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
+        trials.append(
+            replace(
+                one, time=one.time[every], observed=one.observed[every], measured=one.measured[every],
+                use=one.use[every], start=one.start[every], basis=basis,
+            )
+        )  # fmt: skip
+    return replace(problem, trials=tuple(trials))
 
 
 def _trial_data(
@@ -336,9 +357,6 @@ def _errors(model: Model, found: Usable, distances: Array, use: np.ndarray) -> E
 
 
 def _needed(model: Model, motion: Motion) -> Array:
-    # One kernel for all: the regressor times the parameters.
-    from myomorph.rigid.regressor import regressor_blocks
-
     parameters = inertial_parameters(model).ravel()
     return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
 
@@ -356,13 +374,13 @@ def _predictions(
         for k, trial in enumerate(trials):
             others = [i for i in range(len(trials)) if i != k]
             problem = problem_of(model, [trials[i] for i in others], [opened[i] for i in others], options)
-            solution = solve(problem, problem.begin(), told)
+            solution = solve(thinned(problem), problem.begin(), told)
             found.append(_prediction(trial.name, model, trial, problem, solution, options, None))
         return tuple(found)
     middle = np.cumsum(opened[0].usable.use) * 2 >= opened[0].usable.use.sum()
     for name, seen in (("second half", ~middle), ("first half", middle)):
         problem = problem_of(model, trials, opened, options, within={0: seen})
-        solution = solve(problem, problem.begin(), told)
+        solution = solve(thinned(problem), problem.begin(), told)
         title = f"{trials[0].name}, {name}"
         found.append(_prediction(title, model, trials[0], problem, solution, options, ~seen))
     return tuple(found)
@@ -391,25 +409,9 @@ def model_of(
 ) -> Model:
     """The given model with the lengths, marker positions and masses of a point."""
     made = scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths) if problem.body else model
-    tree = compile_tree(problem.model)
-    names = {b: name for name, b in tree.body_index.items()}
-    places = problem.placed(at.factors, at.shifts)
-    tracked = _names_of(model, problem, names)
-    placed = tuple(
-        replace(one, location=places[tracked[one.name]]) if one.name in tracked else one for one in made.markers
-    )
+    places = dict(zip(problem.names, problem.placed(at.factors, at.shifts), strict=True))
+    placed = tuple(replace(one, location=places.get(one.name, one.location)) for one in made.markers)
     return with_inertial_parameters(made.with_markers(placed), at.parameters)
-
-
-def _names_of(model: Model, problem: Problem, bodies: Mapping[int, str]) -> dict[str, int]:
-    """Number of each tracked marker by its name: body and position tell it."""
-    found: dict[str, int] = {}
-    for k, (body, place) in enumerate(zip(problem.markers.body, problem.locations, strict=True)):
-        for one in model.markers:
-            if one.name not in found and one.body == bodies[int(body)] and (np.asarray(one.location) == place).all():
-                found[one.name] = k
-                break
-    return found
 
 
 def _refinement(
@@ -425,7 +427,7 @@ def _refinement(
     at = solution.at
     at = replace(at, parameters=at.parameters * (model.mass / at.parameters[:, 0].sum()))
     done = []
-    for k, (trial, one) in enumerate(zip(trials, opened, strict=True)):
+    for k, trial in enumerate(trials):
         data = problem.trials[k]
         tree, places = problem.arrays(at), problem.placed(at.factors, at.shifts)
         distances, residual = problem.predict(tree, places, data, problem.rates(data, at.motions[k]))
@@ -446,7 +448,7 @@ def _refinement(
                 len(data.time),
             )
         )
-    lengths, _, masses = problem.columns()
+    lengths = problem.columns()[0]
     deviations = np.sqrt(np.diag(solution.covariance)) if problem.count else np.zeros(0)
     return Refinement(
         model=model_of(model, problem, at, path_lengths),
@@ -465,8 +467,6 @@ def _refinement(
 
 
 def _mass_sd(problem: Problem, solution: Solution) -> Array:
-    from myomorph.identify.refine.masses import tangents
-
     found = np.zeros(len(problem.prior.reference))
     if problem.masses:
         masses = problem.columns()[2]
@@ -489,9 +489,9 @@ def _notes(
     if kept:
         worst = max(predictions, key=lambda one: one.ratio)
         notes.append(
-            f"body and masses are those of the given model, only motions were refined: refined ones predict {worst.name} "
-            f"at {worst.refined.force:.1f} N, {worst.refined.moment:.1f} N m, the given model at {worst.given.force:.1f} "
-            f"N, {worst.given.moment:.1f} N m"
+            f"body and masses are those of the given model, only motions were refined: refined ones predict "
+            f"{worst.name} at {worst.refined.force:.1f} N, {worst.refined.moment:.1f} N m, the given model at "
+            f"{worst.given.force:.1f} N, {worst.given.moment:.1f} N m"
         )
     if not solution.converged:
         notes.append(f"not converged after {problem.options.iterations} steps: allow more iterations")
