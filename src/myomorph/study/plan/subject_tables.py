@@ -21,7 +21,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify", "personalize", "emg")
+FIRST = ("morph", "calibrate", "ik", "refine", "identify", "personalize", "emg")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
