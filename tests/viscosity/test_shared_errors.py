@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from made_swings import Made, eleven, three_releases
 
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, BadFile
+from myomorph.store.settings import settings_of
+from myomorph.store.study_file import checked
 from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.shared_errors import helping_most, with_shared_errors
+from myomorph.viscosity.study.plan import StudyOptions, viscosity_tables
+from myomorph.viscosity.study.template import write_template
 
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)
@@ -60,3 +65,23 @@ def test_what_errors_add_grows_with_their_standard_deviation(swings):
 def test_a_negative_standard_deviation_is_refused():
     with pytest.raises(BadData, match="plate_position"):
         ErrorOptions(plate_position=-1.0)
+
+
+def test_the_template_has_every_key_and_is_what_the_reader_knows(tmp_path):
+    path = write_template(tmp_path / "new")
+    text = path.read_text(encoding="utf-8")
+    given = [
+        line[2:] if line.startswith("# ") and " = " in line and " =  #" not in line else line
+        for line in text.split("\n")
+    ]
+    specimen, _ = "\n".join(given).split("[options.", 1)
+    found = tomllib.loads(specimen)
+    found, problems = checked(viscosity_tables(), found)
+    assert not problems
+    assert set(type(found.specimen[0]).model_fields) == found.specimen[0].model_fields_set
+    for table, options in vars(StudyOptions()).items():
+        assert f"[options.{table}]" in text
+        for one in settings_of(type(options)):
+            assert f"# {one.name} = " in text
+    with pytest.raises(BadFile, match="exists already"):
+        write_template(path.parent)
