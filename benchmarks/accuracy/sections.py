@@ -12,6 +12,8 @@ from benchmarks.accuracy import (
     analyses,
     analyze,
     calibration,
+    calibration_static,
+    calibration_zeros,
     certificates,
     conditions,
     contact_defaults,
@@ -54,6 +56,7 @@ from benchmarks.accuracy import (
     tension,
     tension_defaults,
     transfer,
+    uncertainty,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -89,6 +92,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
+        _uncertainty(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _faults(folder),
@@ -207,6 +211,19 @@ def _joint_loads(folder: Path) -> Page:
     )
 
 
+def _uncertainty(folder: Path) -> Page:
+    return Page(
+        "uncertainty",
+        "Whether limits hold",
+        "Limits of results that hold 90 % of draws, against known and measured truth.",
+        {
+            "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
+            "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
+        },
+    )
+
+
 def _personal(folder: Path) -> Page:
     return Page(
         "personal",
@@ -317,6 +334,9 @@ def _calibration(folder: Path) -> Page:
         {
             "calibration": lambda: calibration.measure(folder),
             "calibration_lengths": lambda: calibration.measure_lengths(folder),
+            "calibration_static": lambda: calibration_static.measure(folder),
+            "calibration_zeros": lambda: calibration_zeros.measure_zeros(folder),
+            "calibration_unequal": lambda: calibration_zeros.measure_unequal(folder),
             "transfer": lambda: transfer.measure(folder),
             "shape_people": shape.measure_people,
             "shape_segments": shape.measure_segments,

@@ -174,7 +174,7 @@ class TensionTask:
     def reactions(self, tension: Tension, frame: str) -> Table:
         """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
         own = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*own, frame=frame, actuators=self.actuators).table()
+        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(magnitudes=True)
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Forces at contact points of joints."""
@@ -262,8 +262,12 @@ def emg_targets_of(
         trial = EmgTrial(motion, torques, emg, contacts)
         maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
         calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
-    target = emg_targets(emg, muscles, model, motion.time, chosen, calibration)
-    return EmgTargets(target, calibration, calibration.warnings)
+    # Gains of all trials may lack a channel that is noise, or absent, in another trial.
+    lacking = [name for name in muscles if name not in calibration.channels]
+    notes = (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
+    known = {name: one for name, one in muscles.items() if name in calibration.channels}
+    target = emg_targets(emg, known or muscles, model, motion.time, chosen, calibration)
+    return EmgTargets(target, calibration, (*notes, *calibration.warnings))
 
 
 def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:

@@ -26,7 +26,7 @@ LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "E
 EMG = ("emg", "EMG", "electromyography", "envelopes")
 COORDINATES = (".mot", ".sto")
 """Endings of tables of coordinates, with which a trial may begin."""
-NEEDS_MASS = ("identify",)
+NEEDS_MASS = ("refine", "identify")
 """Steps that hold what they find against the mass of the subject."""
 
 

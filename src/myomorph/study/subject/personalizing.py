@@ -19,6 +19,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.trial.personal_summary import personal_lines
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -242,7 +243,7 @@ def _page(made: PersonalizedFiles) -> str:
         )
         for one in found.estimates
     )
-    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(summary(found)))
+    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(personal_lines(found)))
     head = PageHead(
         title=f"{found.model.name}: muscles of the person",
         date=made.provenance.date,
@@ -307,31 +308,6 @@ def _short(value: object) -> object:
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.6g}"
     return value
-
-
-def summary(found: Personalized) -> list[str]:
-    """What the command prints."""
-    lines = []
-    if found.mapped is not None:
-        before, after = (float(np.nanmax(one)) for one in (found.mapped.before, found.mapped.after))
-        lines.append(
-            f"{len(found.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths differ by at "
-            f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
-        )
-    if found.recordings:
-        lines.append(
-            f"{', '.join(found.recordings)}: {found.frames[1]} frames that count as {found.frames[0]:.0f} independent "
-            f"ones, torques of {len(found.coordinates)} coordinates"
-        )
-    if found.held_out is not None:
-        one = found.held_out
-        generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
-        better = "better" if one.score < one.score_generic else "no better"
-        lines.append(
-            f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
-            f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"
-        )
-    return lines
 
 
 def _run(

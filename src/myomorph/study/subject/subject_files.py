@@ -65,6 +65,7 @@ class BodyShape:
 SUBJECT_STEPS: dict[str, str] = {
     "morph": "myomorph.study.subject.morphing",
     "calibrate": "myomorph.study.subject.calibrating",
+    "refine": "myomorph.study.subject.refining",
     "identify": "myomorph.study.subject.identifying",
     "personalize": "myomorph.study.subject.personalizing",
     "emg": "myomorph.study.subject.emg_gains_step",

@@ -15,7 +15,7 @@ from myomorph.model.contacts import Contacts
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Series, Table, Wrenches
+from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
@@ -81,7 +81,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         torques = solve_dynamics(trial, poses.recorded)
         notes = torques.notes
         put_dynamics(output, torques, trial.model)
-    task = _task(trial, poses, torques)
+    task = task_of(trial, poses.recorded, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
     notes = (*task.notes(tension), *notes)
@@ -107,9 +107,10 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
-def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
+def task_of(trial: TrialInputs, recorded: Motion, found: Torques) -> TensionTask:
+    """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
     options, tension = trial.options, trial.options[TensionOptions]
-    cutoff = None if trial.contacts is None else cutoff_of(trial, poses.recorded)
+    cutoff = None if trial.contacts is None else cutoff_of(trial, recorded)
     return tension_task(
         trial.model,
         found.motion,
@@ -117,7 +118,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
         tension,
         # Those of a file take the place of reserves.
         added_reserves(trial.model, tension, _objects(trial)) if trial.actuators is None else trial.actuators,
-        Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
+        Measurements(recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
         trial.contacts,
         options[ContactOptions],
         _emg_that_takes_part(trial),
