@@ -313,22 +313,26 @@ def _short(value: object) -> object:
 def _run(
     files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> None:
-    """The step of a study: all trials of a subject that have external forces."""
+    """The step of a study: trials with external forces or torques, and measured passive torques."""
     options = with_settings(PersonalizeOptions(), settings.get("personalize", {}))
     trials, warnings = [], []
     for trial in prepared.trials(files, settings):
-        if trial.loads is None:
+        if trial.loads is None and trial.torques is None:
             continue
-        motion = solve_kinematics(trial).fit.motion
+        angles = trial.motion if trial.markers is None else None
+        motion = solve_kinematics(trial).fit.motion if angles is None else angles
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
+    trials += [read_passive(path, prepared.model) for path in files.passive]
     if not trials:
         raise BadData(
-            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles to"
+            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles "
+            "to; give forces, or tables of measured passive torques ('passive')"
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
-    generic = inputs.open_model(files.model) if scaled else None
+    own = files.generic or (files.model if scaled else None)
+    generic = None if own is None else inputs.open_model(own)
     with inputs.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
         found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
     write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)
@@ -338,7 +342,10 @@ def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> 
     more: dict[str, object] = {}
     for earlier in ("ik", "id"):
         more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
-    return recordings_provenance("personalize", files, prepared, settings, more)
+    found = recordings_provenance("personalize", files, prepared, settings, more)
+    given = [file_source("passive torques", path) for path in files.passive]
+    given += [] if files.generic is None else [file_source("generic model", files.generic)]
+    return replace(found, sources=(*found.sources, *given)) if given else found
 
 
 STEP = SubjectStep(
