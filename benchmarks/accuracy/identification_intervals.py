@@ -1,4 +1,4 @@
-"""Whether 90 % intervals of identified masses hold the truth, with noise in the motion that they are identified from."""
+"""Whether 90 % intervals of identified masses hold the truth where the motion carries noise."""
 
 from __future__ import annotations
 
