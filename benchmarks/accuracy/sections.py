@@ -27,6 +27,7 @@ from benchmarks.accuracy import (
     hands,
     hidden_plates,
     identification,
+    identification_intervals,
     interrupted,
     kernels,
     kinematics,
@@ -364,6 +365,7 @@ def _identification(folder: Path) -> Page:
             "weight_maps": lambda: masspoints.measure_maps(folder),
             "identification": lambda: identification.measure(folder),
             "identification_prototype": lambda: identification.measure_prototype(folder),
+            "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
         },
     )
