@@ -12,7 +12,7 @@ from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.refine.masses import MassPrior, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData, Unknowns, generic_parameters, motion_of
-from myomorph.identify.refine.solve import Solution, solve
+from myomorph.identify.refine.solve import Solution, settle
 from myomorph.identify.refine.spline import Basis
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
@@ -203,7 +203,7 @@ def refine(
         predictions = _predictions(given, trials, recorded, options, told) if options.check else ()
         kept = bool(predictions) and _worse(predictions)
         problem = problem_of(given, trials, recorded, options, shared=not kept)
-        solution = solve(thinned(problem), problem.begin(), told)
+        solution = settle(thinned(problem), told)
     return _refinement(given, trials, recorded, problem, solution, predictions, kept, path_lengths)
 
 
@@ -374,13 +374,13 @@ def _predictions(
         for k, trial in enumerate(trials):
             others = [i for i in range(len(trials)) if i != k]
             problem = problem_of(model, [trials[i] for i in others], [opened[i] for i in others], options)
-            solution = solve(thinned(problem), problem.begin(), told)
+            solution = settle(thinned(problem), told)
             found.append(_prediction(trial.name, model, trial, problem, solution, options, None))
         return tuple(found)
     middle = np.cumsum(opened[0].usable.use) * 2 >= opened[0].usable.use.sum()
     for name, seen in (("second half", ~middle), ("first half", middle)):
         problem = problem_of(model, trials, opened, options, within={0: seen})
-        solution = solve(thinned(problem), problem.begin(), told)
+        solution = settle(thinned(problem), told)
         title = f"{trials[0].name}, {name}"
         found.append(_prediction(title, model, trials[0], problem, solution, options, ~seen))
     return tuple(found)

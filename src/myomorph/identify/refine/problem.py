@@ -38,6 +38,10 @@ MASS_SD = 1e-4
 
 LENGTH_STEP = 1e-5
 
+FREEDOM = 4.0
+"""Degrees of freedom of Student's t for the residual of a frame: one that nothing explains, as of a chair that carries
+a part of the body, loses its weight."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrialData:
@@ -94,6 +98,7 @@ class Problem:
     weight : of the body [N]
     unit : size of the body against a human's, see `length_unit`
     body, masses : whether lengths and marker positions, and masses are unknown
+    robust : whether frames that nothing explains lose their weight
     """
 
     model: Model
@@ -108,6 +113,7 @@ class Problem:
     options: RefineOptions
     body: bool = True
     masses: bool = True
+    robust: bool = True
 
     @property
     def marker_variance(self) -> float:
@@ -237,7 +243,9 @@ def cost(problem: Problem, at: Unknowns) -> float:
         errors, residual = problem.predict(tree, locations, trial, rates)
         weights = _weights(problem, trial)
         total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
-        total += float(np.sum(weights.residual * residual**2))
+        squares = np.sum((residual / problem.residual_sd) ** 2, axis=1)
+        counted = (FREEDOM + 6.0) * np.log1p(squares / FREEDOM) if problem.robust else squares
+        total += float(weights.share * counted.sum())
         free = problem.markers.free
         start = trial.basis.fitted(trial.start[:, free])
         moved = coefficients - start
@@ -252,7 +260,7 @@ class _Weights:
     """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
 
     marker: float
-    residual: Array
+    share: float
     value: Array
     acceleration: Array
     bound: float
@@ -265,7 +273,7 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
     unit = problem.markers.unit[problem.markers.free]
     return _Weights(
         share / problem.marker_variance,
-        min(1.0, 2.0 * options.cutoff * step) / problem.residual_sd**2,
+        min(1.0, 2.0 * options.cutoff * step),
         share / (POSTURE_SD * unit) ** 2,
         share / (ACCELERATION_SD * unit) ** 2,
         share / BOUND_SD**2,
@@ -443,7 +451,9 @@ def _trial_equations(
     weights = _weights(problem, trial)
     seen = np.isfinite(trial.observed).all(axis=2)
     marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.markers.weight, 0.0), 3, axis=1))
-    residual_root = np.sqrt(weights.residual)
+    squares = np.sum((residual / problem.residual_sd) ** 2, axis=1)
+    trust = (FREEDOM + 6.0) / (FREEDOM + squares) if problem.robust else np.ones(len(squares))
+    residual_root = np.sqrt(weights.share * trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
     beyond = _beyond(problem, rates[0][:, problem.markers.free])
     departed = coefficients - basis.fitted(trial.start[:, problem.markers.free])
@@ -459,8 +469,8 @@ def _trial_equations(
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
         # Residual rows depend on the window through values, rates and accelerations.
         A = sum(w[:, None, :, None] * of.rates[nu, f][:, :, None, :] for nu, w in enumerate((w0, w1, w2)))
-        A = (A * residual_root[:, None, None]).reshape(6 * len(f), window)
-        b = (residual_root * residual[f]).ravel()
+        A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
+        b = (residual_root[f] * residual[f]).ravel()
         M = of.moved[f] * marker_root[f, None]
         shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
         block = A.T @ A
@@ -504,7 +514,7 @@ def _shared_rows(
     if problem.masses:
         residual[:, :, masses] = of.masses[frames]
     markers *= marker_root[frames][:, :, None]
-    residual *= residual_root[:, None]
+    residual *= residual_root[frames][:, :, None]
     return markers, residual.reshape(-1, problem.count)
 
 

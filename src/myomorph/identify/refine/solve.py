@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
@@ -29,6 +29,12 @@ class Solution:
     covariance: Array
     costs: tuple[float, ...]
     converged: bool
+
+
+def settle(problem: Problem, told: Callable[[], None] = lambda: None) -> Solution:
+    """The optimum: first motions alone, so that frames lose their weight only for what motions do not explain."""
+    still = replace(problem, body=False, masses=False, robust=False)
+    return solve(problem, solve(still, problem.begin(), told).at, told)
 
 
 def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:
