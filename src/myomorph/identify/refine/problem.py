@@ -489,7 +489,7 @@ def _trial_equations(
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
             cross[span, :k] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, k)
             cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(-1, k)
+            flat = shared_markers.reshape(len(f) * errors[0].size, k)
             H[:k, :k] += flat.T @ flat
             H += shared_residual.T @ shared_residual
             g[:k] += flat.T @ misses[f].ravel()
@@ -515,7 +515,7 @@ def _shared_rows(
         residual[:, :, masses] = of.masses[frames]
     markers *= marker_root[frames][:, :, None]
     residual *= residual_root[frames][:, :, None]
-    return markers, residual.reshape(-1, problem.count)
+    return markers, residual.reshape(6 * len(frames), problem.count)
 
 
 def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Array) -> Unknowns:
