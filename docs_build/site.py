@@ -12,6 +12,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from docs_build.notebooks import notebook_text, tutorials
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "myomorph"
 # From the top of the map in docs/architecture.md downwards.
@@ -62,9 +64,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for room in ROOMS:
         made[f"reference/{room}/index.md"] = room_index(room)
         made |= {page_of(module): module_page(module) for module in modules(room)}
+    made |= {f"tutorials/{page.stem}.ipynb": notebook_text(page) for page in tutorials()}
     for name, text in made.items():
         files.append(File.generated(config, name, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Tutorials name the notebook that is made of them, under their heading."""
+    source = Path(page.file.src_uri)
+    if source.parts[0] != "tutorials" or source.stem == "index":
+        return markdown
+    heading, _, rest = markdown.partition("\n")
+    return f"{heading}\n\n[This page as a notebook]({source.stem}.ipynb)\n{rest}"
 
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:

@@ -138,13 +138,13 @@ def splits(folder: Path) -> Iterator[Split]:
 
 def opencap(folder: Path) -> Iterator[Split]:
     """The standing trial and one of three motions, tested on the other two, against an expert's model."""
-    recorded = partial(_recorded, folder / "markers")
+    trial = partial(recorded, folder / "markers")
     generic = read_model(folder / "models/unscaled_generic.osim")
     expert = read_model(folder / "models/manually_scaled.osim")
-    motions = {name: recorded(f"{name}.trc") for name in ("walking1", "STS1", "DJ1")}
+    motions = {name: trial(f"{name}.trc") for name in ("walking1", "STS1", "DJ1")}
     for name, markers in motions.items():
         held_out = {f"OpenCap {other}": motion for other, motion in motions.items() if other != name}
-        static = recorded("static1.trc")
+        static = trial("static1.trc")
         yield Split(f"OpenCap static1, {name}", generic, expert, "expert", (markers,), held_out, static)
 
 
@@ -153,7 +153,7 @@ def gait(folder: Path) -> Iterator[Split]:
     generic = read_model(folder / "experiment/gait2354_simbody.osim")
     generic = generic.with_markers(read_marker_set(folder / "experiment/gait2354_Scale_MarkerSet.xml", generic))
     peer = read_model(folder / "ref_scale/std_subject01_simbody.osim")
-    static, walk = (_recorded(folder / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
+    static, walk = (recorded(folder / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
     yield Split("gait2354 static", generic, peer, "ScaleTool", (), {"gait2354 walk": walk}, static)
     yield from _halves("gait2354", generic, peer, "ScaleTool", walk, static)
 
@@ -163,8 +163,8 @@ def rajagopal(folder: Path) -> Iterator[Split]:
     generic = read_model(folder / "raw/Rajagopal2016.osim")
     generic = generic.with_markers(read_marker_set(folder / "raw/markerset_walk_preScale.xml", generic))
     peer = read_model(folder / "subject_walk_scaled.osim")
-    static = [_recorded(folder / "raw", f"static_walk_{i}.trc") for i in (1, 2)]
-    walk = _recorded(folder, "markers_walk.trc")
+    static = [recorded(folder / "raw", f"static_walk_{i}.trc") for i in (1, 2)]
+    walk = recorded(folder, "markers_walk.trc")
     shown = (static[0],)
     yield Split("Rajagopal two static", generic, peer, "authors", shown, {"Rajagopal walk": walk}, static[1])
     yield from _halves("Rajagopal", generic, peer, "authors", walk, static[1])
@@ -173,7 +173,7 @@ def rajagopal(folder: Path) -> Iterator[Split]:
 def hamner(folder: Path) -> Iterator[Split]:
     """One speed of running, tested on the other; no expert's model exists, so marker pairs scale the peer."""
     generic = read_model(folder / "unscaled_generic.osim")
-    runs = {name: _recorded(folder / name, "markers.trc") for name in ("run200", "run500")}
+    runs = {name: recorded(folder / name, "markers.trc") for name in ("run200", "run500")}
     for name, other in (("run200", "run500"), ("run500", "run200")):
         peer = scaled_by_pairs(generic, runs[name])
         held_out = {f"Hamner {other}": runs[other]}
@@ -204,7 +204,8 @@ def _halves(name: str, generic: Model, peer: Model, peer_name: str, walk: Marker
         yield Split(f"{name} static, {which} half", generic, peer, peer_name, (halves[shown],), held_out, static)
 
 
-def _recorded(folder: Path, name: str) -> Markers:
+def recorded(folder: Path, name: str) -> Markers:
+    """The markers of a TRC file."""
     markers = read_trc(folder / name).markers
     assert markers is not None
     return markers

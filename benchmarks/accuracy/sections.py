@@ -12,8 +12,11 @@ from benchmarks.accuracy import (
     analyses,
     analyze,
     calibration,
+    calibration_static,
+    calibration_zeros,
     certificates,
     conditions,
+    contact_defaults,
     cutoff,
     elastic,
     elastic_convergence,
@@ -40,10 +43,12 @@ from benchmarks.accuracy import (
     personalize,
     personalize_passive,
     reaction,
+    recruitment,
     regressor,
     scale,
     setups,
     shape,
+    shoulder,
     simulated,
     sound,
     stairs,
@@ -51,6 +56,7 @@ from benchmarks.accuracy import (
     tension,
     tension_defaults,
     transfer,
+    uncertainty,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -86,6 +92,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
+        _uncertainty(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _faults(folder),
@@ -178,6 +185,9 @@ def _tensions(folder: Path) -> Page:
             "loop_static": lambda: loop_forces.measure_static(folder),
             "reaction": lambda: reaction.measure_same(folder),
             "tension_defaults": lambda: tension_defaults.measure_settings(folder),
+            "recruitment": lambda: recruitment.measure_programs(folder),
+            "recruitment_truth": lambda: recruitment.measure_truth(folder),
+            "shoulder": lambda: shoulder.measure_shoulder(folder),
             "reaction_tensions": lambda: reaction.measure_tensions(folder),
             "reaction_loads": lambda: reaction.measure_loads(folder),
             "passive": lambda: passive.measure(folder),
@@ -197,6 +207,19 @@ def _joint_loads(folder: Path) -> Page:
             "knee_peaks": lambda: knee.measure_peaks(folder),
             "knee_where": lambda: knee.measure_where(folder),
             "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _uncertainty(folder: Path) -> Page:
+    return Page(
+        "uncertainty",
+        "Whether limits hold",
+        "Limits of results that hold 90 % of draws, against known and measured truth.",
+        {
+            "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
+            "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
 
@@ -262,6 +285,7 @@ def _ground_forces(folder: Path) -> Page:
             "hidden_plates": lambda: hidden_plates.measure(folder),
             "hidden_plates_parts": lambda: hidden_plates.measure_parts(folder),
             "hidden_plates_partial": lambda: hidden_plates.measure_partial(folder),
+            "contact_defaults": lambda: contact_defaults.measure_contact_settings(folder),
             "certificates_truth": certificates.measure_truth,
             "certificates": lambda: certificates.measure(folder),
             "certificates_programs": lambda: certificates.measure_programs(folder),
@@ -310,6 +334,9 @@ def _calibration(folder: Path) -> Page:
         {
             "calibration": lambda: calibration.measure(folder),
             "calibration_lengths": lambda: calibration.measure_lengths(folder),
+            "calibration_static": lambda: calibration_static.measure(folder),
+            "calibration_zeros": lambda: calibration_zeros.measure_zeros(folder),
+            "calibration_unequal": lambda: calibration_zeros.measure_unequal(folder),
             "transfer": lambda: transfer.measure(folder),
             "shape_people": shape.measure_people,
             "shape_segments": shape.measure_segments,

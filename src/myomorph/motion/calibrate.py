@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,30 +14,29 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
+from myomorph.motion.body.priors import calibration_prior, usual_shifts
+from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
     Distances,
     LengthEstimate,
     MarkerEstimate,
+    SideEstimate,
     root_mean_square,
 )
-from myomorph.motion.calibration_search import Search, calibration_prior, search_minimum, usual_shifts
+from myomorph.motion.calibration_search import Search, search_minimum
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
     marker_arrays,
     tracked_markers,
 )
-from myomorph.motion.lengths import factors_of, length_unit, lengths_of
+from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
 from myomorph.motion.postures import overall_size, spread_postures
-from myomorph.motion.shared_fit import (
-    FrameSet,
-    SharedProblem,
-    reduce,
-    settle,
-)
+from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import skeleton, stretch_of
+from myomorph.motion.zero_angles import posterior, zero_angles, zero_notes
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import compile_tree
 
@@ -45,6 +44,11 @@ __all__ = ["Calibration", "CalibrationOptions", "LengthEstimate", "MarkerEstimat
 
 STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
+
+POSITIVE = (
+    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "zero_sd",
+    "iterations",
+)  # fmt: skip
 
 FEW_FRAMES = 10
 FAR = 0.1
@@ -119,11 +123,22 @@ def calibrate(
         search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
-    return _calibration(model, search.problem, search, names, chosen, options, path_lengths)
+    found = _calibration(model, search.problem, search, names, chosen, options, path_lengths)
+    return replace(found, notes=(*found.notes, *_thin_notes(model, names, recordings)))
 
 
 def _check(options: CalibrationOptions) -> None:
-    for name in ("frames", "length_sd", "shape_sd", "side_sd", "marker_sd", "fixed_sd", "static_sd", "iterations"):
+    for name in (
+        "frames",
+        "length_sd",
+        "shape_sd",
+        "side_sd",
+        "posture_sd",
+        "marker_sd",
+        "fixed_sd",
+        "static_sd",
+        "iterations",
+    ):
         given = getattr(options, name)
         if given is not None and not given > 0:
             raise BadData(f"calibration: {name} is {given}; expected a number above 0")
@@ -231,6 +246,10 @@ def _calibration(
     given = settle(problem, unstretched, [angles for _, angles in chosen], search.noise**2)
     before, after = reduce(problem, given).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
+    sides = _side_estimates(problem, search)
+    zeros = zero_angles(
+        problem, search.found.point, given, search.noise**2, search.free, options.static is not None, options.zero_sd
+    )
     markers = tuple(
         MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
@@ -253,8 +272,65 @@ def _calibration(
         marker_names=names,
         converged=search.found.converged,
         costs=search.costs,
-        notes=_notes(search, lengths, markers, FAR * problem.unit),
+        notes=(
+            *_notes(search, lengths, markers, FAR * problem.unit),
+            *_side_notes(sides),
+            *zero_notes(zeros, options.static is not None),
+        ),
+        steps=search.steps,
+        last_change=search.found.change,
+        zero_angles=zeros,
+        sides=sides,
     )
+
+
+THIN = 3
+"""A segment with fewer markers than these can turn without showing it [markers]."""
+
+
+def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:
+    """Segments that one or two markers show, the model's that are missing there, and recorded ones it does not know."""
+    seen = {name for one in recordings for name, values in zip(one.names, np.moveaxis(one.values, 1, 0), strict=True)
+            if name in names and np.isfinite(values).any()}  # fmt: skip
+    thin, missing = [], []
+    for bodies in segments_that_stretch(model):
+        here = [one.name for one in model.markers if one.body in bodies]
+        shown = [name for name in here if name in seen]
+        if 0 < len(shown) < THIN:
+            thin.append(f"{bodies[0]} ({', '.join(shown)})")
+            missing += [name for name in here if name not in seen]
+    if not thin:
+        return
+    text = f"segments that fewer than {THIN} markers show: {', '.join(thin)}"
+    if missing:
+        strange = sorted({name for one in recordings for name in one.names} - set(model.marker_names))
+        text += f"; the model also has {', '.join(missing)} there, which no recording shows"
+        text += f" (recorded and unknown to the model: {listing(missing[0], strange)})" if strange else ""
+    yield text
+
+
+def _side_estimates(problem: SharedProblem, search: Search) -> tuple[SideEstimate, ...]:
+    names = [one.name for one in problem.lengths]
+    return tuple(
+        SideEstimate(
+            names[one.first], names[one.second], one.difference, one.sd, (one.first, one.second) in search.differing
+        )
+        for one in search.sides
+    )
+
+
+def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
+    """Which sides were found to differ: a leg or an arm that is longer, or a fault of markers that looks like it."""
+    differing = [
+        f"{one.first} less {one.second} {100.0 * one.difference:+.1f} % (SD {100.0 * one.sd:.1f} %)"
+        for one in sides
+        if one.differs
+    ]
+    if differing:
+        yield (
+            f"sides differ more than side_sd allows: {', '.join(differing)}; they were set free: look whether the "
+            "person is so, or markers of one side lie elsewhere"
+        )
 
 
 def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, Array]:
@@ -263,10 +339,8 @@ def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, A
     A place is factor * location + shift; what the two share cancels. 0 for what may not move.
     """
     n, free = len(problem.lengths), search.free
-    rows, variance = problem.prior.rows[:, free], search.noise**2
-    H = search.found.reduced.H[np.ix_(free, free)]
-    spread = np.zeros((len(free), len(free)))
-    spread[np.ix_(free, free)] = variance * np.linalg.inv(H + variance * rows.T @ rows)
+    rows = problem.prior.rows[:, free]
+    spread = posterior(problem, search.found.point, search.noise**2, free, search.found.reduced.H)
     given_size = rows[:, :-1]
     prior_sd = np.zeros(len(free))
     prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))
@@ -293,7 +367,9 @@ def _notes(
     if not search.told:
         notes.append(f"so few frames do not tell the noise: taken as {1e3 * search.noise:g} mm")
     if not search.found.converged:
-        notes.append(f"not converged after {search.steps} steps: allow more iterations")
+        notes.append(
+            f"not converged after {search.steps} steps, last change {search.found.change:.1g}: allow more iterations"
+        )
     if search.found.point.settled < 1.0:
         notes.append(f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did not converge")
     hidden = [one.length.name for one in lengths if one.length.along and not one.shown]

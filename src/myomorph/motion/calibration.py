@@ -14,6 +14,12 @@ from myomorph.model.series import Markers
 from myomorph.motion.lengths import Length
 from myomorph.rigid.coordinates import Ints
 
+STATIC, FUNCTIONAL, SYMMETRY, GENERIC = "static trial", "joint centers and axes", "symmetric posture", "generic model"
+SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
+
+NORMAL_90 = 1.645
+"""Standard deviations to either side of a 90 % interval."""
+
 
 @dataclass(frozen=True)
 class CalibrationOptions:
@@ -27,13 +33,20 @@ class CalibrationOptions:
     mass : of the whole body [kg]; by default what the stretching gives
     length_sd : how much a segment's length differs from the overall size, as a standard deviation
     shape_sd : how much a segment's stretch across differs from that along
-    side_sd : how much the right differs from the left
+    side_sd : how much a length of the right differs from the left's, as a share; where the data show more, a wider
+        prior takes its place, with a warning
+    posture_sd : how much the mean angle of a joint differs between right and left, and the trunk's mean from
+        upright to the side [rad]; more where both sides were not recorded alike
     marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies much
         farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of human size, on a
         smaller one less in proportion (`length_unit`)
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark [m]; by default 0.01 likewise
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is not let go [m]; by
+        default 0.01 likewise
     noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin; 0 takes
         it from the residual, right for markers without skin; by default 0.005 likewise
+    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad]; it widens the
+        intervals of zero angles. 4 degrees, as angles differ between examiners who palpate the same landmarks
+        (Della Croce et al. 2005)
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
@@ -51,11 +64,13 @@ class CalibrationOptions:
     mass: float | None = None
     length_sd: float = 0.05
     shape_sd: float = 0.05
-    side_sd: float = 0.02
+    side_sd: float = 0.01
+    posture_sd: float = 0.07
     marker_sd: float | None = None
     fixed_sd: float | None = None
     noise: float | None = None
-    independent_frames: int = 12
+    zero_sd: float = 0.07
+    independent_frames: int = 6
     static_sd: float = 0.1
     iterations: int = 60
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -139,6 +154,51 @@ class MarkerEstimate:
 
 
 @dataclass(frozen=True, eq=False)
+class ZeroAngle:
+    """The zero of one coordinate.
+
+    Attributes
+    ----------
+    offset : mean angle on the found model less that on the model with the generic lengths and marker places [rad]
+    sd : standard deviation of what every angle of this coordinate is off by [rad]
+    shares : of what is known of the zero, by source
+    """
+
+    coordinate: str
+    offset: float
+    sd: float
+    shares: Mapping[str, float]
+
+    @property
+    def source(self) -> str:
+        """What fixes the zero most; of equal ones the first of `SOURCES`."""
+        return max(SOURCES, key=lambda one: self.shares[one])
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the offset, 90 % [rad]."""
+        return self.offset - NORMAL_90 * self.sd, self.offset + NORMAL_90 * self.sd
+
+
+@dataclass(frozen=True)
+class SideEstimate:
+    """A length of both sides, as the data show it without the assumption that sides are alike.
+
+    Attributes
+    ----------
+    first, second : names of the lengths
+    difference, sd : first less second, as a share of the length, and its standard deviation
+    differs : whether the data show more than `side_sd` explains, so that the sides were set free
+    """
+
+    first: str
+    second: str
+    difference: float
+    sd: float
+    differs: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A model of the recorded body, and how far to trust it.
 
@@ -153,6 +213,9 @@ class Calibration:
     before, after : for each recording (frames, markers) distances on the given model and on the found one [m]
     marker_names : of the columns of `before` and `after`
     converged : whether the last step was small
+    steps, last_change : of all stages; largest change in the last one, of a factor or in `length_unit`
+    zero_angles : what fixes the zero of each angle, and how well
+    sides : what the data say of the lengths of both sides
     costs : the objective after every step of the last stage [m^2]
     notes : what the recordings do not show, one line each
     """
@@ -172,6 +235,10 @@ class Calibration:
     converged: bool
     costs: tuple[float, ...]
     notes: tuple[str, ...]
+    steps: int = 0
+    last_change: float = 0.0
+    zero_angles: tuple[ZeroAngle, ...] = ()
+    sides: tuple[SideEstimate, ...] = ()
 
     @property
     def rms_before(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,59 +10,21 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
+from myomorph.motion.body.mean_posture import symmetric_posture
+from myomorph.motion.body.priors import SideDifference, calibration_prior, side_differences, usual_shifts
+from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.calibration import CalibrationOptions, Distances
-from myomorph.motion.lengths import Length, mirrored_lengths
-from myomorph.motion.shared_fit import (
-    Minimum,
-    Point,
-    Prior,
-    SharedProblem,
-    minimise,
-    place_at_fixed_angles,
-    reduce,
-    settle,
-    settle_anew,
-)
+from myomorph.motion.shared_fit import Minimum, minimise, place_at_fixed_angles, reduce, settle, settle_anew
 from myomorph.motion.starts import root_coordinates
 from myomorph.rigid.tree import compile_tree
-
-
-def usual_shifts(model: Model, names: Sequence[str], distances: Distances) -> Array:
-    """(markers,) how far each lies from its place on the model, as a standard deviation along one axis [m]."""
-    return np.array([distances.fixed if model.marker(name).fixed else distances.marker for name in names])
-
-
-def calibration_prior(lengths: Sequence[Length], shift_sd: Array, options: CalibrationOptions, size: float) -> Prior:
-    """Rows of the prior over lengths, shifts (markers,) and the overall size."""
-    n, shifts = len(lengths), 3 * len(shift_sd)
-    main = {one.segment: i for i, one in enumerate(lengths) if one.along}
-    rows, right = [], []
-
-    def add(entries: Mapping[int, float], value: float, sd: float) -> None:
-        row = np.zeros(n + shifts + 1)
-        for i, factor in entries.items():
-            row[i] += factor / sd
-        rows.append(row)
-        right.append(value / sd)
-
-    add({n + shifts: 1.0}, size, 0.5)
-    for i, one in enumerate(lengths):
-        if one.along:
-            add({i: 1.0, n + shifts: -1.0}, 0.0, options.length_sd)
-        else:
-            add({i: 1.0, main[one.segment]: -1.0}, 0.0, options.shape_sd)
-    for i, j in mirrored_lengths(lengths):
-        add({i: 1.0, j: -1.0}, 0.0, options.side_sd)
-    for i in range(shifts):
-        add({n + i: 1.0}, 0.0, float(shift_sd[i // 3]))
-    return Prior(np.array(rows), np.array(right))
-
 
 Bools = NDArray[np.bool_]
 
 NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
 """Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [length units]."""
+
+SIDE_REPEATS = 3
+"""Stages done again where the last one shows other sides that differ."""
 
 TAIL = 3.0
 """Degrees of freedom of Student's t, of which shifts of markers are a sample."""
@@ -82,6 +44,8 @@ class Search:
     costs : of the last stage's steps
     steps : of all stages together
     free : (unknowns,) which lengths, shifts and size were searched for
+    sides : what the data say of pairs of lengths
+    differing : pairs of lengths that the prior lets differ
     """
 
     problem: SharedProblem
@@ -92,6 +56,8 @@ class Search:
     costs: tuple[float, ...]
     steps: int
     free: Bools
+    sides: tuple[SideDifference, ...] = ()
+    differing: tuple[tuple[int, int], ...] = ()
 
 
 def search_minimum(
@@ -126,8 +92,14 @@ def search_minimum(
     start = point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
-    told = True
-    usual = usual_shifts(problem.model, names, distances)
+    told, sides, usual, repeats = True, (), usual_shifts(problem.model, names, distances), 0
+    landmark = np.array([problem.model.marker(name).fixed for name in names])
+    differing: frozenset[tuple[int, int]] = frozenset()
+    if options.method == "joint":
+        tree = compile_tree(problem.model)
+        problem = replace(
+            problem, mean_posture=symmetric_posture(tree, problem.markers.free, point.angles, options.posture_sd)
+        )
     stages.append(noise)
     while stages:
         noise = stages.pop(0)
@@ -138,16 +110,27 @@ def search_minimum(
         else:
             found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
         point = found.point
+        if noise < at_first:
+            sides = side_differences(problem.lengths, point.x, found.reduced.H / noise**2, problem.prior, options)
+            # What was set free stays so: a thigh and its shank freed in turn would never settle.
+            now = differing | {(one.first, one.second) for one in sides if one.differs}
+            # A side set free shows in the others' evidence: the last stage is done again.
+            if not stages and now != differing and repeats < SIDE_REPEATS and steps < options.iterations:
+                stages, repeats = [noise], repeats + 1
+            differing = now if stages else differing
         if stages:
             # The variance that Student's t gives each marker: one that lies far off is no longer pulled back.
             shifts_now = np.linalg.norm(point.x[len(problem.lengths) : -1].reshape(-1, 3), axis=1)
             released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
-            problem = replace(problem, prior=calibration_prior(problem.lengths, released, options, size))
+            # One on a bony landmark is not let go: it holds the zero angles of its body.
+            released = np.where(landmark, usual, released)
+            prior = calibration_prior(problem.lengths, released, options, size, tuple(differing))
+            problem = replace(problem, prior=prior)
         if not stages and not distances.noise:
             told_noise, told = _noise(problem, found, free, noise**2)
             if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [told_noise]
-    return Search(problem, found, start, noise, told, found.costs, steps, free)
+    return Search(problem, found, start, noise, told, found.costs, steps, free, sides, tuple(differing))
 
 
 def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:

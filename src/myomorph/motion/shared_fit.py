@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.scale import scale
+from myomorph.motion.body.angle_slopes import angle_slopes
+from myomorph.motion.body.shared_problem import Point, Reduced, SharedProblem
 from myomorph.motion.closed_frames import settle_closed
-from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.starts import closed_defaults
 from myomorph.motion.stretch import (
@@ -27,7 +26,7 @@ from myomorph.motion.stretch import (
 from myomorph.motion.ties import ties_of
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
-from myomorph.rigid.tree import TreeArrays, compile_tree
+from myomorph.rigid.tree import compile_tree
 
 LEAST_GAIN = 1e-7
 """A step that lowers the cost by a smaller share is the last."""
@@ -43,112 +42,6 @@ RESTARTS = 8
 
 SLOTS = 16
 """Partial sums over frames: memory does not grow with frames, and the order of summation is always the same."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrameSet:
-    """Frames of one recording.
-
-    Attributes
-    ----------
-    observed : (frames, markers, 3) [m], NaN where unseen
-    targets : (frames, coordinates) values of coordinate tasks, and of coordinates that do not move
-    known : (coordinates,) 1 / SD^2 of the coordinates known to be at their target [1/rad^2 or 1/m^2]
-    """
-
-    observed: Array
-    targets: Array
-    known: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """What is held likely of the shared unknowns x before any marker is seen: |rows x - right|^2."""
-
-    rows: Array
-    right: Array
-
-    def cost(self, x: Array) -> float:
-        """Squares in units of standard deviations."""
-        return float(np.sum((self.rows @ x - self.right) ** 2))
-
-
-@dataclass(frozen=True, eq=False)
-class SharedProblem:
-    """The problem of all frames.
-
-    Its unknowns x are the factors of the lengths, three shifts [m] for each marker and the overall size,
-    which moves nothing but the prior.
-
-    Attributes
-    ----------
-    model : skeleton, as given
-    markers : what is tracked; locations are those of the given model
-    unit : by which changes of marker positions are measured [m]; see `length_unit`
-    """
-
-    model: Model
-    lengths: tuple[Length, ...]
-    stretch: Stretch
-    markers: MarkerArrays
-    sets: tuple[FrameSet, ...]
-    prior: Prior
-    posture: Array
-    posture_weight: float
-    unit: float = 1.0
-
-    def stretched(self, x: Array) -> Model:
-        """The skeleton with its lengths."""
-        return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
-
-    def placed(self, x: Array) -> Array:
-        """(markers, 3) positions on the stretched bodies [m]."""
-        n = len(self.lengths)
-        factors = np.append(x[:n], 1.0)[self.stretch.column[self.markers.body]]
-        return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """The problem at some x, every frame at its best angles.
-
-    Attributes
-    ----------
-    angles : for each set (frames, coordinates)
-    data : for each set (frames,) cost of each frame [m^2]
-    prior : cost of the prior [squares of standard deviations]
-    settled : share of frames whose angles converged
-    """
-
-    x: Array
-    tree: TreeArrays
-    markers: tuple[MarkerArrays, ...]
-    angles: tuple[Array, ...]
-    data: tuple[Array, ...]
-    prior: float
-    settled: float
-
-    def cost(self, variance: float) -> float:
-        """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
-        return float(sum(one.sum() for one in self.data)) + variance * self.prior
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`).
-
-    Attributes
-    ----------
-    errors : for each set (frames, markers) distances [m], NaN where unseen
-    angles_free : angles that are not at a bound and that no loop takes, over all frames
-    """
-
-    H: Array
-    g: Array
-    fixed_H: Array
-    fixed_g: Array
-    errors: tuple[Array, ...]
-    angles_free: int
 
 
 def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
@@ -178,7 +71,7 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         settled += int(converged.sum())
         frames += len(c)
     return Point(
-        x, tree.arrays, tuple(arrays), tuple(found), tuple(data), problem.prior.cost(x), settled / max(frames, 1)
+        x, tree.arrays, tuple(arrays), tuple(found), tuple(data), problem.prior_cost(x, found), settled / max(frames, 1)
     )
 
 
@@ -265,12 +158,20 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the search ended: the point, its normal equations, whether it settled, and the cost of every step."""
+    """Where the search ended.
+
+    Attributes
+    ----------
+    reduced : the normal equations there, without priors
+    costs : of every step
+    change : largest of the last step, of a factor or of a marker place in the problem's unit
+    """
 
     point: Point
     reduced: Reduced
     converged: bool
     costs: tuple[float, ...]
+    change: float = 0.0
 
 
 def minimise(
@@ -296,11 +197,16 @@ def minimise(
     units = np.ones(len(free))
     units[lengths:-1] = problem.unit
     units = units[free]
-    point = replace(point, prior=problem.prior.cost(point.x))
+    point = replace(point, prior=problem.prior_cost(point.x, point.angles))
+    change = float("inf")
     for _ in range(iterations):
         reduced = reduce(problem, point)
         H = reduced.H[np.ix_(free, free)] + variance * rows.T @ rows
         g = reduced.g[free] + variance * rows.T @ (problem.prior.rows @ point.x - right)
+        if problem.mean_posture is not None:
+            slopes = problem.mean_posture.rows @ angle_slopes(problem, point).mean[:, free]
+            H += variance * slopes.T @ slopes
+            g += variance * slopes.T @ problem.mean_posture.misfit(point.angles)
         accepted, small, promised = False, False, 1.0
         # Frames settle to a tolerance of their own, so that the cost of the last small step is noise.
         while not accepted and not small and damping < 1e6 and promised > LEAST_GAIN:
@@ -315,14 +221,15 @@ def minimise(
             damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
         if told:
             told()
+        change = float(np.abs(step / units).max(initial=0.0))
         if not accepted:
-            return Minimum(point, reduced, small or promised <= KINK, tuple(costs))
+            return Minimum(point, reduced, small or promised <= KINK, tuple(costs), change)
         gained = 1.0 - trial.cost(variance) / max(point.cost(variance), 1e-300)
         point = trial
         costs.append(point.cost(variance))
-        if np.abs(step / units).max(initial=0.0) <= tolerance or gained < LEAST_GAIN:
-            return Minimum(point, reduce(problem, point), True, tuple(costs))
-    return Minimum(point, reduce(problem, point), False, tuple(costs))
+        if change <= tolerance or gained < LEAST_GAIN:
+            return Minimum(point, reduce(problem, point), True, tuple(costs), change)
+    return Minimum(point, reduce(problem, point), False, tuple(costs), change)
 
 
 def place_at_fixed_angles(problem: SharedProblem, at: Minimum, variance: float, free: NDArray[np.bool_]) -> Array:

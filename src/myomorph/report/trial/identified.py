@@ -131,6 +131,17 @@ class TrialError:
     used: bool = False
 
 
+@dataclass(frozen=True)
+class ZeroFound:
+    """The zero of one angle: against the generic model's, its 90 % interval [rad], and what fixes it."""
+
+    coordinate: str
+    offset: float
+    lowest: float
+    highest: float
+    source: str
+
+
 @dataclass(frozen=True, eq=False)
 class CalibratedBody:
     """What kinematic identification changed, [D] 3.2.1 step 1.
@@ -142,6 +153,8 @@ class CalibratedBody:
     errors : of markers, trial by trial
     frames : that were used
     notes : what it had to say
+    zeros : of the angles
+    ended : whether and how the search converged
     """
 
     lengths: tuple[LengthFound, ...] = ()
@@ -149,6 +162,8 @@ class CalibratedBody:
     errors: tuple[TrialError, ...] = ()
     frames: int = 0
     notes: tuple[str, ...] = ()
+    zeros: tuple[ZeroFound, ...] = ()
+    ended: str = ""
 
 
 @read_only
@@ -302,4 +317,7 @@ def calibrated_body(found: Calibration, names: Sequence[str], others: Sequence[T
         errors=used + tuple(others),
         frames=sum(len(one) for one in found.frames),
         notes=found.notes,
+        zeros=tuple(ZeroFound(one.coordinate, one.offset, *one.interval, one.source) for one in found.zero_angles),
+        ended=f"{'Converged' if found.converged else 'NOT converged'} after {found.steps} steps, last change "
+        f"{found.last_change:.1g} of a length or a meter.",
     )

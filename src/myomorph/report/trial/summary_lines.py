@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.motion.calibration import Calibration
+from myomorph.motion.calibration import SOURCES, Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.trial.tables import (
     MARKER_LARGEST,
@@ -40,7 +42,7 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     unused = f" ({len(fit.unused_markers)} recorded ones unused)" if fit.unused_markers else ""
     text = f"{len(fit.motion)} frames, {matched}{unused}"
     if not np.isfinite(fit.errors).any():
-        return text
+        return f"{text}: no frame shows a marker"
     scale = body_scale(markers)
     rms, time = fit.rms, fit.motion.time
     worst = int(np.nanargmax(rms))
@@ -189,13 +191,15 @@ def calibration_line(found: Calibration) -> str:
     with np.errstate(invalid="ignore"):
         each = np.sqrt(np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0))
     worst = int(np.nanargmax(each))
-    steps = len(found.costs) - 1
-    ended = f"converged after {steps} steps" if found.converged else f"NOT converged after {steps} steps"
+    ended = f"{'converged' if found.converged else 'NOT converged'} after {found.steps} steps"
+    ended += f" (last change {found.last_change:.1g})"
+    fixed = Counter(one.source for one in found.zero_angles)
+    zeros = f"; zero angles by {', '.join(f'{name} {fixed[name]}' for name in SOURCES if fixed[name])}" if fixed else ""
     limit = "within" if found.rms_after <= MARKER_RMS else "over"
     return (
         f"{count} frames, {len(names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
         f"{1e3 * found.rms_after:.1f} mm ({limit} {1e3 * MARKER_RMS:g} mm), worst marker {names[worst]} "
-        f"{1e3 * each[worst]:.1f} mm; size {found.size:.3f}; {ended}"
+        f"{1e3 * each[worst]:.1f} mm; size {found.size:.3f}; {ended}{zeros}"
     )
 
 

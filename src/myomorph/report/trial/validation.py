@@ -109,6 +109,7 @@ def calibration_section(given: IdentificationInput) -> Section | None:
         return None
     lead = "Segment lengths and marker positions that fit the recordings"
     lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
+    lead += f" {found.ended}" if found.ended else ""
     lead += " Bars are ± one standard deviation." if any(one.sd for one in found.lengths) else ""
     return Section(
         "calibration", "Lengths and markers", lead, (), _calibration_figures(found), _calibration_grids(found)
@@ -144,6 +145,18 @@ def _calibration_grids(found: CalibratedBody) -> tuple[Grid, ...]:
             (one.name, *(_millimetres(value) for value in (one.before, one.after, one.sd))) for one in found.lengths
         )
         grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
+    if found.zeros:
+        head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
+        rows = tuple(
+            (
+                one.coordinate,
+                f"{number(np.degrees(one.offset))}°",
+                f"{number(np.degrees(one.lowest))}° to {number(np.degrees(one.highest))}°",
+                one.source,
+            )
+            for one in found.zeros
+        )
+        grids.append(Grid(head, rows, "Zero angles", len(rows) > MAX_OPEN_ROWS))
     if found.notes:
         grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "Notes of the calibration"))
     return tuple(grids)

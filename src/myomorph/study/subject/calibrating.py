@@ -19,6 +19,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.calibration import SOURCES
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
@@ -188,6 +189,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
 
         _write_rows(length_rows(found), folder / "lengths.csv")
         _write_rows(marker_rows(found), folder / "markers.csv")
+        _write_rows(zero_rows(found), folder / "zero_angles.csv")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
@@ -224,6 +226,22 @@ def marker_rows(found: Calibration) -> list[dict[str, object]]:
             "rms_after_m": one.after,
         }
         for one in found.markers
+    ]
+
+
+def zero_rows(found: Calibration) -> list[dict[str, object]]:
+    """A row for every angle: its zero against the generic model's, a 90 % interval, and what fixes it."""
+    return [
+        {
+            "coordinate": one.coordinate,
+            "offset_deg": float(np.degrees(one.offset)),
+            "lowest_deg": float(np.degrees(one.interval[0])),
+            "highest_deg": float(np.degrees(one.interval[1])),
+            "sd_deg": float(np.degrees(one.sd)),
+            "fixed_by": one.source,
+            **{f"share_{name.replace(' ', '_')}": one.shares[name] for name in SOURCES},
+        }
+        for one in found.zero_angles
     ]
 
 

@@ -1,0 +1,198 @@
+"""Zero angles of calibrated models against experts', and lengths of simulated people of unequal legs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
+from benchmarks.accuracy.calibration_static import KNEE, implant_names
+from myomorph.io.formats import read_model
+from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers, Motion
+from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.calibration import NORMAL_90
+from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+LEG = ("pelvis", "hip", "knee", "ankle", "subtalar", "lumbar")
+FRAMES = 100
+LONGER = 0.09
+"""Right thigh and shank of the simulated people with unequal legs, as a share."""
+
+SKIN = 0.005
+"""Root mean square of the skin's motion along each axis [m]."""
+
+PEOPLE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """A recording and a model of the same person that an expert scaled.
+
+    Attributes
+    ----------
+    chosen : whether settings were chosen with this recording in view
+    """
+
+    name: str
+    generic: Model
+    expert: Model
+    motion: Markers
+    static: Markers
+    chosen: bool
+
+
+def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
+    """Mean angles of both models over the motion, with and without the static trial."""
+    for one in scaled(folder):
+        for static in (None, one.static):
+            found = calibrate(one.generic, [one.motion], CalibrationOptions(static=static))
+            yield {
+                "recording": one.name,
+                "settings chosen on it": one.chosen,
+                "static trial": static is not None,
+                **compared_zeros(found, one.expert, one.motion),
+            }
+
+
+def compared_zeros(found: Calibration, expert: Model, motion: Markers) -> dict[str, object]:
+    """Angles of pelvis, trunk and legs: means less the expert's, and how many lie within 5 degrees or the interval."""
+    rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
+    part = Markers(motion.time[rows], motion.names, motion.values[rows])
+    names = tuple(name for name in part.names if name in found.model.marker_names and name in expert.marker_names)
+    ours, theirs = (tracked(model, part, names).motion for model in (found.model, expert))
+    zeros = {one.coordinate: one for one in found.zero_angles}
+    shared = [name for name in ours.names if name in zeros and name in theirs.names and name.startswith(LEG)]
+    apart = np.degrees([_mean_difference(ours, theirs, name) for name in shared])
+    sd = np.degrees([zeros[name].sd for name in shared])
+    inside = np.abs(apart) <= NORMAL_90 * sd
+    ankle = [i for i, name in enumerate(shared) if name.startswith("ankle")]
+    worst = int(np.argmax(np.abs(apart)))
+    return {
+        "angles": len(shared),
+        "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
+        "worst": f"{shared[worst]} {apart[worst]:+.1f} (±{NORMAL_90 * sd[worst]:.1f})",
+        "ankles [deg]": ", ".join(f"{apart[i]:+.1f} (±{NORMAL_90 * sd[i]:.1f})" for i in ankle),
+        "in the 90 % interval [%]": 100.0 * float(np.mean(inside)),
+        "there or within 5 deg [%]": 100.0 * float(np.mean(inside | (np.abs(apart) <= 5.0))),
+    }
+
+
+def _mean_difference(ours: Motion, theirs: Motion, name: str) -> float:
+    apart = ours.values[:, ours.names.index(name)] - theirs.values[:, theirs.names.index(name)]
+    return float(np.nanmean((apart + np.pi) % (2.0 * np.pi) - np.pi))
+
+
+def scaled(folder: Path) -> Iterator[Scaled]:
+    """All recordings with an expert's model; data sets that are absent are left out."""
+    opencap, gait, rajagopal = (folder / one for one in (OPENCAP, GAIT, RAJAGOPAL))
+    if opencap.is_dir():
+        generic = read_model(opencap / "models/unscaled_generic.osim")
+        expert, static = (
+            read_model(opencap / "models/manually_scaled.osim"),
+            recorded(opencap / "markers", "static1.trc"),
+        )
+        for name in ("walking1", "STS1", "DJ1"):
+            motion = recorded(opencap / "markers", f"{name}.trc")
+            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, name == "walking1")
+        if (folder / KNEE).is_dir():
+            expert = implant_names(read_model(folder / KNEE / "scaled.osim"))
+            static, motion = (implant_names(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
+            yield Scaled("knee implant walk1", generic, expert, motion, static, False)
+    if gait.is_dir():
+        generic = _with_set(gait / "experiment/gait2354_simbody.osim", gait / "experiment/gait2354_Scale_MarkerSet.xml")
+        expert = read_model(gait / "ref_scale/std_subject01_simbody.osim")
+        static, motion = (recorded(gait / "experiment", f"subject01_{one}.trc") for one in ("static", "walk1"))
+        yield Scaled("gait2354 walk", generic, expert, motion, static, True)
+    if rajagopal.is_dir():
+        generic = _with_set(rajagopal / "raw/Rajagopal2016.osim", rajagopal / "raw/markerset_walk_preScale.xml")
+        expert = read_model(rajagopal / "subject_walk_scaled.osim")
+        motion, static = recorded(rajagopal, "markers_walk.trc"), recorded(rajagopal / "raw", "static_walk_2.trc")
+        yield Scaled("Rajagopal walk", generic, expert, motion, static, True)
+
+
+def _with_set(file: Path, markers: Path) -> Model:
+    model = read_model(file)
+    return model.with_markers(read_marker_set(markers, model))
+
+
+def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
+    """Thighs and shanks of simulated people that walk like a recorded one, with equal and with unequal legs."""
+    for one in scaled(folder):
+        if one.name not in ("OpenCap walking1", "gait2354 walk"):
+            continue
+        rows = np.unique(np.linspace(0, len(one.motion) - 1, FRAMES).astype(int))
+        part = Markers(one.motion.time[rows], one.motion.names, one.motion.values[rows])
+        names = tuple(name for name in part.names if name in one.expert.marker_names)
+        motion = tracked(one.expert, part, names).motion
+        for longer in (0.0, LONGER):
+            errors, deviations, warned = [], [], 0
+            for seed in range(PEOPLE):
+                values, markers = walker(one.generic, motion, longer, seed)
+                found = calibrate(one.generic, [markers])
+                chosen = [
+                    i for i, est in enumerate(found.lengths)
+                    if est.length.along and est.length.segment.startswith(("femur", "tibia"))
+                ]  # fmt: skip
+                extents = np.array([found.lengths[i].length.extent for i in chosen])
+                errors.append(1e3 * extents * ([found.lengths[i].factor for i in chosen] - values[chosen]))
+                deviations.append(1e3 * extents * [found.lengths[i].sd for i in chosen])
+                warned += any(side.differs for side in found.sides)
+            error, sd = np.array(errors), np.array(deviations)
+            yield {
+                "walk": one.name,
+                "right leg longer [%]": 100.0 * longer,
+                "people": PEOPLE,
+                "thighs and shanks off, RMS [mm]": float(np.sqrt(np.mean(error**2))),
+                "largest [mm]": float(np.abs(error).max()),
+                "stated SD [mm]": float(sd.mean()),
+                "in the 90 % interval [%]": 100.0 * float(np.mean(np.abs(error) <= NORMAL_90 * sd)),
+                "sides reported to differ [%]": 100.0 * warned / PEOPLE,
+            }
+
+
+def walker(generic: Model, motion: Motion, longer: float, seed: int) -> tuple[Array, Markers]:
+    """Factors of the lengths of a random person, and markers on moving skin while it moves as recorded.
+
+    Lengths vary by 4 % about the size, sides by 0.6 %, markers lie 12 mm (landmarks 6 mm) off their places along
+    each axis, and the skin moves by `SKIN` along each with the three lowest harmonics of the recording.
+    """
+    rng = np.random.default_rng(seed)
+    lengths = lengths_of(generic)
+    values = _factors(lengths, rng, longer)
+    person = scale(generic, factors_of(lengths, values))
+    person = person.with_markers(
+        tuple(
+            replace(one, location=one.location + (0.006 if one.fixed else 0.012) * rng.normal(size=3))
+            for one in person.markers
+        )
+    )
+    tree = compile_tree(person)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_index[one.body] for one in person.markers])
+    places = poses.points(bodies, np.array([one.location for one in person.markers]))
+    phase = np.linspace(0.0, 2.0 * np.pi, len(places))
+    waves = np.column_stack([wave(n * phase) for n in (1, 2, 3) for wave in (np.sin, np.cos)])
+    skin = np.einsum("fk,kmi->fmi", waves, SKIN * np.sqrt(2.0 / 6.0) * rng.normal(size=(6, len(bodies), 3)))
+    places = places + np.einsum("fmij,fmj->fmi", poses.rotations[:, bodies], skin)
+    return values, Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
+
+
+def _factors(lengths: tuple[Length, ...], rng: np.random.Generator, longer: float) -> Array:
+    size = 1.0 + 0.05 * rng.normal()
+    along = {one.segment: size * (1.0 + 0.04 * rng.normal()) for one in lengths if one.along}
+    values = np.array([along[one.segment] * (1.0 if one.along else 1.0 + 0.04 * rng.normal()) for one in lengths])
+    for right, left in mirrored_lengths(lengths):
+        values[left] = values[right] * (1.0 + 0.006 * rng.normal())
+    for i, one in enumerate(lengths):
+        if one.along and one.segment in ("femur_r", "tibia_r"):
+            values[i] *= 1.0 + longer
+    return values

@@ -1,0 +1,92 @@
+"""How the angles of all frames follow lengths and marker places, and what each recording says of these."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.motion.body.shared_problem import Point, SharedProblem
+from myomorph.motion.stretch import TIED, Stretch, slopes_of_frame, tied_markers, with_travel
+from myomorph.motion.ties import ties_of
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+SEEN = 1e-9
+"""A coordinate whose curvature is less than this share of the largest moves no marker."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class AngleSlopes:
+    """Of all frames of a problem at a point.
+
+    Attributes
+    ----------
+    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames; 0 where no marker shows it
+    seen : (coordinates,) share of the frames in which markers show the coordinate and no bound holds it
+    """
+
+    mean: Array
+    seen: Array
+
+
+def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
+    """Derivatives of the angles' means in the unknowns, every frame at its best angles.
+
+    Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s.
+    """
+    total, unknowns = sum(len(one) for one in at.angles), len(at.x)
+    mean, seen = np.zeros((len(problem.posture), unknowns)), np.zeros(len(problem.posture))
+    tree = compile_tree(problem.stretched(at.x))
+    stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
+    ties = _ties(problem, tree, stretch)
+    bodies = problem.markers.body
+    for one, K, angles in zip(problem.sets, at.markers, at.angles, strict=True):
+        rotations = forward_kinematics(tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
+        for observed, c, R in zip(one.observed, angles, rotations, strict=True):
+            _, by_length, by_coordinate = slopes_of_frame(at.tree, K, stretch, c)
+            weight = np.where(np.isfinite(observed).all(axis=1), K.weight, 0.0)
+            free = _moving(K, by_coordinate, np.repeat(weight, 3), c)
+            root = np.sqrt(np.repeat(weight, 3))[:, None]
+            Jq = by_coordinate[:, free] * root
+            A = Jq.T @ Jq + weight.sum() * np.diag(K.task_weight[free])
+            # Shifts move their own marker by its body's rotation.
+            by_shift = np.einsum("mia,mij->amj", Jq.reshape(-1, 3, len(free)), R[bodies])
+            by_shift = by_shift * np.sqrt(weight)[None, :, None]
+            b = np.hstack([Jq.T @ (by_length * root), by_shift.reshape(len(free), -1)])
+            for tied, tied_stretch in ties:
+                _, gap_length, gap_coordinate = slopes_of_frame(at.tree, tied, tied_stretch, c)
+                gap = _between(gap_coordinate)[:, free]
+                A += TIED**2 * gap.T @ gap
+                b[:, : gap_length.shape[1]] += TIED**2 * gap.T @ _between(gap_length)
+            unit = K.unit[free]
+            scaled = A * unit[:, None] * unit
+            stiff = problem.posture_weight * float(np.trace(scaled)) / max(len(free), 1)
+            slope = -unit[:, None] * np.linalg.solve(scaled + stiff * np.eye(len(free)), b * unit[:, None])
+            mean[free, :-1] += slope / total
+            seen[free] += 1.0 / total
+    return AngleSlopes(mean, seen)
+
+
+def _moving(K, by_coordinate: Array, weight: Array, c: Array) -> Array:
+    """Coordinates that are solved for, move a marker that is seen, and lie at no bound."""
+    curvature = (by_coordinate[:, K.free] ** 2 * weight[:, None]).sum(axis=0) * K.unit[K.free] ** 2
+    slack = 1e-9 * (1.0 + np.abs(c[K.free]))
+    inside = (c[K.free] > K.lower + slack) & (c[K.free] < K.upper - slack)
+    return K.free[inside & (curvature > SEEN * curvature.max(initial=0.0))]
+
+
+def _between(slopes: Array) -> Array:
+    """(pairs * 3, unknowns) of the gaps from (pairs * 6, unknowns) of points in turn."""
+    pairs = slopes.reshape(-1, 2, 3, slopes.shape[1])
+    return (pairs[:, 1] - pairs[:, 0]).reshape(-1, slopes.shape[1])
+
+
+def _ties(problem: SharedProblem, tree, stretch: Stretch) -> Sequence:
+    if not problem.model.loops:
+        return ()
+    given = tied_markers(problem.markers, ties_of(compile_tree(problem.model), lever=0.0))
+    return ((tied_markers(problem.markers, ties_of(tree)), stretch._replace(location=given.location)),)

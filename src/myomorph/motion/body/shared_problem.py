@@ -1,0 +1,151 @@
+"""The problem of all frames at once: what is shared, what each recording shows, and what is held likely before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.motion.lengths import Length, factors_of
+from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.stretch import Stretch
+from myomorph.rigid.tree import TreeArrays
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """Frames of one recording.
+
+    Attributes
+    ----------
+    observed : (frames, markers, 3) [m], NaN where unseen
+    targets : (frames, coordinates) values of coordinate tasks, and of coordinates that do not move
+    known : (coordinates,) 1 / SD^2 of the coordinates known to be at their target [1/rad^2 or 1/m^2]
+    """
+
+    observed: Array
+    targets: Array
+    known: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is held likely of the shared unknowns x before any marker is seen: |rows x - right|^2."""
+
+    rows: Array
+    right: Array
+
+    def cost(self, x: Array) -> float:
+        """Squares in units of standard deviations."""
+        return float(np.sum((self.rows @ x - self.right) ** 2))
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class MeanPosture:
+    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1.
+
+    Attributes
+    ----------
+    names : of the rows, as "ankle_angle_r - ankle_angle_l"
+    rows, right : (rows, coordinates), (rows,) in units of standard deviations
+    sd : (rows,) [rad]
+    """
+
+    names: tuple[str, ...]
+    rows: Array
+    right: Array
+    sd: Array
+
+    def misfit(self, angles: Sequence[Array]) -> Array:
+        """(rows,) of the angles of all frames, in standard deviations."""
+        return self.rows @ np.concatenate(angles).mean(axis=0) - self.right
+
+
+@dataclass(frozen=True, eq=False)
+class SharedProblem:
+    """The problem of all frames.
+
+    Its unknowns x are the factors of the lengths, three shifts [m] for each marker and the overall size,
+    which moves nothing but the prior.
+
+    Attributes
+    ----------
+    model : skeleton, as given
+    markers : what is tracked; locations are those of the given model
+    unit : by which changes of marker positions are measured [m]; see `length_unit`
+    mean_posture : what is held likely of the mean of all frames' angles
+    """
+
+    model: Model
+    lengths: tuple[Length, ...]
+    stretch: Stretch
+    markers: MarkerArrays
+    sets: tuple[FrameSet, ...]
+    prior: Prior
+    posture: Array
+    posture_weight: float
+    unit: float = 1.0
+    mean_posture: MeanPosture | None = None
+
+    def prior_cost(self, x: Array, angles: Sequence[Array]) -> float:
+        """Of the unknowns and of the mean posture, in squares of standard deviations."""
+        posture = self.mean_posture
+        return self.prior.cost(x) + (0.0 if posture is None else float(np.sum(posture.misfit(angles) ** 2)))
+
+    def stretched(self, x: Array) -> Model:
+        """The skeleton with its lengths."""
+        return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
+
+    def placed(self, x: Array) -> Array:
+        """(markers, 3) positions on the stretched bodies [m]."""
+        n = len(self.lengths)
+        factors = np.append(x[:n], 1.0)[self.stretch.column[self.markers.body]]
+        return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The problem at some x, every frame at its best angles.
+
+    Attributes
+    ----------
+    angles : for each set (frames, coordinates)
+    data : for each set (frames,) cost of each frame [m^2]
+    prior : cost of the prior and of the mean posture [squares of standard deviations]
+    settled : share of frames whose angles converged
+    """
+
+    x: Array
+    tree: TreeArrays
+    markers: tuple[MarkerArrays, ...]
+    angles: tuple[Array, ...]
+    data: tuple[Array, ...]
+    prior: float
+    settled: float
+
+    def cost(self, variance: float) -> float:
+        """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
+        return float(sum(one.sum() for one in self.data)) + variance * self.prior
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`).
+
+    Attributes
+    ----------
+    errors : for each set (frames, markers) distances [m], NaN where unseen
+    angles_free : angles that are not at a bound and that no loop takes, over all frames
+    """
+
+    H: Array
+    g: Array
+    fixed_H: Array
+    fixed_g: Array
+    errors: tuple[Array, ...]
+    angles_free: int

@@ -1,0 +1,111 @@
+"""What fixes the zero of every angle of a calibrated model, and how well.
+
+Turn a body's markers about its joint, and the angle by as much back: no marker error changes, unless the next
+joint's center or axis goes along. What is left open so is decided by a standing trial, by centers and axes
+that the motion shows, by the symmetry of the mean posture, and last by where the generic model has its markers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.motion.body.angle_slopes import angle_slopes
+from myomorph.motion.body.shared_problem import Point, SharedProblem
+from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, SYMMETRY, ZeroAngle
+from myomorph.motion.shared_fit import reduce
+
+WIDE = np.radians(10.0)
+"""An interval wider than this to either side is not left unsaid [rad]."""
+
+
+def posterior(problem: SharedProblem, at: Point, variance: float, free: Array, H: Array) -> Array:
+    """(unknowns, unknowns) covariance of what is searched for, of the noise, priors and mean posture; 0 elsewhere."""
+    rows = _rows(problem, at)[:, free]
+    found = np.zeros((len(free), len(free)))
+    found[np.ix_(free, free)] = variance * np.linalg.inv(H[np.ix_(free, free)] + variance * rows.T @ rows)
+    return found
+
+
+def _rows(problem: SharedProblem, at: Point) -> Array:
+    """Of the prior, and of the mean posture about this point."""
+    if problem.mean_posture is None:
+        return problem.prior.rows
+    return np.vstack([problem.prior.rows, problem.mean_posture.rows @ angle_slopes(problem, at).mean])
+
+
+def zero_angles(
+    problem: SharedProblem, at: Point, start: Point, variance: float, free: Array, static: bool, zero_sd: float
+) -> tuple[ZeroAngle, ...]:
+    """The zeros of all angles that markers show, what fixes each, and its standard deviation.
+
+    The precision of a zero is counted up source by source, the generic model first and the static trial last;
+    what each one adds is its share.
+
+    Parameters
+    ----------
+    at, start : the minimum, and the same frames on the generic lengths and marker places
+    variance : of a marker along one axis [m^2]
+    free : (unknowns,) what was searched for
+    static : whether the last set of frames is a static trial
+    zero_sd : of the generic bones' axes against the person's [rad]
+    """
+    slopes = angle_slopes(problem, at)
+    motion = slice(0, len(problem.sets) - 1) if static else slice(None)
+    means = [np.concatenate(one.angles).mean(axis=0) for one in (at, start)]
+    chosen = [
+        j
+        for j in map(int, problem.markers.free)
+        if problem.model.coordinates[j].motion == "rotational" and slopes.seen[j] > 0.0
+    ]
+    given_size = free.copy()
+    given_size[-1] = False
+    S = slopes.mean[np.ix_(chosen, given_size)]
+    rows = problem.prior.rows[:, given_size]
+    information = rows.T @ rows
+    precision = {GENERIC: _precision(S, information)}
+    if problem.mean_posture is not None:
+        symmetry = problem.mean_posture.rows @ slopes.mean[:, given_size]
+        information = information + symmetry.T @ symmetry
+    precision[SYMMETRY] = _precision(S, information)
+    for name, part in ((FUNCTIONAL, motion), (STATIC, slice(len(problem.sets) - 1, None) if static else None)):
+        if part is not None and problem.sets[part]:
+            H = reduce(replace(problem, sets=problem.sets[part]), _part(at, part)).H
+            information = information + H[np.ix_(given_size, given_size)] / variance
+        precision[name] = _precision(S, information)
+    order = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
+    known = np.array([precision[name] for name in order])
+    shares = np.diff(known, axis=0, prepend=0.0) / known[-1]
+    return tuple(
+        ZeroAngle(
+            problem.model.coordinates[j].name,
+            float(means[0][j] - means[1][j]),
+            float(np.hypot(known[-1, k] ** -0.5, zero_sd)),
+            FrozenMap({name: float(shares[row, k]) for row, name in enumerate(order)}),
+        )
+        for k, j in enumerate(chosen)
+    )
+
+
+def _part(at: Point, part: slice) -> Point:
+    return replace(at, markers=at.markers[part], angles=at.angles[part], data=at.data[part])
+
+
+def _precision(S: Array, information: Array) -> Array:
+    """(rows,) inverse variance of the rows."""
+    return 1.0 / np.maximum(np.einsum("ij,ji->i", S, np.linalg.solve(information, S.T)), 1e-18)
+
+
+def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
+    """One line where angles' zeros are known badly: which, how far, and what would fix them."""
+    wide = sorted((one for one in zeros if NORMAL_90 * one.sd > WIDE), key=lambda one: -one.sd)
+    if not wide:
+        return ()
+    named = ", ".join(f"{one.coordinate} ±{np.degrees(NORMAL_90 * one.sd):.0f}°" for one in wide)
+    generic = sum(one.source == GENERIC for one in wide)
+    cause = f"{generic} of them fixed by the generic model's marker places" if generic else "90 % intervals"
+    cure = "" if static else "; a static trial (--static) with known angles fixes them"
+    return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
