@@ -43,6 +43,7 @@ from benchmarks.accuracy import (
     personalize,
     personalize_passive,
     reaction,
+    refine,
     recruitment,
     regressor,
     scale,
@@ -363,6 +364,8 @@ def _identification(folder: Path) -> Page:
             "identification": lambda: identification.measure(folder),
             "identification_prototype": lambda: identification.measure_prototype(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
+            "refine": lambda: refine.measure(folder),
+            "refine_simulated": refine.measure_simulated,
         },
     )
 

@@ -27,6 +27,9 @@ from myomorph.motion.stretch import skeleton
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 from myomorph.rigid.tree import compile_tree
 
+MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a link does not count."""
+
 KNOTS = 4.0
 """Knots a period of the cutoff frequency."""
 
@@ -288,7 +291,7 @@ def thinned(problem: Problem) -> Problem:
         trials.append(
             replace(
                 one, time=one.time[every], observed=one.observed[every], measured=one.measured[every],
-                use=one.use[every], start=one.start[every], basis=basis,
+                use=one.use[every], trust=one.trust[every], start=one.start[every], basis=basis,
             )
         )  # fmt: skip
     return replace(problem, trials=tuple(trials))
@@ -320,7 +323,7 @@ def _trial_data(
             observed[:, i] = trial.markers.values[frames, columns[name]]
     start = _without_gaps(compile_tree(model).coordinates_of(opened.motion)[frames])
     return TrialData(
-        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], start,
+        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
         Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
     )  # fmt: skip
 
@@ -493,9 +496,25 @@ def _notes(
             f"{worst.name} at {worst.refined.force:.1f} N, {worst.refined.moment:.1f} N m, the given model at "
             f"{worst.given.force:.1f} N, {worst.given.moment:.1f} N m"
         )
+    notes += _far_from_given(problem, solution.at)
     if not solution.converged:
         notes.append(f"not converged after {problem.options.iterations} steps: allow more iterations")
     return (*notes, *(note for one in opened for note in one.usable.notes))
+
+
+def _far_from_given(problem: Problem, at: Unknowns) -> list[str]:
+    """Links that got a mass that is hard to believe, as one line."""
+    before, after = problem.prior.reference[:, 0], at.parameters[:, 0]
+    counts = before > MIN_MASS_SHARE * before.sum()
+    far = np.flatnonzero(counts & (np.abs(after - before) > MAX_MASS_CHANGE * before))
+    if not len(far):
+        return []
+    names = problem.model.body_names
+    listed = ", ".join(f"'{names[i]}' {after[i]:.2f} kg (given {before[i]:.2f})" for i in far[:4])
+    return [
+        f"{len(far)} of {len(names)} links weigh far from the given model: {listed}; something that no plate measures "
+        "may carry a part of the body, or hold masses with a smaller mass_sd"
+    ]
 
 
 def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:

@@ -38,9 +38,9 @@ MASS_SD = 1e-4
 
 LENGTH_STEP = 1e-5
 
-FREEDOM = 4.0
-"""Degrees of freedom of Student's t for the residual of a frame: one that nothing explains, as of a chair that carries
-a part of the body, loses its weight."""
+UNEXPLAINED = 2.0
+"""A frame whose residual is so many times the usual one, after motions alone were refined, loses weight: something
+that no plate measures, as a chair, carries a part of the body there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ class TrialData:
     observed : (frames, markers, 3), NaN where unseen [m]
     measured : (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
     use : (frames,) whether the plates carry all that touches the ground, so that the residual counts
+    trust : (frames,) weight of the residual, 1 unless nothing explains it
     start : (frames, coordinates) by inverse kinematics
     basis : splines of its coordinates
     """
@@ -62,6 +63,7 @@ class TrialData:
     observed: Array
     measured: Array
     use: np.ndarray
+    trust: Array
     start: Array
     basis: Basis
 
@@ -98,7 +100,6 @@ class Problem:
     weight : of the body [N]
     unit : size of the body against a human's, see `length_unit`
     body, masses : whether lengths and marker positions, and masses are unknown
-    robust : whether frames that nothing explains lose their weight
     """
 
     model: Model
@@ -113,7 +114,6 @@ class Problem:
     options: RefineOptions
     body: bool = True
     masses: bool = True
-    robust: bool = True
 
     @property
     def marker_variance(self) -> float:
@@ -243,9 +243,7 @@ def cost(problem: Problem, at: Unknowns) -> float:
         errors, residual = problem.predict(tree, locations, trial, rates)
         weights = _weights(problem, trial)
         total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
-        squares = np.sum((residual / problem.residual_sd) ** 2, axis=1)
-        counted = (FREEDOM + 6.0) * np.log1p(squares / FREEDOM) if problem.robust else squares
-        total += float(weights.share * counted.sum())
+        total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
         free = problem.markers.free
         start = trial.basis.fitted(trial.start[:, free])
         moved = coefficients - start
@@ -309,6 +307,18 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
 
 def _prior_cost(problem: Problem, at: Unknowns) -> float:
     return float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
+
+
+def with_trust(problem: Problem, at: Unknowns) -> Problem:
+    """The problem with the weights of the frames that the residuals at a point ask for, see `UNEXPLAINED`."""
+    tree, locations, trials = problem.arrays(at), problem.placed(at.factors, at.shifts), []
+    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
+        residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
+        sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
+        usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
+        trust = np.minimum(1.0, (UNEXPLAINED * usual / np.maximum(sizes, 1e-300)) ** 2)
+        trials.append(replace(trial, trust=trust))
+    return replace(problem, trials=tuple(trials))
 
 
 def linearize(problem: Problem, at: Unknowns) -> Equations:
@@ -451,9 +461,7 @@ def _trial_equations(
     weights = _weights(problem, trial)
     seen = np.isfinite(trial.observed).all(axis=2)
     marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.markers.weight, 0.0), 3, axis=1))
-    squares = np.sum((residual / problem.residual_sd) ** 2, axis=1)
-    trust = (FREEDOM + 6.0) / (FREEDOM + squares) if problem.robust else np.ones(len(squares))
-    residual_root = np.sqrt(weights.share * trust)[:, None] / problem.residual_sd
+    residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
     beyond = _beyond(problem, rates[0][:, problem.markers.free])
     departed = coefficients - basis.fitted(trial.start[:, problem.markers.free])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved
+from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved, with_trust
 from myomorph.model.arrays import Array
 
 LEAST_GAIN = 1e-3
@@ -32,9 +32,10 @@ class Solution:
 
 
 def settle(problem: Problem, told: Callable[[], None] = lambda: None) -> Solution:
-    """The optimum: first motions alone, so that frames lose their weight only for what motions do not explain."""
-    still = replace(problem, body=False, masses=False, robust=False)
-    return solve(problem, solve(still, problem.begin(), told).at, told)
+    """The optimum, from that of the motions alone, which tells the frames that nothing explains."""
+    still = replace(problem, body=False, masses=False)
+    first = solve(still, still.begin(), told)
+    return solve(with_trust(problem, first.at), first.at, told)
 
 
 def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:
