@@ -49,9 +49,7 @@ def measure(folder: Path) -> Iterator[Row]:
             yield from rows_of(subject, trials, refined(folder, subject, trials))
 
 
-def refined(
-    folder: Path, subject: Subject, trials: tuple[str, ...], options: RefineOptions | None = None
-) -> Refinement:
+def refined(folder: Path, subject: Subject, trials: tuple[str, ...]) -> Refinement:
     """A subject calibrated from the same trials, then refined."""
     markers = {name: _markers(folder / subject.trials[name][0]) for name in trials}
     static = _markers(folder / subject.static) if subject.static else None
