@@ -46,6 +46,7 @@ from benchmarks.accuracy import (
     personalize_passive,
     reaction,
     recruitment,
+    refine,
     regressor,
     scale,
     setups,
@@ -367,6 +368,8 @@ def _identification(folder: Path) -> Page:
             "identification_prototype": lambda: identification.measure_prototype(folder),
             "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
+            "refine": lambda: refine.measure(folder),
+            "refine_simulated": refine.measure_simulated,
         },
     )
 
