@@ -139,25 +139,47 @@ class Strength:
         def fitting(sd: float) -> Callable[[np.ndarray], Array]:
             return lambda others: self.fit(parts, noise, sd, others)
 
-        def score(sd: float) -> float:
+        def scores(sd: float) -> Array:
             if sd not in found:
                 found[sd] = held_out(parts, fitting(sd))
             # Every part counts alike, as its misfit relative to the scaled model's.
-            return float((found[sd] / before).mean())
+            own: Array = (found[sd] / before).mean(axis=1)
+            return own
 
         if self.mass_sd is not None:
             best = self.mass_sd
-            score(best)
+            scores(best)
         else:
-            # The misfit falls, then rises with the strength: walk down from the middle.
-            at = len(STRENGTHS) // 2
-            step = 1 if score(STRENGTHS[at + 1]) < score(STRENGTHS[at]) else -1
-            while 0 <= at + step < len(STRENGTHS) and score(STRENGTHS[at + step]) < score(STRENGTHS[at]):
-                at += step
-            best = STRENGTHS[at]
+            best = _walk(scores, parts.several)
         frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
         weights = frames / frames.sum()
         return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
+
+
+def _walk(scores: Callable[[float], Array], several: bool) -> float:
+    """The strength whose held-out score (parts,) is the least; of several recordings the tightest that is near it.
+
+    The rule of one standard error (Breiman et al. 1984): what predicts as well and moves masses less is taken, because
+    faults of the motion that few recordings share pass for masses in all of them. Parts of one recording are too much
+    alike for their differences to tell how sure a score is.
+    """
+    at = len(STRENGTHS) // 2
+
+    def mean(i: int) -> float:
+        return float(scores(STRENGTHS[i]).mean())
+
+    # The misfit falls, then rises with the strength: walk down from the middle.
+    step = 1 if mean(at + 1) < mean(at) else -1
+    while 0 <= at + step < len(STRENGTHS) and mean(at + step) < mean(at):
+        at += step
+    least = scores(STRENGTHS[at])
+    while several and at > 0:
+        lost = scores(STRENGTHS[at - 1]) - least
+        error = float(lost.std(ddof=1)) / np.sqrt(len(lost)) if len(lost) > 1 else 0.0
+        if lost.mean() > error:
+            break
+        at -= 1
+    return STRENGTHS[at]
 
 
 def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...]) -> Unseen:
