@@ -316,7 +316,7 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
         residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
         sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
         usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
-        trust = np.minimum(1.0, (UNEXPLAINED * usual / np.maximum(sizes, 1e-300)) ** 2)
+        trust = (UNEXPLAINED * usual / np.maximum(sizes, UNEXPLAINED * usual)) ** 2
         trials.append(replace(trial, trust=trust))
     return replace(problem, trials=tuple(trials))
 
