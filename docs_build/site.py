@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import html
 import re
+import sys
 from pathlib import Path
 
 from latex2mathml.converter import convert
@@ -54,7 +55,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Pages that are made of the package and of files beside `docs/`."""
+    """Pages that are made of the package and of files beside `docs/`, and the notebooks of tutorials."""
+    # mkdocs runs this file by its path alone: its own folder is no package there.
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    from docs_build.notebooks import notebook_text, tutorials
+
     made = {
         "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "reference/index.md": reference_index(),
@@ -62,9 +68,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for room in ROOMS:
         made[f"reference/{room}/index.md"] = room_index(room)
         made |= {page_of(module): module_page(module) for module in modules(room)}
+    made |= {f"tutorials/{page.stem}.ipynb": notebook_text(page) for page in tutorials()}
     for name, text in made.items():
         files.append(File.generated(config, name, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Tutorials name the notebook that is made of them, under their heading."""
+    source = Path(page.file.src_uri)
+    if source.parts[0] != "tutorials" or source.stem == "index":
+        return markdown
+    heading, _, rest = markdown.partition("\n")
+    return f"{heading}\n\n[This page as a notebook]({source.stem}.ipynb)\n{rest}"
 
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:

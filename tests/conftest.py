@@ -11,6 +11,8 @@ import pytest
 
 # The matrices of tests are small: threads of BLAS get into each other's way, and into that of what runs beside.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# What tests take on a busy machine teaches no dry run.
+os.environ["MYOMORPH_STEP_TIMES"] = ""
 
 pytest_plugins = ["arm_files"]
 

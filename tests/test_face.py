@@ -98,6 +98,24 @@ def test_results_become_datasets(worked_example):
     assert any((torques[name] == result.torques["elbow_flexion"]).all() for name in torques)
 
 
+def test_every_variable_has_its_unit_and_the_mass_is_a_number(worked_example):
+    xarray = pytest.importorskip("xarray")
+    (result,) = mm.load(worked_example / "results").values()
+    values = (result.fit, result.motion, result.torques, result.tension, result.markers)
+    muscles = mm.muscle_kinematics(mm.read_model(worked_example / "arm.osim"), result.motion)
+    datasets = [result.to_xarray(), *(one.to_xarray() for one in (*values, muscles) if one is not None)]
+    assert len(datasets) >= 6
+    for dataset in datasets:
+        numbers = {name: one for name, one in dataset.variables.items() if one.dtype.kind in "fib"}
+        assert {name for name, one in numbers.items() if not one.attrs.get("units")} == set()
+    assert datasets[0].attrs["mass"] == 4.0
+    assert isinstance(float(datasets[0].attrs["mass"]), float)
+    assert not isinstance(datasets[0].attrs["mass"], str)
+    assert datasets[0].attrs["mass_unit"] == "kg"
+    with xarray.open_dataset(result.path) as opened:
+        assert opened.attrs["mass"] + 1.0 == 5.0
+
+
 def test_values_of_the_steps_become_datasets(worked_example):
     pytest.importorskip("xarray")
     (result,) = mm.load(worked_example / "results").values()

@@ -15,10 +15,11 @@ from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
+from myomorph.identify.parts import parts_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
-from myomorph.identify.validation import cross_validate, parts_of
+from myomorph.identify.validation import cross_validate
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
@@ -226,7 +227,9 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "pseudo-inertia": told(CONIC),
         f"points, own link, mass SD {LOOSE:g}": told("loose"),
         "mass SD of the prior": found.mass_sd,
-        "parameters shown": f"{int((found.shares >= 0.5).sum())} of {found.shares.size}",
+        "parameters shown": f"{int(found.known.data.sum())} of {found.known.data.size}, rank {found.known.rank}",
+        "model gets": "generic masses" if found.chosen == GENERIC else "identified masses",
+        "warned of worse": bool(found.unseen.worse or found.unseen.losses),
         "possible": found.consistency[found.chosen].ok,
     }
 

@@ -16,15 +16,18 @@ from benchmarks.accuracy import (
     calibration_zeros,
     certificates,
     conditions,
+    contact_defaults,
     cutoff,
     elastic,
     elastic_convergence,
     emg,
+    emg_faults,
     faults,
     groups,
     hands,
     hidden_plates,
     identification,
+    identification_intervals,
     interrupted,
     kernels,
     kinematics,
@@ -42,10 +45,13 @@ from benchmarks.accuracy import (
     personalize,
     personalize_passive,
     reaction,
+    recruitment,
+    refine,
     regressor,
     scale,
     setups,
     shape,
+    shoulder,
     simulated,
     sound,
     stairs,
@@ -53,6 +59,7 @@ from benchmarks.accuracy import (
     tension,
     tension_defaults,
     transfer,
+    uncertainty,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -88,6 +95,7 @@ def pages(folder: Path) -> tuple[Page, ...]:
         _opensim_setups(folder),
         _tensions(folder),
         _joint_loads(folder),
+        _uncertainty(folder),
         _emg_and_sound(folder),
         _hands(folder),
         _faults(folder),
@@ -180,6 +188,9 @@ def _tensions(folder: Path) -> Page:
             "loop_static": lambda: loop_forces.measure_static(folder),
             "reaction": lambda: reaction.measure_same(folder),
             "tension_defaults": lambda: tension_defaults.measure_settings(folder),
+            "recruitment": lambda: recruitment.measure_programs(folder),
+            "recruitment_truth": lambda: recruitment.measure_truth(folder),
+            "shoulder": lambda: shoulder.measure_shoulder(folder),
             "reaction_tensions": lambda: reaction.measure_tensions(folder),
             "reaction_loads": lambda: reaction.measure_loads(folder),
             "passive": lambda: passive.measure(folder),
@@ -199,6 +210,19 @@ def _joint_loads(folder: Path) -> Page:
             "knee_peaks": lambda: knee.measure_peaks(folder),
             "knee_where": lambda: knee.measure_where(folder),
             "knee_cutoffs": lambda: knee.measure_cutoffs(folder),
+        },
+    )
+
+
+def _uncertainty(folder: Path) -> Page:
+    return Page(
+        "uncertainty",
+        "Whether limits hold",
+        "Limits of results that hold 90 % of draws, against known and measured truth.",
+        {
+            "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
+            "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
 
@@ -228,6 +252,7 @@ def _emg_and_sound(folder: Path) -> Page:
             "emg_held_out": lambda: emg.measure_held_out(folder),
             "emg_channels": lambda: emg.measure_channels(folder),
             "emg_calibration": lambda: emg.measure_calibration(folder),
+            "emg_faults": lambda: emg_faults.measure(folder),
             "emg_study": lambda: emg.measure_study(folder),
             "emg_envelopes": lambda: emg.measure_envelopes(folder),
             "sound": sound.measure,
@@ -264,6 +289,7 @@ def _ground_forces(folder: Path) -> Page:
             "hidden_plates": lambda: hidden_plates.measure(folder),
             "hidden_plates_parts": lambda: hidden_plates.measure_parts(folder),
             "hidden_plates_partial": lambda: hidden_plates.measure_partial(folder),
+            "contact_defaults": lambda: contact_defaults.measure_contact_settings(folder),
             "certificates_truth": certificates.measure_truth,
             "certificates": lambda: certificates.measure(folder),
             "certificates_programs": lambda: certificates.measure_programs(folder),
@@ -340,7 +366,10 @@ def _identification(folder: Path) -> Page:
             "weight_maps": lambda: masspoints.measure_maps(folder),
             "identification": lambda: identification.measure(folder),
             "identification_prototype": lambda: identification.measure_prototype(folder),
+            "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
+            "refine": lambda: refine.measure(folder),
+            "refine_simulated": refine.measure_simulated,
         },
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from identified_arm import put_on_plate
 from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import read_sto, write_sto
+from myomorph.model.errors import BadFile
 from myomorph.model.series import Table
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
@@ -160,3 +162,35 @@ def test_a_study_uses_the_person_s_muscles(plate):
     assert (home / "personalization" / "report.html").is_file()
     again = run_study(read_plan(path), plate.out)
     assert again[0].reused == ("personalize",)
+
+
+def test_a_study_takes_measured_passive_torques_and_the_generic_model(plate):
+    passive_table(plate, ("shoulder_flexion_moment", "elbow_flexion_moment"))
+    path = plate.folder / "study.toml"
+    text = STUDY.replace('"ik", "personalize", "tension"', '"ik", "personalize"')
+    path.write_text(text + 'passive = ["pass*.sto"]\ngeneric = "arm.osim"\n')
+    (subject, *_) = run_study(read_plan(path), plate.out)
+    assert (subject.done, subject.error) == (("personalize",), "")
+    made = json.loads((plate.out / "s01" / "personalization" / "provenance.json").read_text())
+    assert {"passive torques", "generic model"} <= {one["role"] for one in made["sources"]}
+    rows = list(csv.DictReader((plate.out / "s01" / "personalization" / "personalized_muscles.csv").open()))
+    alone = plate.folder / "alone.toml"
+    alone.write_text(text)
+    run_study(read_plan(alone), plate.folder / "alone")
+    without = list(csv.DictReader((plate.folder / "alone/s01/personalization/personalized_muscles.csv").open()))
+    assert [row["person"] for row in rows] != [row["person"] for row in without]
+    again = run_study(read_plan(path), plate.out)
+    assert again[0].reused == ("personalize",)
+    passive_table(plate, ("elbow_flexion_moment", "shoulder_flexion_moment"))
+    assert run_study(read_plan(path), plate.out)[0].done == ("personalize",)
+
+
+def test_what_a_study_does_not_use_is_reported(plate):
+    passive_table(plate, ("shoulder_flexion_moment", "elbow_flexion_moment"))
+    path = plate.folder / "study.toml"
+    path.write_text(STUDY.replace('"ik", "personalize", "tension"', '"ik", "tension"') + 'passive = ["passive.sto"]\n')
+    assert any("'passive' is not used: its steps lack 'personalize'" in one for one in read_plan(path).remarks)
+    path.write_text(STUDY + 'passive = ["none.sto"]\ngeneric = "none.osim"\n')
+    with pytest.raises(BadFile, match="passive") as told:
+        read_plan(path)
+    assert "none.osim" in str(told.value)

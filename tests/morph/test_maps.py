@@ -11,6 +11,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
 from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, feature_warnings, fit_map, inverted
+from myomorph.morph.maps.interpolating import fit_radial
 from myomorph.morph.maps.linear import AffineMap, fit_affine, fit_whole, procrustes
 
 BENDING = [
@@ -248,3 +249,13 @@ def test_three_points_move_as_a_similarity_across_their_plane(kind: str) -> None
     target = 1.1 * source @ TURN.T
     found = fit_map(features(source, target), MapOptions(map=kind))  # type: ignore[arg-type]
     np.testing.assert_allclose(found.apply(around()), 1.1 * around() @ TURN.T, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kernel", ["r", "r3"])
+def test_what_no_affine_part_is_given_for_is_found_by_the_radial_map(kernel):
+    """Shifts that are linear in place are reproduced everywhere, whatever affine map the fit begins with."""
+    random = np.random.default_rng(4)
+    source, others = random.normal(size=(12, 3)) * 0.1, random.normal(size=(20, 3)) * 0.3
+    matrix, offset = np.eye(3) + 0.2 * random.normal(size=(3, 3)), np.array([0.1, -0.2, 0.3])
+    found = fit_radial(source, source @ matrix.T + offset, AffineMap(np.eye(3), np.zeros(3)), kernel)
+    np.testing.assert_allclose(found.apply(others), others @ matrix.T + offset, atol=1e-8)

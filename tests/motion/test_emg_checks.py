@@ -11,6 +11,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
 from myomorph.motion.emg_checks import (
     envelope_faults,
+    noise_faults,
     rate_against,
     raw_faults,
     refuse_unfit,
@@ -171,3 +172,23 @@ def test_a_calibration_is_applied_late_and_within_bounds():
 def test_a_muscle_that_does_not_exist_is_named_with_its_channel():
     with pytest.raises(UnknownName, match=r"muscle of EMG channel 'c' 'soleus': the model has 'soleus_r'"):
         channel_means({"c": ("soleus",)}, ("soleus_r",), np.zeros((3, 1)))
+
+
+def test_a_channel_of_noise_among_muscles_is_named():
+    rng = np.random.default_rng(7)
+    raw = np.column_stack([muscle(1), 300.0 * rng.standard_normal(len(TIME)), muscle(2)])
+    emg = envelopes(Series(TIME, ("a", "noise", "b"), raw))
+    (fault,) = noise_faults(emg)
+    assert (fault.channel, fault.kind) == ("noise", "noise")
+    assert "noise throughout" in fault.text
+    # Where nothing bursts, a posture is held: nothing is known against any channel. Nor of those not asked for.
+    assert noise_faults(Emg(emg.time, ("noise", "other"), emg.values[:, [1, 1]])) == ()
+    assert noise_faults(emg, ("a", "b")) == ()
+
+
+@pytest.mark.parametrize("path", ["ceinms-emg-walk/walk36/emgFilt.sto", "walk-so-jointload-emg/EMG_allMuscles.sto"])
+def test_no_channel_of_clean_walks_is_noise(data, path):
+    table = read_sto(data(path))
+    for start in (5.0, 20.0, 40.0):
+        use = (table.time >= start) & (table.time < start + 2.5)
+        assert noise_faults(Emg(table.time[use], table.names, table.values[use])) == ()

@@ -10,11 +10,6 @@ from myomorph.muscles.path import muscle_kinematics
 
 mujoco = pytest.importorskip("mujoco")
 FRAMES = 4
-FOUR = pytest.mark.skipif(
-    int(mujoco.__version__.split(".")[0]) < 4,
-    reason="before 4.0, MuJoCo led some arm tendons another way",
-)
-ARMS = ("myoarm_r", "myofullbody", "MyoFullBody")
 # A tendon over a sphere and through two pulley branches, with a gear on its muscle.
 PULLEYS = """
 <mujoco>
@@ -85,9 +80,7 @@ def compare(m, model, motion):
     return worst
 
 
-@pytest.mark.parametrize(
-    "name", ["mouse arm", *(pytest.param(one, marks=FOUR if one in ARMS else ()) for one in (*MYO_SIM, "MyoFullBody"))]
-)
+@pytest.mark.parametrize("name", ["mouse arm", *MYO_SIM, "MyoFullBody"])
 def test_lengths_moment_arms_and_speeds_equal_mujoco(name, data):
     m, model = load(name, data)
     length, arm, speed = compare(m, model, random_motion(model, FRAMES, seed=7))

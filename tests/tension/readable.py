@@ -220,7 +220,10 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
     costs: list[Cost] = [effort(widened(fast.weight[:controls]))]
     limits: list[Constraint] = []
     if contacts is not None:
-        cost = np.concatenate([np.zeros(controls), contacts.generators.cost])
+        # A contact costs the same whatever number of sites it is made of.
+        groups = [contacts.task.sites[k].group for k in contacts.generators.site]
+        many = [len({one.name for one in contacts.task.sites if one.group == name}) for name in groups]
+        cost = np.concatenate([np.zeros(controls), many * contacts.generators.cost])
         costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
         told = np.array([one.measured for one in problem.rows for _ in one.names], dtype=bool)
         unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.rows)])

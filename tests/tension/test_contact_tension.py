@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from readable import Program, frame_program, solve_program
-from walking import full, soles, task, walk
+from walking import SOLE, full, soles, task, walk
 
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
@@ -21,7 +21,8 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.passive_share import contact_notes
+from myomorph.tension.solve import TensionOptions, solve_contacts, solve_tension, tension_problem
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -86,6 +87,65 @@ def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, fo
         again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches(by)))
         np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
         np.testing.assert_allclose(again.reserves, found.reserves, atol=1e-5)
+
+
+@pytest.mark.parametrize("contact_passive", [True, False])
+def test_contact_forces_are_those_of_muscles_with_or_without_passive_force_and_tensions_follow_their_own(
+    walker, contact_passive
+):
+    model, motion, _, tau = walker
+    found = {
+        passive: solve_tension(
+            model,
+            motion,
+            tau,
+            TensionOptions(passive=passive),
+            contacts=task(model, motion, contact_passive=contact_passive),
+        )
+        for passive in (True, False)
+    }
+    alone = solve_tension(
+        model,
+        motion,
+        tau,
+        TensionOptions(passive=contact_passive),
+        contacts=task(model, motion, contact_passive=contact_passive),
+    )
+    assert np.abs(found[True].forces - found[False].forces).max() > 10.0
+    for passive, one in found.items():
+        assert one.optimal.all()
+        assert one.options.passive is passive
+        np.testing.assert_allclose(one.contacts.forces, alone.contacts.forces, atol=1e-6)
+        loaded = inverse_dynamics(model, motion, one.contacts.wrenches("site"))
+        again = solve_tension(model, motion, loaded, TensionOptions(passive=passive))
+        np.testing.assert_allclose(again.activations, one.activations, atol=1e-6)
+
+
+def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walker):
+    model, motion, _, tau = walker
+    short = [replace(one, tendon_slack_length=0.9 * one.tendon_slack_length) for one in model.muscles]
+    changed = tuple(one if one.name == "recfem_r" else own for own, one in zip(model.muscles, short, strict=True))
+    notes = []
+    for one in (model, replace(model, muscles=changed)):
+        solution = solve_contacts(one, motion, tau, contacts=task(one, motion))[1]
+        notes.append(contact_notes(solution.found))
+    assert notes[0] == ()
+    assert len(notes[1]) == 1
+    assert f"above the maximum isometric force in 1 of {len(model.muscles)} muscles (recfem_r" in notes[1][0]
+    assert "--no-contact-passive" in notes[1][0]
+
+
+def test_a_contact_costs_the_same_whatever_number_of_sites_it_is_made_of(walker):
+    model, motion, _, tau = walker
+    sole = [[x, y, z] for _, (body, (x, y, z)) in SOLE.items() if body == "calcn"]
+    one = [Site(f"sole_{side}", f"calcn_{side}", sole, group=f"foot_{side}") for side in "rl"]
+    twice = [replace(site, name=f"{site.name}_{k}") for site in one for k in (0, 1, 2)]
+    forces = []
+    for sites in (one, twice):
+        ask = ContactTask(tuple(sites), full(motion, sites), options=ContactOptions(smoothness=0.0))
+        found = solve_tension(model, motion, tau, contacts=ask).contacts
+        forces.append([found.forces[:, [s.group == f"foot_{k}" for s in sites]].sum(axis=1) for k in "rl"])
+    np.testing.assert_allclose(forces[0], forces[1], atol=0.05)
 
 
 def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):

@@ -21,7 +21,10 @@ from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
 from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.recruitment import joint_load_term
 from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.terms.co_contraction import CoContractionTerm
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Rows, Term
 
@@ -215,6 +218,41 @@ def test_emg_draws_activations(data):
     drawn = solve_tension(model, motion, torques, ELASTIC, emg=emg)
     before, after = (np.abs(one.activations[5:-5, 0] - 0.3).mean() for one in (plain, drawn))
     assert after < 0.3 * before
+
+
+def test_joint_loads_take_part_by_tendon_forces(data):
+    """What the rows leave is the force of each joint, as the reactions of the same tensions say, and it falls."""
+    model, motion, torques = arm(data)
+    term = joint_load_term(model, motion, None, 1e-3)
+    problem, names = elastic.elastic_problem(model, motion, torques, ELASTIC, terms=[term])
+    problem.solve(0, len(motion))
+    found = problem.result(names)
+    assert found.optimal.all()
+    assert found.fibers.certificate.residual < 1e-3
+    weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)
+    left = -weight * problem.x[:, -3 * len(term.joints) :].reshape(len(motion), -1, 3)
+    loads = joint_reactions(model, motion, found, None, joints=term.joints, frame="ground").forces
+    np.testing.assert_allclose(left, loads, atol=1e-3 * np.abs(loads).max())
+    plain = solve_tension(model, motion, torques, ELASTIC)
+    before = joint_reactions(model, motion, plain, None, joints=term.joints, frame="ground").forces
+    assert np.square(loads).sum() < 0.99 * np.square(before).sum()
+
+
+def test_co_contraction_takes_part_by_tendon_forces(data):
+    model, motion, torques = arm(data)
+    term = CoContractionTerm(model, motion, torques, 0.05, ("r_elbow_flex",))
+    plain, found = (solve_tension(model, motion, torques, ELASTIC, terms=terms) for terms in ((), [term]))
+    assert found.optimal.all()
+    assert found.fibers.certificate.residual < 1e-3
+    arms = muscle_kinematics(model, motion).moment_arms[:, :, model.coordinate_names.index("r_elbow_flex")]
+    strength = np.array([one.max_isometric_force for one in model.muscles])
+
+    def weaker(forces):
+        return np.minimum(*(np.maximum(sign * arms * forces, 0.0).sum(axis=1) for sign in (1.0, -1.0)))
+
+    level = weaker(found.forces) / weaker(np.broadcast_to(strength, found.forces.shape))
+    assert level[3:-3].min() > 0.9 * 0.05
+    assert weaker(found.forces).mean() > weaker(plain.forces).mean() + 1.0
 
 
 def test_what_elastic_tendons_do_not_take_is_refused(data):

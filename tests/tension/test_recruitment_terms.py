@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.accuracy.recruitment import CRITERIA
+from benchmarks.accuracy.recruitment import ours as recruited
+from benchmarks.recruitment_programs import solve_program
+from benchmarks.recruitment_programs import walk as some_walk
 from walking import walk
 
+from myomorph.contact.plan import ContactPlan
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
+from myomorph.tension.contact_setting import Measurements
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
-from myomorph.tension.solve import solve_tension
+from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.task import tension_task
+from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.co_contraction import CoContractionTerm
 
 KEEP = slice(150, 1150, 180)
@@ -99,3 +107,33 @@ def test_what_is_asked_wrongly_is_refused(data):
     load, both = recruitment_terms(model, motion, tau, wrenches, told)
     assert load.joints == ("hip_r", "hip_l")
     assert {"knee_angle_r", "ankle_angle_l"} <= set(both.coordinates)
+
+
+@pytest.mark.parametrize("name", ["co-contraction 0.1", "co-contraction 0.1, exponent 3", "weights by volume"])
+def test_frames_of_a_walk_are_recruited_as_conic_programs_say(data, name):
+    """Clarabel on full matrices of moment arms; the knees of this model lead a patella, whose share counts once."""
+    data("rajagopal-walk-emg/grf_walk.xml")
+    one = some_walk(data("rajagopal-walk-emg/subject_walk_scaled.osim").parents[1])
+    found = recruited(one, CRITERIA[name], one.torques)
+    assert found.optimal.all()
+    for frame in (0, 4, 8):
+        np.testing.assert_allclose(found.activations[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4)
+
+
+def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces(data):
+    model, motion, wrenches = walk(data, slice(400, 900, 50))
+    tau = inverse_dynamics(model, motion)
+    setup = (model, motion, tau, TensionOptions(), default_reserves(model), Measurements(motion, wrenches))
+    plan = ContactPlan(measured="hidden")
+    asked = RecruitmentOptions(joint_load=1.0, joint_load_joints="walker_knee_r")
+    plain, _ = tension_task(*setup, plan).solved(lambda done: None)
+    task = tension_task(*setup, plan, recruitment=asked)
+    found, solution = task.solved(lambda done: None)
+    assert solution is not None
+    assert found.optimal.all()
+    np.testing.assert_allclose(found.contacts.forces, plain.contacts.forces, atol=1e-9)
+    loads, carried = task.loads(found)
+    term = joint_load_term(model, motion, loads, 1.0, ("walker_knee_r",))
+    alone = solve_tension(model, motion, carried, terms=[term])
+    np.testing.assert_allclose(found.activations, alone.activations, atol=1e-6)
+    assert knee_load(found, model, motion, None).mean() < 0.98 * knee_load(plain, model, motion, None).mean()

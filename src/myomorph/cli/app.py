@@ -81,6 +81,12 @@ COMMANDS = {
         "Joint angles, torques and muscle activations while frames arrive, from streams or a recording.",
         "myomorph live --model subject.osim --markers walk1.trc --loads walk1_grf.xml --web 8080",
     ),
+    "refine": Command(
+        "refine",
+        "Motions, link lengths, marker positions and masses that agree with markers and force plates at once.",
+        "myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads walk1_grf.xml jump1_grf.xml "
+        "--mass 72.6 --out refined.osim",
+    ),
     "identify": Command(
         "identify",
         "Masses, mass centers and inertias of every body from motions, their forces and the body's shape.",

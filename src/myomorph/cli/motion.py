@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    DrawCount,
     ForceBodies,
     LabelsFile,
     LoadsFile,
@@ -17,6 +18,7 @@ from myomorph.cli.options import (
     PlateBodies,
     Threads,
     Time,
+    UncertaintyFile,
     labels_of,
     options_class,
     settings_dict,
@@ -25,10 +27,12 @@ from myomorph.cli.options import (
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
 from myomorph.study.trial.external_forces import bodies_of
-from myomorph.study.trial.step import StepOutput, StepResults, run_step
+from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial, open_trial
+from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
+from myomorph.study.trial.uncertainty_file import drawn_settings
 
 IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
 IdOptions = options_class(*dynamics.STEP.options)
@@ -42,16 +46,23 @@ def ik_command(
     tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
     labels: LabelsFile = None,
     time: Time = None,
+    draws: DrawCount = None,
+    uncertainty: UncertaintyFile = None,
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
     files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
-    trial = open_trial(files, {"ik": settings_dict(options)})
+    drawn = drawn_settings(draws, uncertainty)
+    trial = open_trial(files, {"ik": settings_dict(options), **drawn})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
-        poses = run_step(ik.STEP, trial, StepResults(), StepOutput(writer, folder))[ik.Poses]
-    warn((*poses.notes, *trial.warnings))
+        output = StepOutput(writer, folder)
+        results = run_step(ik.STEP, trial, StepResults(), output)
+        if drawn:
+            results = run_step(step_of(UNCERTAINTY), trial, results, output)
+    poses = results[ik.Poses]
+    warn((*results.notes, *trial.warnings))
     assert poses.fit is not None
     said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}; wrote {out}")
     return 0
@@ -66,6 +77,8 @@ def id_command(
     bodies: ForceBodies = (),
     plates: PlateBodies = "",
     time: Time = None,
+    draws: DrawCount = None,
+    uncertainty: UncertaintyFile = None,
     options: IdOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -73,9 +86,13 @@ def id_command(
     use_threads(threads)
     named = bodies_of(bodies, plates)
     files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
-    trial, poses = open_motion_trial(files, {"id": settings_dict(options)})
+    drawn = drawn_settings(draws, uncertainty)
+    trial, poses = open_motion_trial(files, {"id": settings_dict(options), **drawn})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
-        results = run_step(dynamics.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+        output = StepOutput(writer, folder)
+        results = run_step(dynamics.STEP, trial, StepResults(poses), output)
+        if drawn:
+            results = run_step(step_of(UNCERTAINTY), trial, results, output)
     warn((*results.notes, *trial.warnings))
     found = results[dynamics.Torques]
     forces = 0 if found.wrenches is None else len(found.wrenches.names)

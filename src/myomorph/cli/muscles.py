@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
+    DrawCount,
     EmgMuscles,
     ForceBodies,
     LoadsFile,
@@ -17,6 +18,7 @@ from myomorph.cli.options import (
     PlateBodies,
     Threads,
     Time,
+    UncertaintyFile,
     options_class,
     settings_dict,
     use_threads,
@@ -28,10 +30,12 @@ from myomorph.store.settings import Measured, Side
 from myomorph.study.trial.emg_files import channel_muscles
 from myomorph.study.trial.external_forces import bodies_of
 from myomorph.study.trial.fit_beside import put_fit_beside
-from myomorph.study.trial.step import StepOutput, StepResults, run_step
+from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
+from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
+from myomorph.study.trial.uncertainty_file import drawn_settings
 
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
@@ -69,8 +73,7 @@ def muscles_command(
     with folder_with(out, "muscles") as (folder, writer):
         results = run_step(muscles.STEP, trial, StepResults(poses), StepOutput(writer, folder))
     warn((*results.notes, *trial.warnings))
-    counts = f"{len(trial.model.muscles)} muscles, {len(poses.recorded)} frames"
-    said(f"{counts}{filter_summary(trial, poses.recorded)}; wrote {out}")
+    said(f"{results[muscles.MuscleLengths].summary}{filter_summary(trial, poses.recorded)}; wrote {out}")
     return 0
 
 
@@ -122,6 +125,8 @@ def tension_command(
         Path | None, Parameter(help="OpenSim force set (.xml) of reserve and residual actuators.")
     ] = None,
     time: Time = None,
+    draws: DrawCount = None,
+    uncertainty: UncertaintyFile = None,
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -156,9 +161,13 @@ def tension_command(
         contact_points=contact_points,
         time=time,
     )
-    trial, poses = open_motion_trial(files, {"tension": settings_dict(options)})
+    drawn = drawn_settings(draws, uncertainty)
+    trial, poses = open_motion_trial(files, {"tension": settings_dict(options), **drawn})
     with folder_with(out, "tension") as (folder, writer):
-        results = run_step(tension.STEP, trial, StepResults(poses), StepOutput(writer, folder))
+        output = StepOutput(writer, folder)
+        results = run_step(tension.STEP, trial, StepResults(poses), output)
+        if drawn:
+            results = run_step(step_of(UNCERTAINTY), trial, results, output)
         put_fit_beside(writer, motion, trial.model, results[tension.Tensions].tension.time)
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)

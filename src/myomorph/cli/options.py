@@ -57,6 +57,22 @@ EmgMuscles = Annotated[
         consume_multiple=True,
     ),
 ]
+DrawCount = Annotated[
+    int | None,
+    Parameter(
+        name="--draws",
+        help="Compute it anew so many times with errors in all inputs, 200 for example; beside every table stand its "
+        "limits of 90 % (NAME_low, NAME_high), and uncertainty.csv says what contributes.",
+    ),
+]
+UncertaintyFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--uncertainty",
+        help="Sizes of the errors (.toml of lines 'placement = 0.008'), in the place of usual ones; "
+        "'myomorph uncertainty --help' lists them.",
+    ),
+]
 Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")]
 
 

@@ -33,6 +33,8 @@ def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them"
 def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
     """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc` stands beside it.
 
+    The table's limits, where there are any, become `OUT_low` and `OUT_high`.
+
     Raises
     ------
     BadFile
@@ -44,6 +46,11 @@ def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, Result
         with new_result(folder / f"result{STORED}", step) as writer:
             yield folder, writer
         os.replace(folder / f"result{STORED}", out.with_name(f"{out.stem}_{step}{STORED}"))
+        table = Path(name)
+        for path in folder.glob(f"{table.stem}_*{table.suffix}"):
+            os.replace(path, out.with_name(f"{out.stem}{path.name.removeprefix(table.stem)}"))
+        for path in folder.glob("uncertainty.csv"):
+            os.replace(path, out.with_name(f"{out.stem}_{path.name}"))
         os.replace(folder / name, out)
 
 

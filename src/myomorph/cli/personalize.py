@@ -20,6 +20,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, warn
+from myomorph.report.trial.personal_summary import personal_lines
 from myomorph.store.settings import Differentiation, ForceOptions, Side
 from myomorph.study.subject import personalizing
 
@@ -96,7 +97,7 @@ def personalize_command(
     lost = personalizing.write_personalized(found, out)
     tables = personalizing.tables_folder(out)
     warn((*found.found.notes, *found.warnings, *lost), f"'{tables / personalizing.NOTES}' lists them")
-    for line in personalizing.summary(found.found):
+    for line in personal_lines(found.found):
         said(line)
     said(f"wrote {out} and {tables}")
     return 0

@@ -53,7 +53,8 @@ def step_command(name: str) -> Callable[..., int]:
         trial, poses = open_motion_trial(files, {name: settings_dict(options)})
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
-            needed = [one for one in steps_before(step) if one.gives in step.needs and results.get(one.gives) is None]
+            read = {*step.needs, *step.uses}
+            needed = [one for one in steps_before(step) if one.gives in read and results.get(one.gives) is None]
             for one in (*needed, step):
                 results = run_step(one, trial, results, StepOutput(writer, folder))
         warn((*results.notes, *trial.warnings))

@@ -52,7 +52,11 @@ class Labelled:
                 name: (one.dimensions, np.asarray(one.values), {"units": one.unit} if one.unit else {})
                 for name, one in variables.items()
             },
-            {name: np.asarray(values) for name, values in self.labels().items() if name in used},
+            {
+                name: (name, np.asarray(values), {"units": "s"} if name == "time" else {})
+                for name, values in self.labels().items()
+                if name in used
+            },
         )
 
     def to_pandas(self) -> pandas.DataFrame:

@@ -99,12 +99,14 @@ class TendonWrap:
     wrap_object : name of a sphere or (infinite) cylinder
     after : index of the path point before the surface
     side_body, side : the side site that chooses the way around; inside the surface it wraps inward
+    version : of MuJoCo whose rule of side sites it follows: 4, or 3 for all before
     """
 
     wrap_object: str
     after: int
     side_body: str = ""
     side: Array | None = None
+    version: int = 4
 
 
 @dataclass(frozen=True, eq=False)

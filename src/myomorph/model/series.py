@@ -28,11 +28,16 @@ class Series(Labelled):
     time : (frames,) ascending [s]
     names : one per column
     values : (frames, names) or (frames, names, 3)
+    unit : of the values, where it is known: "N m or N" of generalized forces
     """
 
     time: Array
     names: tuple[str, ...]
     values: Array
+    unit: str = field(default="", kw_only=True)
+
+    usual_unit = ""
+    """Of the values of a class whose unit is always the same."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
@@ -55,7 +60,7 @@ class Series(Labelled):
     def variables(self) -> dict[str, Variable]:
         """The values, and of vectors each axis."""
         dimensions = ("time", "name", "axis")[: self.values.ndim]
-        return {"values": Variable(dimensions, self.values)}
+        return {"values": Variable(dimensions, self.values, self.unit or self.usual_unit)}
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], names, axes."""
@@ -98,6 +103,8 @@ class Table(Series):
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
 
+    usual_unit = "m"
+
     def rotated(self, rotation: Array) -> Markers:
         """The same markers seen in a frame whose axes are the rows of `rotation` (3, 3)."""
         return Markers(self.time, self.names, self.values @ np.asarray(rotation).T)
@@ -113,6 +120,7 @@ class Motion(Series):
 
     velocities: Array | None = None
     accelerations: Array | None = None
+    usual_unit = "rad or m"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -123,9 +131,13 @@ class Motion(Series):
 
     def variables(self) -> dict[str, Variable]:
         """Values, and velocities and accelerations where they are known."""
-        known = {"velocities": self.velocities, "accelerations": self.accelerations}
-        derivatives = {name: Variable(("time", "name"), one) for name, one in known.items() if one is not None}
-        return {"values": Variable(("time", "name"), self.values), **derivatives}
+        two = ("time", "name")
+        found = super().variables()
+        if self.velocities is not None:
+            found["velocities"] = Variable(two, self.velocities, "rad/s or m/s")
+        if self.accelerations is not None:
+            found["accelerations"] = Variable(two, self.accelerations, "rad/s2 or m/s2")
+        return found
 
 
 @read_only

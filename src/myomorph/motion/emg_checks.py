@@ -41,6 +41,13 @@ FAST_SHARE = 0.1
 BEYOND_ONE = 1.5
 """Envelopes beyond this are no share of a maximum."""
 
+BURSTS, STEADY = 5.0, 3.0
+"""95th over 10th percentile of an envelope: from which on a channel has bursts, and below which it has none. Muscles of
+six walks have 3.3 and more, electrodes that were on nobody or hummed 2.7 and less."""
+
+LONG_ENOUGH = 1.0
+"""Length of a recording in which muscles that move a body burst [s]."""
+
 
 @dataclass(frozen=True)
 class EmgFault:
@@ -48,7 +55,7 @@ class EmgFault:
 
     Attributes
     ----------
-    kind : "dead", "clipped", "unknown", "negative", "large", "fast", "copy" or "rate"
+    kind : "dead", "clipped", "unknown", "negative", "large", "fast", "copy", "rate" or "noise"
     start, stop : first and last time of it [s]
     text : one line
     """
@@ -107,6 +114,40 @@ def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
             during = (emg.time >= fault.start - 1e-9) & (emg.time <= fault.stop + 1e-9)
             values[during, emg.names.index(fault.channel)] = np.nan
     return replace(emg, values=values)
+
+
+def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFault, ...]:
+    """Channels whose envelope hardly changes while others burst: noise, hum, or an electrode that is on no muscle.
+
+    A contraction that is held looks the same, so that nothing is said where no channel bursts.
+
+    Parameters
+    ----------
+    channels : those that are looked at; None for all
+    """
+    if len(emg) < 2 or emg.time[-1] - emg.time[0] < LONG_ENOUGH:
+        return ()
+    rises = {}
+    for name in emg.names if channels is None else channels:
+        known = emg[name][np.isfinite(emg[name])]
+        if len(known) and np.ptp(known) > 0.0:
+            low, high = np.percentile(known, [10.0, 95.0])
+            rises[name] = float(high / max(low, 1e-9 * high))
+    if max(rises.values(), default=0.0) < BURSTS:
+        return ()
+    highest = max(rises, key=lambda name: rises[name])
+    return tuple(
+        EmgFault(
+            name,
+            "noise",
+            float(emg.time[0]),
+            float(emg.time[-1]),
+            f"EMG channel '{name}' is noise throughout: its envelope rises to {rise:.1f} times its rest only ("
+            f"'{highest}': {min(rises[highest], 999.0):.0f} times)",
+        )
+        for name, rise in rises.items()
+        if rise < STEADY
+    )
 
 
 def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -> None:

@@ -99,11 +99,12 @@ class KinematicsFit(Labelled):
 
     def variables(self) -> dict[str, Variable]:
         """Coordinates [rad or m], marker errors, and what became of each frame."""
-        frames = {"converged": Variable(("time",), self.converged), "iterations": Variable(("time",), self.iterations)}
+        counts = {"converged": self.converged, "iterations": self.iterations}
+        frames = {name: Variable(("time",), one, "1") for name, one in counts.items()}
         if self.closure is not None:
-            frames["closure"] = Variable(("time",), self.closure)
+            frames["closure"] = Variable(("time",), self.closure, "m or rad")
         return {
-            "coordinates": Variable(("time", "coordinate"), self.motion.values),
+            "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
             "marker_error": Variable(("time", "marker"), self.errors, "m"),
             **frames,
         }
@@ -130,23 +131,6 @@ class KinematicsFit(Labelled):
         """(frames,) largest marker error [m], NaN where none was seen."""
         largest: Array = np.max(np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf)
         return np.where(np.isfinite(largest), largest, np.nan)
-
-    @property
-    def summary(self) -> str:
-        """Frames, markers and errors in one line."""
-        lost = int((~self.converged & self.seen).sum())
-        if not np.isfinite(self.errors).any():
-            return f"{len(self.motion)} frames, none with a marker"
-        frame, marker = np.unravel_index(int(np.nanargmax(self.errors)), self.errors.shape)
-        worst = 100 * float(self.errors[frame, marker])
-        where = f"{self.marker_names[marker]} at {self.motion.time[frame]:.2f} s"
-        opened = "" if self.closure is None else f"; loops closed to {float(np.nanmax(self.closure)):.1g} m"
-        return (
-            f"{len(self.motion)} frames, {len(self.marker_names)} markers: root mean square "
-            f"{100 * float(np.nanmean(self.rms)):.2f} cm, largest {worst:.2f} cm ({where})"
-            + (f"; {lost} frames did not converge" if lost else "")
-            + opened
-        )
 
 
 def inverse_kinematics(

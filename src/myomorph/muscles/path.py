@@ -253,7 +253,7 @@ class MuscleKinematics(Labelled):
         if self.velocities is not None:
             found["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
         if self.arms is not None:
-            found["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms)
+            found["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
         return found
 
     def labels(self) -> dict[str, Sequence[str] | Array]:

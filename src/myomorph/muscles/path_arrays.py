@@ -16,6 +16,7 @@ from myomorph.model.functions import Function
 from myomorph.model.model import Model, index_of
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.muscles.wrap_ellipsoid import AXIAL, HYBRID, MIDPOINT
+from myomorph.muscles.wrap_tendon import BEFORE_FOUR, FOUR
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
 from myomorph.rigid.tree import Tree
 
@@ -175,7 +176,8 @@ class _Builder:
         if isinstance(wrap, TendonWrap):
             if not 0 <= wrap.after < points - 1:
                 raise BadModel(f"wrap object '{wrap.wrap_object}' stands after point {wrap.after} of {points}")
-            return [0, 0, points - 1, wrap.after, -1 if wrap.side is None else self.tree.body_number(wrap.side_body)]
+            body = -1 if wrap.side is None else self.tree.body_number(wrap.side_body)
+            return [BEFORE_FOUR if wrap.version < FOUR else FOUR, 0, points - 1, wrap.after, body]
         if wrap.method not in METHODS:
             known = ", ".join(METHODS)
             raise BadModel(f"wrap object '{wrap.wrap_object}' has the method '{wrap.method}': expected {known}")

@@ -32,7 +32,7 @@ from myomorph.muscles.path_arrays import (
 from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
-from myomorph.muscles.wrap_tendon import wrap_tendon
+from myomorph.muscles.wrap_tendon import NO_SIDE, wrap_tendon
 from myomorph.muscles.wrap_torus import wrap_torus
 from myomorph.rigid.kernels import inner
 
@@ -101,7 +101,8 @@ def tendon_nodes(
                 for j in range(3):
                     side[i] += R[b, i, j] * wrap_side[k, j]
         kind = 0 if surface[g, KIND] == SPHERE else 1
-        arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, b >= 0, out)
+        rule = wrap[k, METHOD] if b >= 0 else NO_SIDE
+        arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, rule, out)
         if arc >= 0.0:
             r, s = _placed(out, 0 * k), _placed(out, 0 * k + 1)
             count = _insert(x, node, seen, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)

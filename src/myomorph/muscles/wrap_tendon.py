@@ -6,8 +6,9 @@ arc of the circle, straight. The path takes the near way round, and only where t
 way; but where the center lies within the triangle of both points and a side point outside of the
 surface, it takes the way over that side in any case. A side point inside of the surface makes the
 path run through the inside of the ring and touch it at one point (a pulley seen from within). These
-are the rules of MuJoCo 4.0 (`tendon/spatial/geom` in its documentation, found out by experiment);
-versions before 4.0 went over the side of the side point also where the center lies outside.
+are the rules of MuJoCo 4.0 (`tendon/spatial/geom` in its documentation, found out by experiment).
+Versions before 4.0 went over the side of a side point outside wherever the straight line passes the
+center on the other side of it, and of both ways took the one whose ends point more towards it.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ import math
 from myomorph.rigid.kernels import inner, kernel
 
 SPHERE, CYLINDER = 0, 1
+NO_SIDE, BEFORE_FOUR, FOUR = 0, 3, 4
+"""Rules of side points: without one, those of MuJoCo before 4.0, those since."""
 TINY = 1e-15
 
 
 @kernel
-def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
+def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
     """Arc length on the surface between two points, or -1 where the path does not touch it.
 
     Parameters
@@ -30,7 +33,8 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
     kind : SPHERE or CYLINDER (infinite, its axis is the third column of `R`)
     radius : [m]
     R, x : (3, 3), (3,) pose of the surface
-    side : (3,) the side point; read where `has_side`
+    side : (3,) the side point; not read without one
+    rule : NO_SIDE, BEFORE_FOUR or FOUR
     out : (2, 3) filled with the points where the path meets and leaves the surface
 
     All in one frame. On -1 `out` is left as it was.
@@ -50,7 +54,7 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
     ax, ay = a0 * e0 + a1 * e1 + a2 * e2, a0 * f0 + a1 * f1 + a2 * f2
     bx, by = b0 * e0 + b1 * e1 + b2 * e2, b0 * f0 + b1 * f1 + b2 * f2
     sx, sy, within = 0.0, 0.0, False
-    if has_side:
+    if rule != NO_SIDE:
         s0, s1, s2 = side[0] - x[0], side[1] - x[1], side[2] - x[2]
         sx, sy = _unit(s0 * e0 + s1 * e1 + s2 * e2, s0 * f0 + s1 * f1 + s2 * f2)
         within = s0 * s0 + s1 * s1 + s2 * s2 < radius * radius
@@ -58,7 +62,10 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, has_side, out):
         found, tx, ty = _touch_inside(ax, ay, bx, by, radius)
         arc, ux, uy = 0.0, tx, ty
     else:
-        arc, tx, ty, ux, uy = _around(ax, ay, bx, by, radius, sx, sy, has_side)
+        if rule == BEFORE_FOUR:
+            arc, tx, ty, ux, uy = _towards_side(ax, ay, bx, by, radius, sx, sy)
+        else:
+            arc, tx, ty, ux, uy = _around(ax, ay, bx, by, radius, sx, sy, rule == FOUR)
         found = arc >= 0.0
     if not found:
         return -1.0
@@ -122,6 +129,13 @@ def _around(ax, ay, bx, by, r, sx, sy, has_side):
     turn = 1.0 if turned < 0.0 or (turned == 0.0 and left < 0.0) else -1.0
     if far:
         turn = -turn
+    return _arc(ax, ay, bx, by, r, turn)
+
+
+@inner
+def _arc(ax, ay, bx, by, r, turn):
+    """The way around a circle in one sense, clockwise where `turn` is 1: arc length and both ends."""
+    aa, bb, rr = ax * ax + ay * ay, bx * bx + by * by, r * r
     ha, hb = turn * r * math.sqrt(aa - rr), turn * r * math.sqrt(bb - rr)
     tx, ty = (ax * rr + ay * ha) / aa, (ay * rr - ax * ha) / aa
     ux, uy = (bx * rr - by * hb) / bb, (by * rr + bx * hb) / bb
@@ -130,6 +144,39 @@ def _around(ax, ay, bx, by, r, sx, sy, has_side):
     if turned > 0.0:
         angle = 2.0 * math.pi - angle
     return r * angle, tx, ty, ux, uy
+
+
+@inner
+def _towards_side(ax, ay, bx, by, r, sx, sy):
+    """As `_around` with a side point outside, by the rule before MuJoCo 4.0."""
+    none = (-1.0, 0.0, 0.0, 0.0, 0.0)
+    rr, dx, dy = r * r, bx - ax, by - ay
+    dd = dx * dx + dy * dy
+    if ax * ax + ay * ay < rr or bx * bx + by * by < rr or r < TINY or dd < TINY:
+        return none
+    t = min(1.0, max(0.0, -(dx * ax + dy * ay) / dd))
+    nx, ny = ax + t * dx, ay + t * dy
+    if nx * nx + ny * ny > rr and sx * nx + sy * ny >= 0.0:
+        return none
+    best, most = none, -2.0
+    for turn in (1.0, -1.0):
+        found = _arc(ax, ay, bx, by, r, turn)
+        mx, my = _unit(found[1] + found[3], found[2] + found[4])
+        # A way whose straight parts cross is none.
+        if mx * sx + my * sy > most and not _cross(ax, ay, found[1], found[2], bx, by, found[3], found[4]):
+            best, most = found, mx * sx + my * sy
+    return best
+
+
+@inner
+def _cross(ax, ay, tx, ty, bx, by, ux, uy):
+    """Whether the segments from a to t and from b to u have a point in common."""
+    px, py, qx, qy = tx - ax, ty - ay, ux - bx, uy - by
+    size = qy * px - qx * py
+    if abs(size) < TINY:
+        return False
+    along, other = (qx * (ay - by) - qy * (ax - bx)) / size, (px * (ay - by) - py * (ax - bx)) / size
+    return 0.0 <= along <= 1.0 and 0.0 <= other <= 1.0
 
 
 @inner

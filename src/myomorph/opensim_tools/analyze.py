@@ -27,6 +27,7 @@ from myomorph.opensim_tools.forces import (
 )
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, needed, write_outputs
 from myomorph.opensim_tools.states import Analyzed, Result, Tables, analyzed
+from myomorph.report.trial.summary_lines import tension_line
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.progress import progress
 from myomorph.study.trial import inputs
@@ -65,6 +66,8 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
             tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
         if analysis.kind == "StaticOptimization":
             controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = found["activation"]
+    if any(one.kind in WITH_FORCES for one in built) and here.wrenches is not None:
+        warnings = [*here.wrenches.notes, *warnings]
     named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
     check_outputs((*tables, *controls), (source, model_path, *named))
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
@@ -98,6 +101,9 @@ ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {
 }
 """What runs each kind of analysis."""
 
+WITH_FORCES = ("StaticOptimization", "JointReaction", "InverseDynamics")
+"""Kinds that external forces change: they are held against the motion, and findings come first."""
+
 
 def static_optimization(
     model: Model,
@@ -128,11 +134,7 @@ def static_optimization(
         "activation": Table(tension.time, names, np.hstack([tension.activations, controls]), facts=facts),
         "force": Table(tension.time, names, np.hstack([pulls, tension.reserves]), facts=facts),
     }
-    text = f"static optimization: {len(tension)} frames, {int(tension.optimal.sum())} optimal"
-    if tension.reserves.size and np.isfinite(tension.reserves).any():
-        worst = np.unravel_index(int(np.nanargmax(np.abs(tension.reserves))), tension.reserves.shape)
-        text += f", largest reserve {abs(tension.reserves[worst]):.3g} ({tension.reserve_names[worst[1]]})"
-    return tables, text
+    return tables, f"static optimization: {tension_line(model, tension)}"
 
 
 def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:

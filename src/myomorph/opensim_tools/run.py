@@ -15,12 +15,14 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.marker_checks import MarkerCheckOptions, checked_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.opensim_tools.analyze import run_analyze
 from myomorph.opensim_tools.outputs import ToolResult, Writers, check_outputs, needed, write_outputs
 from myomorph.opensim_tools.scale import run_scale, tasks_of_setup
 from myomorph.opensim_tools.states import indexed_frames, loads_at, overlap
+from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -65,16 +67,21 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = tasks_of_setup(InverseKinematicsOptions(root_bounds=True), setup.tasks, setup.coordinates, model, source)
     with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
-        fit = inverse_kinematics(model, markers, options, advance)
+        # As OpenSim, which takes labels as they are: what the checks find is reported, nothing is mended.
+        checked = checked_kinematics(model, markers, options, MarkerCheckOptions(mend=False), advance)
+    fit = checked.fit
     tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}
     if places is not None:
         tables[places] = location_table(model, fit)
     warnings = (
+        *map(str, checked.findings),
         *setup.warnings,
         *(f"{model_path.name}: {text}" for text in model.warnings),
         *(f"{markers_path.name}: {text}" for text in trial.warnings),
     )
-    return ToolResult("InverseKinematicsTool", (fit.summary,), write_outputs(table_writers(tables)), warnings)
+    return ToolResult(
+        "InverseKinematicsTool", (kinematics_line(fit, model, markers),), write_outputs(table_writers(tables)), warnings
+    )
 
 
 def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResult:
@@ -96,9 +103,12 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
     torques = torques_in_order(model, torques)
     lines = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
+    residual = dynamics_line(model, motion, torques, wrenches)
+    lines += f"; {residual}" if residual else ""
+    found = () if wrenches is None else wrenches.notes
     written = write_outputs(table_writers({target: torque_table(torques, model)}))
     own = (f"{model_path.name}: {text}" for text in model.warnings)
-    return ToolResult("InverseDynamicsTool", (lines,), written, (*setup.warnings, *own, *warnings))
+    return ToolResult("InverseDynamicsTool", (lines,), written, (*found, *setup.warnings, *own, *warnings))
 
 
 def table_writers(tables: dict[Path | None, Table]) -> Writers:

@@ -66,7 +66,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
         )
 
     over_frames(part, len(c))
-    return Series(motion.time, model.coordinate_names, tau)
+    return Series(motion.time, model.coordinate_names, tau, unit="N m or N")
 
 
 def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:

@@ -127,7 +127,7 @@ def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None
 def get_torques(stored: Stored) -> Series | None:
     """Generalized forces of a result, or None."""
     found = stored.values.get("generalized_force")
-    return None if found is None else Series(stored.time, stored.names["coordinate"], found)
+    return None if found is None else Series(stored.time, stored.names["coordinate"], found, unit="N m or N")
 
 
 def get_wrenches(stored: Stored) -> Wrenches | None:

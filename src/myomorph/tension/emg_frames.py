@@ -31,6 +31,7 @@ class TrackedFrames:
     torques : (frames, rows) to be balanced [N m or N]
     others : (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
     emg : envelopes, its channels those that are calibrated
+    gram : (muscles, muscles) products of what muscles do at all joints, rows that are left out here included
     """
 
     time: Array
@@ -38,6 +39,7 @@ class TrackedFrames:
     torques: Array
     others: Array
     emg: Emg
+    gram: Array
 
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
@@ -96,7 +98,9 @@ def tracked_frames(
     kept = reached if contacts is None else np.ones(len(rows), dtype=bool)
     acting = np.concatenate(others, axis=2)[:, kept]
     good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
-    return TrackedFrames(few.time[good], whole[good][:, kept, :count], right[good][:, kept], acting[good], emg)
+    muscles = np.nan_to_num(whole[:, :, :count]).reshape(-1, count)
+    gram = muscles.T @ muscles
+    return TrackedFrames(few.time[good], whole[good][:, kept, :count], right[good][:, kept], acting[good], emg, gram)
 
 
 def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:

@@ -47,6 +47,8 @@ AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
 """Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
 SURE, ROUGH = 0.01, 0.1
 """Error of a torque in shares of its RMS: least that is believed, and first guess."""
+KEPT, MOST_NOISE = 0.01, 0.5
+"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it may take."""
 ROUNDS = 5
 CLOCK, EARLIER = 0.01, 0.6
 """Of the courses of synergies: step of their clock, and how far it begins before the motion [s]."""
@@ -60,13 +62,14 @@ class Prior(NamedTuple):
     upper: Array
 
 
-def gain_prior(peaks: Array, maxima: Array) -> Prior:
+def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     """Prior of log gains (channels,).
 
     Parameters
     ----------
     peaks : (channels,) largest envelope over all trials
     maxima : (channels,) envelope in a maximum voluntary contraction, NaN where nobody measured one
+    shared : standard deviation of what all channels share
     """
     told, alive = np.isfinite(maxima), peaks > 0.0
     largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
@@ -74,9 +77,9 @@ def gain_prior(peaks: Array, maxima: Array) -> Prior:
     usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
     upper = -np.log(largest)
     mean = np.where(told, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
-    shared = np.where(told, 0.0, SHARED)
+    level = np.where(told, 0.0, shared)
     spread = np.where(told, NEAR_MAXIMUM, APART)
-    covariance = np.diag(spread**2) + np.outer(shared, shared)
+    covariance = np.diag(spread**2) + np.outer(level, level)
     return Prior(mean, np.linalg.inv(covariance), upper)
 
 
@@ -89,6 +92,7 @@ class Fit(NamedTuple):
     gains, offsets : (channels,)
     weights : of each group of synergies (muscles, synergies)
     deviation : (channels,) standard deviation of the gains' logarithms
+    misfit : the part of the cost that is of torques, without that of the priors
     """
 
     cost: float
@@ -96,6 +100,7 @@ class Fit(NamedTuple):
     offsets: Array
     weights: tuple[Array, ...]
     deviation: Array
+    misfit: float
 
 
 @read_only
@@ -116,6 +121,13 @@ class Group:
     like: Array
 
 
+def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
+    """(muscles, muscles) cosine between what muscles do at the joints over all frames."""
+    product = np.asarray(sum(one.gram for one in frames))
+    size = np.sqrt(np.maximum(np.diag(product), 1e-300))
+    return np.asarray(product / np.outer(size, size))
+
+
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
     """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
 
@@ -123,9 +135,7 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
     ----------
     tells : (all muscles, channels) True where a channel tells of a muscle
     """
-    product = sum(np.einsum("krm,krn->mn", one.columns, one.columns) for one in frames)
-    size = np.sqrt(np.maximum(np.diag(product), 1e-300))
-    cosine = np.maximum(product / np.outer(size, size), 0.0)[muscles]
+    cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
     found: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
@@ -143,6 +153,7 @@ class TorqueTracking:
     prior : of the gains
     offsets : whether channels may have an activation at rest
     errors : of the torques, and what a frame is worth, where they are known from elsewhere
+    noise : (channels,) standard deviation of noise in the envelopes; it makes gains smaller unless that is corrected
     """
 
     def __init__(
@@ -153,6 +164,7 @@ class TorqueTracking:
         prior: Prior,
         offsets: bool,
         errors: tuple[Array, float] | None = None,
+        noise: Array | None = None,
     ):
         self.frames, self.tells, self.groups, self.prior, self.offsets = frames, tells, groups, prior, offsets
         self.measured = np.flatnonzero(tells.any(axis=1))
@@ -161,6 +173,8 @@ class TorqueTracking:
         self._least = np.maximum(SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6))
         self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
         self._white: list[tuple[Array, Array]] = []
+        self.noise = np.zeros(tells.shape[1]) if noise is None else noise
+        self._excess = np.zeros(tells.shape[1])
         self._courses = [[_courses(one, group) for group in groups] for one in frames]
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
@@ -170,7 +184,7 @@ class TorqueTracking:
             self.whiten(delays)
             fit = self.fit(delays, shapes)
             sigma, share = self.errors
-            squares, count, worth = np.zeros_like(sigma), 0, []
+            squares, count, worth, excess = np.zeros_like(sigma), 0, [], np.zeros_like(self._excess)
             for k, one in enumerate(self.frames):
                 good, covariance = self._covariance(one, delays)
                 left = self._left(k, fit, delays, shapes)[good]
@@ -178,9 +192,12 @@ class TorqueTracking:
                 error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
                 rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
                 squares, count = squares + np.sum(error**2 + rest, axis=0), count + len(left)
+                mixed = self._mixed(one, delays)[good]
+                excess += np.sum(np.einsum("krc,kr->kc", mixed, error / sigma**2) ** 2, axis=0)
                 worth += [independent_samples(e, e) / len(e) for e in error.T if len(e) > 8 and np.std(e) > 0.0]
             sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
             self.errors = (sigma, float(np.median(worth)) if worth else share)
+            self._excess = excess * self.noise**2
         self.whiten(delays)
 
     def fit(self, delays: Array, shapes: Array) -> Fit:
@@ -202,8 +219,20 @@ class TorqueTracking:
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
         spread = np.full((int(good.sum()), one.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
-        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good]], axis=2)
+        doubt = self._mixed(one, delays)[good] * (np.exp(self._log_gains) * self.noise)
+        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good], doubt], axis=2)
         return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
+
+    def _mixed(self, one: TrackedFrames, delays: Array) -> Array:
+        """Generalized force of an envelope of 1 at a gain of 1, (frames, rows, channels)."""
+        known = np.isfinite(shifted(one.emg, one.time, delays))
+        return np.einsum("krm,kmc->krc", one.columns[..., self.measured], self._shares(known))
+
+    def _shares(self, known: Array) -> Array:
+        """(frames, measured, channels) of the known channels (frames, channels) in each muscle's activation."""
+        tells = self.tells[self.measured]
+        found: Array = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        return found
 
     def whiten(self, delays: Array) -> None:
         """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
@@ -221,8 +250,7 @@ class TorqueTracking:
         one = self.frames[k]
         envelopes = shifted(one.emg, one.time, delays)
         known = np.isfinite(envelopes)
-        tells = self.tells[self.measured]
-        shares = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        shares = self._shares(known)
         drives = shaped(np.where(known, envelopes, 0.0), shapes)
         courses = [
             np.nan_to_num(shifted(one_course, one.time, np.full(1, delays[group.channels].mean())))
@@ -275,11 +303,28 @@ class TorqueTracking:
         found: Array = whole.T @ whole
         return found
 
+    def _corrected(self, matrix: Array, ridge: Array) -> Array:
+        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.
+
+        Where channels say little more than their noise, all of it cannot be taken off.
+        """
+        if not self._excess.any():
+            return matrix
+        count = len(self._excess)
+        share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * np.diag(matrix)[:count])
+        for part in (1.0, 0.5, 0.25, 0.0):
+            found = matrix.copy()
+            found[np.arange(count), np.arange(count)] -= part * share
+            if np.linalg.eigvalsh(found - KEPT * matrix + ridge)[0] > 0.0:
+                break
+        return found
+
     def _most_probable(self, matrix: Array, slope: Array, square: float) -> Fit:
         """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
         mean, precision, upper = self.prior
         count, size = len(mean), len(slope)
         ridge = self._ridge(size)
+        matrix = self._corrected(matrix, ridge)
         # From the gains of the last fit, which are near where delays differ little.
         log_gains = self._log_gains
         x = np.zeros(size)
@@ -298,8 +343,8 @@ class TorqueTracking:
         gains, self._log_gains = np.exp(log_gains), log_gains
         x[:count] = gains
         apart = log_gains - mean
-        cost = 0.5 * (square - 2.0 * slope @ x + x @ matrix @ x) + 0.5 * (apart @ precision @ apart)
-        cost += 0.5 * float(x @ ridge @ x)
+        misfit = 0.5 * float(square - 2.0 * slope @ x + x @ matrix @ x)
+        cost = misfit + 0.5 * float(apart @ precision @ apart) + 0.5 * float(x @ ridge @ x)
         free = np.flatnonzero((x > 0.0) | (np.arange(size) < count))
         scale = np.concatenate([gains, np.ones(size - count)])[free]
         curved = (matrix + ridge)[np.ix_(free, free)] * np.outer(scale, scale)
@@ -314,7 +359,7 @@ class TorqueTracking:
             stop = start + shape[0] * shape[1]
             weights.append(np.minimum(x[start:stop].reshape(shape), 1.0))
             start = stop
-        return Fit(float(cost), gains, offsets, tuple(weights), deviation)
+        return Fit(cost, gains, offsets, tuple(weights), deviation, misfit)
 
 
 def _courses(one: TrackedFrames, group: Group) -> Emg:

@@ -82,11 +82,11 @@ class Fibers:
         return {
             "fiber_length": Variable(two, self.lengths, "m"),
             "fiber_velocity": Variable(two, self.velocities, "m/s"),
-            "tendon_strain": Variable(two, self.tendon_strains),
+            "tendon_strain": Variable(two, self.tendon_strains, "1"),
             "fiber_power": Variable(two, self.fiber_powers, "W"),
             "tendon_power": Variable(two, self.tendon_powers, "W"),
-            "transient": Variable(("time",), self.transient),
-            "bridged": Variable(("time",), self.bridged),
+            "transient": Variable(("time",), self.transient, "1"),
+            "bridged": Variable(("time",), self.bridged, "1"),
         }
 
     def of(self, muscles: Mapping[int, str], names: Sequence[str]) -> Fibers:

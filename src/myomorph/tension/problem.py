@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -47,17 +48,31 @@ def tension_problem(
 ) -> tuple[TensionProblem, tuple[str, ...]]:
     """What `solve_tension` solves with rigid tendons, set up but not solved, and the names of the actuators.
 
+    With contacts it is the problem that finds their forces (`options_with_contacts`).
+
     Parameters
     ----------
     only : coordinates whose equations are kept, where not all are
 
     The others, and errors, are those of `solve_tension`.
     """
-    options = options or TensionOptions()
+    options = options_with_contacts(options or TensionOptions(), contacts, terms)
     tree = compile_tree(model)
     given = (tree, motion, torques, options, actuators, contacts, emg, terms)
     setup, names = problem_setup(*given, MuscleTerm(tree, options))
     return TensionProblem(*setup, only), names
+
+
+def options_with_contacts(
+    options: TensionOptions, contacts: ContactTask | None, terms: Sequence[Term] = ()
+) -> TensionOptions:
+    """Options of the problem that finds contact forces: with passive forces by `ContactOptions.contact_passive`.
+
+    Further terms may speak of contacts and muscles alike: with any, one problem finds both by the options as they are.
+    """
+    if contacts is None or terms or options.tendons == "elastic" or options.passive == contacts.options.contact_passive:
+        return options
+    return replace(options, passive=contacts.options.contact_passive)
 
 
 ProblemSetup = tuple[Tree, tuple[Term, ...], TensionOptions, Array, Array, Array, Array]

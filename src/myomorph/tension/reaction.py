@@ -74,16 +74,23 @@ class JointReactions:
         """Force in one joint (frames, 3) [N]; raises `UnknownName`."""
         return self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
 
-    def table(self) -> Table:
-        """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ... `_pz`."""
-        parts = (self.forces, self.moments, self.points)
+    def table(self, magnitudes: bool = False) -> Table:
+        """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ... `_pz`.
+
+        Parameters
+        ----------
+        magnitudes : with `..._f`, the size of the force [N], after its three parts
+        """
+        frames = len(self.time)
+        sizes = [np.linalg.norm(self.forces, axis=2)[..., None]] if magnitudes else []
+        parts = np.concatenate([self.forces, *sizes, self.moments, self.points], axis=2)
+        endings = ("fx", "fy", "fz", *(("f",) if magnitudes else ()), "mx", "my", "mz", "px", "py", "pz")
         roots = [
             f"{joint}_on_{body}_in_{frame}"
             for joint, body, frame in zip(self.joints, self.bodies, self.frames, strict=True)
         ]
-        names = tuple(f"{root}_{kind}{axis}" for root in roots for kind in "fmp" for axis in "xyz")
-        values = np.stack(parts, axis=2).reshape(len(self.time), -1)
-        return Table(self.time, names, values, facts=FrozenMap({"name": "Joint Reaction Loads"}))
+        names = tuple(f"{root}_{ending}" for root in roots for ending in endings)
+        return Table(self.time, names, parts.reshape(frames, -1), facts=FrozenMap({"name": "Joint Reaction Loads"}))
 
 
 def joint_reactions(

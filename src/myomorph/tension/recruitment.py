@@ -16,7 +16,7 @@ from myomorph.tension.terms.term import Term
 
 @dataclass(frozen=True)
 class RecruitmentOptions:
-    """Costs beside the effort of muscles, with rigid tendons.
+    """Costs beside the effort of muscles.
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,16 @@ from myomorph.tension.terms.contacts import ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Term
 
-__all__ = ["Tension", "TensionOptions", "TensionProblem", "solve_tension", "tension_problem"]
+__all__ = [
+    "ContactSolution",
+    "Tension",
+    "TensionOptions",
+    "TensionProblem",
+    "solve_contacts",
+    "solve_tension",
+    "tension_problem",
+    "with_contacts",
+]
 
 
 def solve_tension(
@@ -57,7 +67,8 @@ def solve_tension(
     actuators : added to the model's own, replacing those of the same name, as OpenSim's
         `force_set_files`; None adds `default_reserves`, () adds nothing
     progress : called with the number of frames just done
-    contacts : sites whose forces are to be found
+    contacts : sites whose forces are to be found; passive muscle forces take part in that by
+        `ContactOptions.contact_passive`, and in the tensions under these forces by `options`
     emg : what is known of activations
     terms : further costs and constraints, see `myomorph.tension.terms.term.Term` and docs/adding.md; where contact
         forces are found first (`ContactOptions.formulation`), they belong to the problem of the muscles
@@ -91,11 +102,78 @@ def solve_tension(
         return solve_elastic(
             model, motion, torques, options, actuators, progress, contacts=contacts, emg=emg, terms=terms
         )
+    if contacts is not None:
+        return solve_contacts(
+            model, motion, torques, options, actuators, progress, contacts=contacts, emg=emg, terms=terms
+        )[0]
+    problem, names = tension_problem(model, motion, torques, options, actuators, emg=emg, terms=terms)
+    over_frames(problem.solve, len(motion), progress, problem.window)
+    return problem.result(names)
+
+
+class ContactSolution(NamedTuple):
+    """The problem that found contact forces, and all that it found."""
+
+    problem: TensionProblem
+    found: Tension
+
+
+def solve_contacts(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions | None = None,
+    actuators: Sequence[Actuator] | None = None,
+    progress: Callable[[int], None] | None = None,
+    *,
+    contacts: ContactTask,
+    emg: EmgTarget | None = None,
+    terms: Sequence[Term] = (),
+) -> tuple[Tension, ContactSolution]:
+    """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found their forces.
+
+    That problem has passive muscle forces by `ContactOptions.contact_passive`. Where the tensions are to have others,
+    they are found once more, under the contact forces.
+
+    Parameters and errors are those of `solve_tension`.
+    """
+    options = options or TensionOptions()
     problem, names = tension_problem(
         model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
     )
     over_frames(problem.solve, len(motion), progress, problem.window)
-    return problem.result(names)
+    first = problem.result(names)
+    if problem.options == options:
+        return first, ContactSolution(problem, first)
+    tension = solve_tension(model, motion, torques_under(problem, torques), options, actuators, emg=emg)
+    return with_contacts(tension, first), ContactSolution(problem, first)
+
+
+def torques_under(problem: TensionProblem, torques: Series) -> Series:
+    """What joint torques remain under the contact forces that a solved problem found (frames, coordinates).
+
+    Parameters
+    ----------
+    torques : as the problem got them [N m or N]
+    """
+    assert problem.contacts is not None
+    names = problem.assembly.tree.model.coordinate_names
+    mine = [k for k, name in enumerate(torques.names) if name in names]
+    carried = problem.contacts.torques_of(problem.coordinates, problem.amplitudes)
+    left = np.array(torques.values)
+    left[:, mine] -= carried[:, [names.index(torques.names[k]) for k in mine]]
+    return Series(torques.time, torques.names, left)
+
+
+def with_contacts(tension: Tension, found: Tension) -> Tension:
+    """Tensions under contact forces that were found before them; of status and residual the worse counts."""
+    return replace(
+        tension,
+        contacts=found.contacts,
+        status=np.where(found.status > 0, found.status, tension.status),
+        iterations=found.iterations + tension.iterations,
+        equilibrium_residual=np.maximum(found.equilibrium_residual, tension.equilibrium_residual),
+    )
 
 
 def _sequential(
@@ -125,19 +203,7 @@ def _sequential(
     first, _ = tension_problem(bare, motion, torques, options, actuators, contacts=contacts, only=roots)
     over_frames(first.solve, len(motion), None, first.window)
     found = first.result(())
-    assert first.contacts is not None
-    known = np.array(torques.values)
-    order = [model.coordinate_names.index(name) for name in torques.names if name in model.coordinate_names]
-    carried = first.contacts.torques_of(first.coordinates, first.amplitudes)
-    known[:, [name in model.coordinate_names for name in torques.names]] -= carried[:, order]
     tension = solve_tension(
-        model, motion, Series(torques.time, torques.names, known), options, actuators, progress, emg=emg, terms=terms
+        model, motion, torques_under(first, torques), options, actuators, progress, emg=emg, terms=terms
     )
-    worst = np.where(found.status > 0, found.status, tension.status)
-    return replace(
-        tension,
-        contacts=found.contacts,
-        status=worst,
-        iterations=found.iterations + tension.iterations,
-        equilibrium_residual=np.maximum(found.equilibrium_residual, tension.equilibrium_residual),
-    )
+    return with_contacts(tension, found)

@@ -8,24 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
 from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
 from myomorph.tension.passive_share import passive_notes
-from myomorph.tension.problem import TensionProblem, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import (
+    ContactSolution,
+    Tension,
+    TensionOptions,
+    solve_contacts,
+    solve_tension,
+    with_contacts,
+)
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
@@ -119,6 +123,7 @@ class TensionTask:
     emg : what EMG shows, where it takes part
     wrenches : external forces that act as they were measured, at the motion's times
     terms : further costs
+    recruitment : costs that need all joint torques, which are known only once contact forces are; None for none
     """
 
     model: Model
@@ -130,20 +135,32 @@ class TensionTask:
     emg: EmgTargets | None
     wrenches: Wrenches | None
     terms: tuple[Term, ...] = ()
+    recruitment: RecruitmentOptions | None = None
 
-    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, TensionProblem | None]:
-        """The tensions; the solved problem too where it can be asked what it leaves open of contact forces."""
+    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
+        """The tensions; where it can be asked what it leaves open of contact forces, the problem that found these.
+
+        With contacts, joint loads and co-contraction are costs of the tensions under the contact forces.
+        """
+        tension, solution = self._solved(advance)
+        if self.recruitment is None:
+            return tension, solution
+        loads, carried = self.loads(tension)
+        terms = recruitment_terms(self.model, self.motion, carried, loads, self.recruitment)
+        emg = None if self.emg is None else self.emg.target
+        again = solve_tension(self.model, self.motion, carried, self.options, self.actuators, emg=emg, terms=terms)
+        return with_contacts(again, tension), solution
+
+    def _solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
-        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
+        arguments = (self.model, self.motion, self.torques, self.options, self.actuators, advance)
         elastic = self.options.tendons == "elastic"
         # What contacts leave open is asked of the power criterion alone.
         closed = elastic or self.options.recruitment == "minmax"
         if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms), None
-        problem, names = tension_problem(*arguments, contacts=contacts, emg=emg, terms=self.terms)
-        over_frames(problem.solve, len(self.motion), advance, problem.window)
-        return problem.result(names), problem
+            return solve_tension(*arguments, contacts=contacts, emg=emg, terms=self.terms), None
+        return solve_contacts(*arguments, contacts=contacts, emg=emg, terms=self.terms)
 
     def notes(self, tension: Tension) -> tuple[str, ...]:
         """What is to be known of the solution, one line each."""
@@ -157,7 +174,7 @@ class TensionTask:
     def reactions(self, tension: Tension, frame: str) -> Table:
         """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
         own = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*own, frame=frame, actuators=self.actuators).table()
+        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(magnitudes=True)
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Forces at contact points of joints."""
@@ -211,13 +228,13 @@ def tension_task(
         contacts = None if setting is None else setting.task
         targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
     terms: tuple[Term, ...] = ()
+    later = None
     if recruitment is not None and recruitment != RecruitmentOptions():
-        if plan is not None:
-            raise BadData("joint_load, co_contraction: joint torques are not known before contact forces are")
-        if options.tendons == "elastic":
-            raise BadData("joint_load, co_contraction: they need rigid tendons; leave out tendons = 'elastic'")
-        terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
-    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms)
+        if plan is None:
+            terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
+        else:
+            later = recruitment
+    return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms, later)
 
 
 def emg_targets_of(
@@ -245,8 +262,12 @@ def emg_targets_of(
         trial = EmgTrial(motion, torques, emg, contacts)
         maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
         calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
-    target = emg_targets(emg, muscles, model, motion.time, chosen, calibration)
-    return EmgTargets(target, calibration, calibration.warnings)
+    # Gains of all trials may lack a channel that is noise, or absent, in another trial.
+    lacking = [name for name in muscles if name not in calibration.channels]
+    notes = (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
+    known = {name: one for name, one in muscles.items() if name in calibration.channels}
+    target = emg_targets(emg, known or muscles, model, motion.time, chosen, calibration)
+    return EmgTargets(target, calibration, (*notes, *calibration.warnings))
 
 
 def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:
@@ -263,16 +284,17 @@ def added_reserves(model: Model, options: TensionOptions, objects: Collection[st
 
 
 def contact_warnings(
-    problem: TensionProblem, tension: Tension, frames: Sequence[int], advance: Callable[[int], None]
+    solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
     """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
 
     Parameters
     ----------
-    problem : as `tension_problem` sets it up with contacts, solved
+    solution : the problem that found contact forces, solved
     frames : numbers of the instants
     advance : called with the number of instants just done
     """
+    problem, tension = solution
     marked = relaxations(problem, tension)
     near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
     intervals = []

@@ -164,14 +164,14 @@ class Tension(Labelled):
         """Activations, forces, reserves and torques, what became of each frame, and fibers where tendons stretch."""
         fibers = {} if self.fibers is None else self.fibers.variables()
         return {
-            "activation": Variable(("time", "muscle"), self.activations),
+            "activation": Variable(("time", "muscle"), self.activations, "1"),
             "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
             "viscous_force": Variable(("time", "muscle"), self.viscous, "N"),
-            "reserve": Variable(("time", "reserve_name"), self.reserves),
-            "torque": Variable(("time", "coordinate"), self.torques),
-            "equilibrium_residual": Variable(("time",), self.equilibrium_residual),
-            "status": Variable(("time",), self.status),
-            "iterations": Variable(("time",), self.iterations),
+            "reserve": Variable(("time", "reserve_name"), self.reserves, "N m or N"),
+            "torque": Variable(("time", "coordinate"), self.torques, "N m or N"),
+            "equilibrium_residual": Variable(("time",), self.equilibrium_residual, "N m or N"),
+            "status": Variable(("time",), self.status, "1"),
+            "iterations": Variable(("time",), self.iterations, "1"),
             **fibers,
         }
 

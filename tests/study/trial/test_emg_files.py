@@ -119,3 +119,17 @@ def test_what_does_not_exist_is_named(raw, walker, tmp_path):
         open_emg(path, walker, {"CH7": ("soleous_r",)})
     with pytest.raises(BadFile, match="holds no EMG"):
         open_emg(tmp_path / "emg.xlsx", walker, {})
+
+
+def test_noise_of_a_real_recording_takes_no_part(data, walker):
+    """The right gastrocnemius of the child of Plug-in Gait; the electrodes of tibialis posterior are on nobody."""
+    path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
+    opened = open_emg(path, walker, {})
+    noise = [text for text in opened.notes if "noise throughout" in text]
+    assert any("'Voltage.R Gast'" in text and text.endswith("takes no part") for text in noise)
+    assert "Voltage.R Gast" not in opened.muscles
+    assert {"Voltage.L Gast", "Voltage.R Hams", "Voltage.L Tib Ant"} <= set(opened.muscles)
+    # Who names its muscles has seen it.
+    named = open_emg(path, walker, {"Voltage.R Gast": ("gasmed_r",)})
+    assert named.muscles["Voltage.R Gast"] == ("gasmed_r",)
+    assert any("takes part, as its muscles are named" in text for text in named.notes)

@@ -19,6 +19,8 @@ CYLINDER = int(mujoco.mjtWrap.mjWRAP_CYLINDER)
 JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
 PARAMETERS = ("range0", "range1", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
 SMALLEST = 1e-15
+VERSION = 4 if int(mujoco.__version__.split(".")[0]) >= 4 else 3
+"""Whose rule tendons follow around side sites: that of the MuJoCo that is installed."""
 
 
 def muscles_of(m: Any, names: MjcfNames) -> tuple[tuple[Muscle, ...], tuple[WrapObject, ...], list[Kept]]:
@@ -81,6 +83,7 @@ def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, W
                     len(points) - 1,
                     names.bodies[m.site_bodyid[side]] if side >= 0 else "",
                     np.array(m.site_pos[side]) if side >= 0 else None,
+                    VERSION,
                 )
             )
     if all(one == 1.0 for one in divisors):

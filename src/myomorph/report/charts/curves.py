@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ class Line:
     style : class of the style sheet: "right", "left", "middle", "truth", "emg", "first", "second", "third"
     label : what the reading under the pointer says
     filled : as an area down to zero
+    low, high : (samples,) between which the values are believed to lie, drawn as a band; None for none
     """
 
     time: Array
@@ -47,11 +48,19 @@ class Line:
     style: str
     label: str
     filled: bool = False
+    low: Array | None = None
+    high: Array | None = None
 
     def within(self, span: tuple[float, float]) -> tuple[Array, Array]:
         """Times and values inside a span of time [s]."""
         inside = (self.time >= span[0] - 1e-9) & (self.time <= span[1] + 1e-9)
         return np.asarray(self.time)[inside], np.asarray(self.values)[inside]
+
+    @property
+    def ends(self) -> tuple[Line, ...]:
+        """The limits as lines of their own; none where there is no band."""
+        given = (self.low, self.high)
+        return tuple(Line(self.time, one, self.style, self.label) for one in given if one is not None)
 
 
 def line_limits(
@@ -59,12 +68,15 @@ def line_limits(
 ) -> tuple[float, float]:
     """Lowest and highest value of lines within a span, zero too where one is filled."""
     low = min(low or 0.0, 0.0) if any(one.filled for one in lines) else low
-    return limits([one.within(span)[1] for one in lines], low, high)
+    return limits([part.within(span)[1] for one in lines for part in (one, *one.ends)], low, high)
 
 
 def drawn_line(area: Frame, one: Line, span: tuple[float, float]) -> str:
     """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to zero if it is so."""
     time, values = one.within(span)
+    if one.low is not None and one.high is not None:
+        low, high = (end.within(span)[1] for end in one.ends)
+        return band(area, time, low, high, one.style) + drawn_line(area, replace(one, low=None, high=None), span)
     bins = envelope(time, values)
     if bins is not None:
         time, values, low, high = bins

@@ -21,6 +21,7 @@ from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.rows import bar_plot
 from myomorph.report.trial.tables import MARKER_LARGEST, MARKER_RMS, RESIDUAL_FORCE, RESIDUAL_MOMENT
+from myomorph.uncertainty.spread import Spread
 
 STYLE = {"right": "right", "left": "left", "": "middle"}
 ORDINAL = ("first", "second", "third", "fourth")
@@ -202,8 +203,9 @@ def pair_panel(
     second: tuple[float, str] | None = None,
     truth: Series | None = None,
     margin: int = 8,
+    spread: Spread | None = None,
 ) -> str:
-    """Right and left of one quantity over each other; what is known to be true in dashes."""
+    """Right and left of one quantity over each other; what is known to be true in dashes, limits as bands."""
     lines = []
     if factor == 1.0:
         factor, unit = scaled_unit(unit, *(series[name] for name in pair.names if name in series.names))
@@ -213,8 +215,17 @@ def pair_panel(
             if source is not None and name in source.names:
                 known = (f"truth {STYLE[side]}", f"{side} truth".strip())
                 style, label = (STYLE[side], side or "value") if source is series else known
-                lines.append(Line(source.time, factor * source[name], style, label))
+                ends = (None, None) if source is truth else limits_of(spread, [name], factor)
+                lines.append(Line(source.time, factor * source[name], style, label, False, *ends))
     return time_plot(title, unit, lines, span, events, second=second, margin=margin)
+
+
+def limits_of(spread: Spread | None, names: Sequence[str], factor: float = 1.0) -> tuple[Array | None, Array | None]:
+    """Lower and upper limit of a column; None where none are known, or several columns are drawn as one."""
+    if spread is None or len(names) != 1 or names[0] not in spread.names:
+        return None, None
+    column = spread.names.index(names[0])
+    return factor * spread.low[:, column], factor * spread.high[:, column]
 
 
 def activation_panel(
@@ -226,6 +237,7 @@ def activation_panel(
     events: Sequence[Event],
     emg: Sequence[tuple[str, Array, Array]] = (),
     truth: Series | None = None,
+    spread: Spread | None = None,
 ) -> str:
     """Activation of one muscle on both sides, its parts averaged by strength, measured EMG as areas behind."""
     lines = [Line(time, values, f"emg {STYLE[side]}", f"EMG {side}".strip(), True) for side, time, values in emg]
@@ -236,7 +248,9 @@ def activation_panel(
                 continue
             mean = weighted(source, [name for name in members if name in columns or source is truth], strengths)
             if mean is not None:
-                lines.append(Line(source.time, mean, f"{style}{STYLE[side]}", (side + label).strip() or "activation"))
+                ends = (None, None) if source is truth else limits_of(spread, members)
+                named = (side + label).strip() or "activation"
+                lines.append(Line(source.time, mean, f"{style}{STYLE[side]}", named, False, *ends))
     parts = max(len(members) for members in pair.members.values())
     unit = f"{parts} parts" if parts > 1 else ""
     return time_plot(pair.label, unit, lines, span, events, low=0.0, high=1.0, width=245, height=140)

@@ -21,6 +21,7 @@ from myomorph.report.trial.identified import IdentificationInput
 from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
+from myomorph.uncertainty.spread import Uncertainty
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
 
@@ -221,6 +222,7 @@ class ReportInput:
     joint_contacts : forces at contact points of joints
     emg_conflicts : where EMG and joint torques contradict each other, None where EMG took no part
     analysis : how to look at the motion
+    uncertainty : between what limits results lie, and what contributes to that
     identification : how the body's masses and lengths were found
     more : sections of steps that this page does not know
     """
@@ -237,6 +239,7 @@ class ReportInput:
     joint_contacts: JointContactForces | None = None
     emg_conflicts: tuple[EmgConflict, ...] | None = None
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()
 

@@ -51,12 +51,15 @@ def activation_section(prepared: Prepared) -> Section | None:
     shown, strengths = (prepared.detail, prepared.events), given.strengths
     truth = given.recorded.truth.activations if given.recorded.truth else None
     figures = []
+    spread = given.uncertainty.spreads.get("activations")
     for pair in chosen:
-        drawn = activation_panel(pair, tension.muscles, strengths, series, *shown, emg_of(prepared, pair), truth)
+        measured = emg_of(prepared, pair)
+        drawn = activation_panel(pair, tension.muscles, strengths, series, *shown, measured, truth, spread)
         figures.append(Figure(drawn, "quarter"))
     several = any(len(members) > 1 for pair in chosen for members in pair.members.values())
     lead = f"{len(chosen)} of {len(tension.muscles)} muscles"
     lead += "; of a muscle in parts, the mean weighted by strength" if several else ""
+    lead += "" if spread is None else "; bands hold 90 % of the draws, for muscles of one part"
     legend = SIDES_LEGEND
     if matched_emg(prepared):
         lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"

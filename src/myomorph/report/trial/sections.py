@@ -34,7 +34,10 @@ from myomorph.report.trial.muscle_sections import (
 )
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.tables import few, residuals
+from myomorph.report.trial.uncertainty_section import uncertainty_section
 from myomorph.report.trial.validation import truth_section
+
+BANDS = " Bands hold 90 % of the draws (see Uncertainty)."
 
 
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
@@ -58,6 +61,7 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (emg_section, "EMG: no channels were given."),
         (length_section, ""),
         (length_cycle_section, ""),
+        (uncertainty_section, ""),
         (truth_section, ""),
     ):
         section = make(prepared)
@@ -143,16 +147,21 @@ def joint_section(prepared: Prepared) -> Section | None:
     scale = moment_scale(given.model) if not given.dynamics.root_note else None
     truth, torques = given.recorded.truth or Truth(), given.dynamics.torques
     shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
+    angles, moments = (given.uncertainty.spreads.get(name) for name in ("coordinates", "torques"))
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
-        drawing = pair_panel(f"{base} angle", "°", pair, motion, *shown, 180 / np.pi, truth=truth.motion, margin=margin)
+        drawing = pair_panel(
+            f"{base} angle", "°", pair, motion, *shown, 180 / np.pi, truth=truth.motion, margin=margin, spread=angles
+        )
         if torques is not None and any(name in torques.names for name in pair.names):
-            drawing += pair_panel(f"{base} moment", "N·m", pair, torques, *shown, second=scale, truth=truth.torques)
+            drawing += pair_panel(
+                f"{base} moment", "N·m", pair, torques, *shown, second=scale, truth=truth.torques, spread=moments
+            )
         figures.append(Figure(drawing))
     moving = sum(1 for one in ranges.values() if one > 1e-6)
     lead = f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that "
     lead += "move; all are in the table." + (" Vertical lines are events." if prepared.events else "")
-    lead += prepared.detail_note
+    lead += prepared.detail_note + (BANDS if angles is not None else "")
     legend = SIDES_LEGEND + ((("truth", "truth"),) if given.recorded.truth else ())
     title = "Joint angles and moments" if torques is not None else "Joint angles"
     return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))

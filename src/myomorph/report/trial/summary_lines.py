@@ -42,7 +42,7 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     unused = f" ({len(fit.unused_markers)} recorded ones unused)" if fit.unused_markers else ""
     text = f"{len(fit.motion)} frames, {matched}{unused}"
     if not np.isfinite(fit.errors).any():
-        return text
+        return f"{text}: no frame shows a marker"
     scale = body_scale(markers)
     rms, time = fit.rms, fit.motion.time
     worst = int(np.nanargmax(rms))

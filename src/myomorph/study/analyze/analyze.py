@@ -57,6 +57,7 @@ class AnalyzeRequest:
     emg_side : side of channels whose names contain none
     emg_mvc : recordings of maximum voluntary contractions
     command : as typed, for the study file
+    draws : with errors in all inputs, None for none
     """
 
     recordings: tuple[Path, ...]
@@ -69,6 +70,7 @@ class AnalyzeRequest:
     emg_side: Literal["right", "left", ""] = ""
     emg_mvc: tuple[Path, ...] = ()
     command: str = "myomorph analyze"
+    draws: int | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,7 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         request.emg_muscles,
         request.emg_side,
         request.emg_mvc,
+        draws=request.draws,
         assumed=tuple(assumed),
     )
     target = out / STUDY

@@ -48,6 +48,7 @@ class StudyEntries:
     command : that wrote it
     labels : recorded label to the model's marker
     emg_muscles : EMG channel to muscles
+    draws : with errors in all inputs, None for none
     assumed : sentences on all recordings
     """
 
@@ -64,6 +65,7 @@ class StudyEntries:
     emg_mvc: tuple[Path, ...] = ()
     tasks: Path | None = None
     steps: tuple[str, ...] = STEPS
+    draws: int | None = None
     assumed: tuple[str, ...] = ()
 
 
@@ -83,6 +85,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
         f"name = {_text(study.name)}",
         "flat = true",
         "",
+        *([] if study.draws is None else ["[uncertainty]", f"draws = {study.draws}", ""]),
         "[[subject]]",
         f"name = {_text(SUBJECT)}",
     ]

@@ -21,7 +21,7 @@ from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "identify", "personalize", "emg")
+FIRST = ("morph", "calibrate", "ik", "refine", "identify", "personalize", "emg")
 """Steps in whose order those on subjects and those on trials alternate."""
 Patterns = str | list[str]
 """One pattern or several."""
@@ -32,6 +32,12 @@ PLACE = "{subject}"
 def study_steps() -> tuple[str, ...]:
     """Names of all steps in the order in which they run."""
     return (*FIRST, *(step for step in STEPS if step not in FIRST), REPORT)
+
+
+def default_steps() -> tuple[str, ...]:
+    """Steps of trials that say nothing of steps."""
+    own = (step for step in study_steps() if step not in SUBJECT_STEPS)
+    return tuple(step for step in own if declared(step).by_default)
 
 
 def declared(name: str) -> StepHead:
@@ -122,7 +128,7 @@ class SubjectTable(Strict):
     model_of: str | None = None
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | TrialTable]
-    steps: list[str] = Field(default_factory=lambda: [step for step in study_steps() if step not in SUBJECT_STEPS])
+    steps: list[str] = Field(default_factory=lambda: list(default_steps()))
     conditions: dict[str, Patterns] = Field(default_factory=dict)
     static: str | None = None
     skin: str | None = None
@@ -134,6 +140,9 @@ class SubjectTable(Strict):
     emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
     emg_mvc: list[str] = Field(default_factory=list)
     emg_side: Side = ""
+    emg_gains_file: str | None = None
+    passive: list[str] = Field(default_factory=list)
+    generic: str | None = None
     tasks: str | None = None
     actuators: str | None = None
     contacts: str = ""

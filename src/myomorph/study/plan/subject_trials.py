@@ -26,7 +26,7 @@ LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "E
 EMG = ("emg", "EMG", "electromyography", "envelopes")
 COORDINATES = (".mot", ".sto")
 """Endings of tables of coordinates, with which a trial may begin."""
-NEEDS_MASS = ("identify",)
+NEEDS_MASS = ("refine", "identify")
 """Steps that hold what they find against the mass of the subject."""
 
 
@@ -121,8 +121,18 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
     _check_steps(table, where, problems)
     files = {
         role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (("static", table.static), ("skin", table.skin), ("landmarks", table.landmarks))
+        for role, name in (
+            *(("static", table.static), ("skin", table.skin), ("landmarks", table.landmarks)),
+            ("generic", table.generic),
+        )
     }
+    passive = [path for given in table.passive for path in matching(folder, given, f"{where}: passive", problems)]
+    if "personalize" not in table.steps:
+        notes.remarks += [
+            f"{where}: '{key}' is not used: its steps lack 'personalize'"
+            for key in ("passive", "generic")
+            if getattr(table, key)
+        ]
     if table.skin is None and (table.height is None) != (table.chest is None):
         lacking = "chest" if table.chest is None else "height"
         problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
@@ -142,6 +152,8 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
         model_of=table.model_of or "",
         labels=labels_of(table.labels, folder, where, problems),
         static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
+        passive=tuple(passive),
+        generic=files["generic"],
     )
 
 
@@ -179,8 +191,13 @@ def subject_trials(
     table, folder, where, problems = one.table, one.folder, f"subject '{one.name}'", notes.problems
     shared = {
         role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (("model", table.model), ("tasks", table.tasks), ("actuators", table.actuators))
+        for role, name in (
+            *(("model", table.model), ("tasks", table.tasks), ("actuators", table.actuators)),
+            ("emg_gains_file", table.emg_gains_file),
+        )
     }
+    if table.emg_gains_file is not None and "emg" in table.steps:
+        problems.append(f"{where}: 'emg_gains_file' and the step 'emg', which finds gains: leave one of them out")
     reference = [path for given in table.emg_mvc for path in matching(folder, given, f"{where}: emg_mvc", problems)]
     if not table.trials:
         problems.append(f"{where}: has no trials")
@@ -190,6 +207,7 @@ def subject_trials(
         emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
         emg_mvc=tuple(reference),
         emg_side=table.emg_side,
+        emg_gains=shared["emg_gains_file"],
         tasks=shared["tasks"],
         actuators=shared["actuators"],
         contacts=contacts_file(table.contacts, folder, where, notes),

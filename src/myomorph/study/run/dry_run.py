@@ -93,6 +93,19 @@ class DryRun:
         return together([row.expected for row in self.rows if row.expected.seconds is not None])
 
     @property
+    def side(self) -> int:
+        """Jobs that run side by side."""
+        return max(min(self.workers, sum(1 for row in self.rows if row.computed)), 1)
+
+    @property
+    def lasts(self) -> float:
+        """Time of the whole run, without what is compiled once [s]; 0 where there is nothing to compute."""
+        if not any(row.computed for row in self.rows):
+            return 0.0
+        longest = max((row.expected.seconds or 0.0) for row in self.rows)
+        return max((self.expected.seconds or 0.0) / self.side, longest) + self.begins
+
+    @property
     def unknown(self) -> tuple[str, ...]:
         """Trials for whose time nothing tells."""
         return tuple(f"{row.subject}/{row.trial}".rstrip("/") for row in self.rows if row.expected.seconds is None)
@@ -120,7 +133,7 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
         where a run would be refused, since a newer version wrote the folder
     """
     check_age(read_mark(out))
-    looked = _Looked(plan, out, fresh)
+    looked = _Looked(plan, out, fresh, workers)
     rows: list[Row] = []
     seen: set[str] = set()
     with progress("looking at trials", len(plan.trials), "trials") as advance:
@@ -134,7 +147,7 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
     rows += [looked.joined(one.name, one.trials) for one in plan.together]
     computed = {step for row in rows for step in row.computed}
     compiles = looked.times.compiles(bool(computed & {"muscles", "tension"})) if computed else 0.0
-    return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(), compiles)
+    return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(len(plan.trials)), compiles)
 
 
 def _makers(plan: Plan, subject: str) -> list[str]:
@@ -155,19 +168,22 @@ class _Looked:
     ----------
     computed : subjects and trials of which something would be computed
     counts : of the frames of recordings
+    begun : jobs that would compute something
     """
 
     plan: Plan
     out: Path
     fresh: bool
+    workers: int = 1
     computed: set[Key] = field(default_factory=set)
     counts: dict[Path, FrameCount] = field(default_factory=dict)
+    begun: int = 0
     _models: dict[Path, Model | MyomorphError] = field(default_factory=dict)
     _sizes: dict[Path, ModelSize] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.jobs = jobs_of(self.plan, self.out)
-        self.times = StepTimes(self.out / TIMINGS)
+        self.times = StepTimes.here(self.out / TIMINGS)
 
     def subject(self, name: str) -> Row:
         """The steps on a subject."""
@@ -280,8 +296,17 @@ class _Looked:
     def _expected(
         self, key: Key, reasons: Mapping[str, tuple[str, ...]], frames: int | None, model: Path | None
     ) -> Expected:
-        size = self._size(model) if any(reasons.values()) and model is not None else None
-        return together([self.times.expected(*key, step, frames, size) for step, why in reasons.items() if why])
+        computed = [step for step, why in reasons.items() if why]
+        size = self._size(model) if computed and model is not None else None
+        settings = self.plan.settings_of(*key)
+        # As many jobs as run side by side are the first of their processes.
+        first = bool(computed) and self.begun < self.workers
+        self.begun += bool(computed)
+        found = [self.times.expected(*key, step, frames, size, settings.get(step), first) for step in computed]
+        whole = together(found)
+        if whole.seconds is None or not key[1] or not computed:
+            return whole
+        return replace(whole, seconds=whole.seconds + self.times.opens(frames, first))
 
     def _size(self, path: Path) -> ModelSize | None:
         if path in self._sizes:
@@ -368,15 +393,12 @@ def _time(found: DryRun) -> Iterator[str]:
         yield "nothing to compute: all results are there and would come out the same"
         return
     seconds = expected.seconds or 0.0
-    side = min(found.workers, sum(1 for row in found.rows if row.computed))
-    longest = max((row.expected.seconds or 0.0) for row in found.rows)
-    lasts = in_words(max(seconds / side, longest) + found.begins)
     work = f"{in_words(seconds)} of work and {in_words(found.begins)} to begin and to write the study's page"
-    yield f"expected: {lasts} with {_many(side, 'worker')}, {work}"
+    yield f"expected: {in_words(found.lasts)} with {_many(found.side, 'worker')}, {work}"
     if found.compiles:
         yield f"  and {in_words(found.compiles)} more, once on this machine, to compile kernels"
     if expected.measured:
-        yield "  by what steps took before, in timings.csv"
+        yield "  by what steps took before on this machine (timings.csv, and step_times.csv in the user's cache folder)"
     else:
         yield "  a guess: steps that did not run here before by the times of another machine and the speed of this one"
     if found.unknown:

@@ -20,6 +20,7 @@ from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_plan import StudyJobs, jobs_of, reused_groups, reused_tables
 from myomorph.study.run.job_work import do_groups, do_tables, not_run
 from myomorph.study.run.jobs import Ended, Job, Workers
+from myomorph.study.run.learned_times import Learning
 from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.watching import StudyWatcher
 from myomorph.study.trial.inputs import open_model
@@ -227,9 +228,11 @@ def run_study(
     try:
         with study_lock(out) as mark:
             jobs = jobs_of(plan, out, fresh, mark)
-            watcher = StudyWatcher(plan.name, jobs, out, workers, report)
+            learning = Learning(plan, workers.count)
+            watcher = StudyWatcher(plan.name, jobs, out, workers, report, learning)
             try:
-                _run(plan, out, fresh, jobs, workers, watcher)
+                _run(plan, out, fresh, jobs, workers, watcher, learning.sizes)
+                learning.keep({one.key: one for one in watcher.outcomes()})
             except BaseException as error:
                 watcher.interrupted(error)
                 raise
@@ -242,14 +245,23 @@ def run_study(
     return watcher.outcomes()
 
 
-def _run(plan: Plan, out: Path, fresh: bool, jobs: StudyJobs, workers: Workers, watcher: StudyWatcher) -> None:
-    """All jobs, then the tables of the study, which tell of failures, too."""
+def _run(
+    plan: Plan,
+    out: Path,
+    fresh: bool,
+    jobs: StudyJobs,
+    workers: Workers,
+    watcher: StudyWatcher,
+    sizes: dict[Path, tuple[int, int]],
+) -> None:
+    """All jobs, then the tables of the study, which tell of failures, too; sizes of models are put in `sizes`."""
 
     def read(path: Path) -> tuple[Model, str]:
         sha = file_source("model", path).sha256
         model = jobs.models[path].open() if path in jobs.models else open_model(path)
         if file_source("model", path).sha256 != sha:
             raise BadData(f"{path}: has changed while it was read: run the study again")
+        sizes[path] = len(model.coordinate_names), len(model.muscles)
         return model, sha
 
     found = run_jobs(jobs.jobs, jobs.homes, workers, read, watcher)

@@ -21,12 +21,13 @@ from myomorph.store.results import fixed_date
 from myomorph.study.run.expected_time import in_words
 from myomorph.study.run.job_plan import StudyJobs
 from myomorph.study.run.jobs import Job, Workers
+from myomorph.study.run.learned_times import Learning
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 LOG, TIMINGS = "study.log", "timings.csv"
-HEADING = "subject,trial,step,frames,seconds"
+HEADING = "subject,trial,step,frames,seconds,compiled"
 TABLE = "results.csv"
 RARELY = 1.0
 """The table is not written more often than this, so that many short trials do not wait for it [s]."""
@@ -131,10 +132,15 @@ class StudyLog:
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         self._put(self._log, f"{now} {' '.join(text.split())}")
 
-    def time(self, outcome: Outcome) -> None:
-        """Add how long the steps of a trial took that were computed now."""
+    def time(self, outcome: Outcome, compiled: bool = False) -> None:
+        """Add how long the steps of a trial took that were computed now.
+
+        Parameters
+        ----------
+        compiled : kernels were compiled meanwhile, once on this machine
+        """
         names = ",".join(_quoted(name) for name in (outcome.subject, outcome.trial))
-        lines = [f"{names},{step},{outcome.frames},{seconds:.3f}" for step, seconds in outcome.timed]
+        lines = [f"{names},{step},{outcome.frames},{seconds:.3f},{compiled:d}" for step, seconds in outcome.timed]
         if lines:
             self._put(self._timings, "\n".join(lines))
 
@@ -182,12 +188,19 @@ class StudyWatcher:
     Parameters
     ----------
     said : called with each outcome when its job ends
+    learning : hears of each job what it took
     """
 
     def __init__(
-        self, name: str, jobs: StudyJobs, out: Path, workers: Workers, said: Callable[[Outcome], None]
+        self,
+        name: str,
+        jobs: StudyJobs,
+        out: Path,
+        workers: Workers,
+        said: Callable[[Outcome], None],
+        learning: Learning | None = None,
     ) -> None:
-        self._out, self._said = out, said
+        self._out, self._said, self._learning = out, said, learning
         self._order: dict[Key, int] = {job.key: index for index, job in enumerate(jobs.jobs)}
         self._found: dict[Key, Outcome] = {}
         self._written = time.monotonic()
@@ -199,6 +212,8 @@ class StudyWatcher:
 
     def started(self, job: Job) -> None:
         """A worker has taken a job."""
+        if self._learning is not None:
+            self._learning.started(job.key)
         self._log.say(f"start {named(job.key)}")
 
     def lost(self, job: Job, why: str, again: bool) -> None:
@@ -207,11 +222,13 @@ class StudyWatcher:
 
     def ended(self, outcome: Outcome) -> None:
         """A job has ended, or could not begin."""
+        if self._learning is not None:
+            self._learning.ended(outcome)
         self._found[outcome.key] = outcome
         if outcome.key in self._order:
             self._progress.ended(outcome)
         self._log.say(f"{outcome_line(outcome)} ({self._progress})")
-        self._log.time(outcome)
+        self._log.time(outcome, self._learning is not None and outcome.key in self._learning.compiled)
         if outcome.key != GATHERED or outcome.error:
             self._said(outcome)
         if time.monotonic() - self._written > RARELY:

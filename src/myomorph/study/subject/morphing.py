@@ -28,6 +28,7 @@ from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.rigid import start_by_neighbors
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.transfer.model import morph_model
+from myomorph.report.morph.morph_summary import morph_lines
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup
@@ -237,8 +238,7 @@ def summary(morphed: Morphed) -> Iterable[str]:
             share = 100.0 * bone.measures.get("coverage", float("nan"))
             text += f", {1e3 * bone.measures['residual [m]']:.3g} mm apart, {share:.0f} % reached"
         yield f"  {body:<12} by {bone.basis}: {text}"
-    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over"
-    yield f"{len(morphed.checks.warnings)} warnings of the checks stand first in the report"
+    yield from morph_lines(morph, morphed.checks)
 
 
 def bone_notes(morphed: Morphed) -> tuple[str, ...]:

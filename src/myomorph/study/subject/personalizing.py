@@ -19,6 +19,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.trial.personal_summary import personal_lines
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -242,7 +243,7 @@ def _page(made: PersonalizedFiles) -> str:
         )
         for one in found.estimates
     )
-    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(summary(found)))
+    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(personal_lines(found)))
     head = PageHead(
         title=f"{found.model.name}: muscles of the person",
         date=made.provenance.date,
@@ -309,50 +310,29 @@ def _short(value: object) -> object:
     return value
 
 
-def summary(found: Personalized) -> list[str]:
-    """What the command prints."""
-    lines = []
-    if found.mapped is not None:
-        before, after = (float(np.nanmax(one)) for one in (found.mapped.before, found.mapped.after))
-        lines.append(
-            f"{len(found.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths differ by at "
-            f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
-        )
-    if found.recordings:
-        lines.append(
-            f"{', '.join(found.recordings)}: {found.frames[1]} frames that count as {found.frames[0]:.0f} independent "
-            f"ones, torques of {len(found.coordinates)} coordinates"
-        )
-    if found.held_out is not None:
-        one = found.held_out
-        generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
-        better = "better" if one.score < one.score_generic else "no better"
-        lines.append(
-            f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
-            f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"
-        )
-    return lines
-
-
 def _run(
     files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> None:
-    """The step of a study: all trials of a subject that have external forces."""
+    """The step of a study: trials with external forces or torques, and measured passive torques."""
     options = with_settings(PersonalizeOptions(), settings.get("personalize", {}))
     trials, warnings = [], []
     for trial in prepared.trials(files, settings):
-        if trial.loads is None:
+        if trial.loads is None and trial.torques is None:
             continue
-        motion = solve_kinematics(trial).fit.motion
+        angles = trial.motion if trial.markers is None else None
+        motion = solve_kinematics(trial).fit.motion if angles is None else angles
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
+    trials += [read_passive(path, prepared.model) for path in files.passive]
     if not trials:
         raise BadData(
-            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles to"
+            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles "
+            "to; give forces, or tables of measured passive torques ('passive')"
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
-    generic = inputs.open_model(files.model) if scaled else None
+    own = files.generic or (files.model if scaled else None)
+    generic = None if own is None else inputs.open_model(own)
     with inputs.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
         found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
     write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)
@@ -362,7 +342,10 @@ def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> 
     more: dict[str, object] = {}
     for earlier in ("ik", "id"):
         more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
-    return recordings_provenance("personalize", files, prepared, settings, more)
+    found = recordings_provenance("personalize", files, prepared, settings, more)
+    given = [file_source("passive torques", path) for path in files.passive]
+    given += [] if files.generic is None else [file_source("generic model", files.generic)]
+    return replace(found, sources=(*found.sources, *given)) if given else found
 
 
 STEP = SubjectStep(

@@ -65,6 +65,7 @@ class BodyShape:
 SUBJECT_STEPS: dict[str, str] = {
     "morph": "myomorph.study.subject.morphing",
     "calibrate": "myomorph.study.subject.calibrating",
+    "refine": "myomorph.study.subject.refining",
     "identify": "myomorph.study.subject.identifying",
     "personalize": "myomorph.study.subject.personalizing",
     "emg": "myomorph.study.subject.emg_gains_step",
@@ -88,6 +89,8 @@ class SubjectFiles:
     drawn : file beside which the meshes of that model lie, None where they lie beside it
     labels : what the model calls markers that the recordings call otherwise
     static_laboratory : how the axes of the static recording stand to the model's
+    passive : tables of measured passive torques, for personalization
+    generic : the model that was scaled, for personalization; None for the one before calibration, where there is one
     """
 
     name: str
@@ -101,6 +104,8 @@ class SubjectFiles:
     drawn: Path | None = None
     labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     static_laboratory: Laboratory = AS_RECORDED
+    passive: tuple[Path, ...] = ()
+    generic: Path | None = None
 
 
 @dataclass(frozen=True)

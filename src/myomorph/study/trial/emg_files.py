@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
-from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, raw_faults, without_faults
+from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, noise_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
 from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import TABLE_FILES, about, read_recording
@@ -89,7 +89,7 @@ def open_emg(
             found = _picked(found, tuple(measured_on))
         if not _is_raw(found):
             made = _as_envelopes(found, measured_on, Path(path).name, reference)
-            return replace(made, notes=(*mended, *made.notes))
+            return _without_noise(replace(made, notes=(*mended, *made.notes)), named)
         maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
         peaks = largest([found], options) if maxima is None else maxima
         faults = raw_faults(found)
@@ -98,7 +98,21 @@ def open_emg(
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
-    return OpenedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale)
+    return _without_noise(OpenedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
+
+
+def _without_noise(opened: OpenedEmg, named: Mapping[str, tuple[str, ...]]) -> OpenedEmg:
+    """Channels that are noise throughout take no part, unless a user names their muscles."""
+    found = noise_faults(opened.emg, tuple(opened.muscles))
+    if not found:
+        return opened
+    left = {one.channel for one in found} - set(named)
+    notes = tuple(
+        f"{one.text}; it takes {'no part' if one.channel in left else 'part, as its muscles are named'}"
+        for one in found
+    )
+    muscles = FrozenMap({name: one for name, one in opened.muscles.items() if name not in left})
+    return replace(opened, muscles=muscles, notes=(*notes, *opened.notes))
 
 
 def _mended(found: Series, path: str | Path) -> tuple[str, ...]:

@@ -15,7 +15,9 @@ from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, read_result
+from myomorph.store.uncertainty_store import get_uncertainty
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.uncertainty.spread import Uncertainty
 
 if TYPE_CHECKING:
     import pandas
@@ -36,6 +38,7 @@ class TrialResult:
     torques : generalized forces of inverse dynamics (frames, coordinates) [N m, N]
     wrenches : external forces as they were used
     tension : activations, muscle forces [N], reserves
+    uncertainty : limits of the tables that hold 90 % of the draws, and what contributes to them
     markers, emg : as recorded and used
     """
 
@@ -68,6 +71,11 @@ class TrialResult:
     def tension(self) -> Tension | None:
         """Muscle tensions."""
         return store.get_tension(self.stored, TensionOptions())
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty | None:
+        """Limits of the results, and what contributes to them."""
+        return get_uncertainty(self.stored)
 
     @cached_property
     def markers(self) -> Markers | None:

@@ -7,6 +7,7 @@ STEPS: dict[str, str] = {
     "id": "myomorph.study.trial.steps.id",
     "muscles": "myomorph.study.trial.steps.muscles",
     "tension": "myomorph.study.trial.steps.tension",
+    "uncertainty": "myomorph.study.trial.steps.uncertainty",
 }
 """In the order in which they run: a step's name, and the module whose `STEP` it is, imported when first needed."""
 

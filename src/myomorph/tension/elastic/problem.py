@@ -183,10 +183,10 @@ class ElasticProblem(TensionProblem):
         return tuple(found)
 
     def _refuse_rows(self) -> None:
-        """Rows of terms on activations at frames, which are no unknowns here."""
+        """Rows of terms on activations at frames, which are no unknowns here; forces of tendons are."""
         elastic = np.flatnonzero(self.muscles.elastic)
         for rows in self.rows:
-            if np.isin(rows.column, elastic).any():
+            if not rows.on_forces and np.isin(rows.column, elastic).any():
                 raise BadData(f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not take yet")
 
     def solve(self, start: int, stop: int) -> None:

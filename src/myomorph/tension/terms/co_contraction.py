@@ -61,7 +61,7 @@ class CoContractionTerm(Term):
         known = {name: torques[name] for name in torques.names}
         tau = np.array([known.get(name, np.zeros(len(motion))) for name in model.coordinate_names]).T
         every = np.linspace(0, len(motion) - 1, min(len(motion), 9)).round().astype(int)
-        arms = self._arms(self._paths.evaluate(values[every], rates[every])[2], values[every])
+        arms = self._arms(self._paths.evaluate(values[every], rates[every])[2])
         wanted = [k for k, name in enumerate(model.coordinate_names) if name in (coordinates or free)]
         rotates = [k for k in wanted if model.coordinates[k].motion == "rotational"]
         both = [k for k in rotates if (arms[:, :, k] > SMALL).any(1).all() and (arms[:, :, k] < -SMALL).any(1).all()]
@@ -72,14 +72,14 @@ class CoContractionTerm(Term):
             raise BadData(f"muscles of model '{model.name}' turn no joint both ways: there is no co-contraction")
         self.coordinates, self._columns = tuple(model.coordinate_names[k] for k in both), both
         self._crossing = [np.flatnonzero((np.abs(arms[:, :, k]) > SMALL).any(axis=0)) for k in both]
-        self._torque = np.abs((tau - joint_forces(self._tree, values, rates))[:, both])
+        left = gathered(self._tree, values, tau - joint_forces(self._tree, values, rates))
+        self._torque = np.abs(left[:, both])
 
-    def _arms(self, arms: Array, coordinates: Array) -> Array:
-        """(frames, muscles, coordinates) moment arms, shares of coordinates that follow handed on."""
-        frames, muscles, count = len(arms), len(self._paths.muscles), coordinates.shape[1]
-        whole = np.zeros((muscles, frames, count))
-        whole[self._paths.arm_muscle, :, self._paths.arm_coordinate] = arms.T
-        return np.array([gathered(self._tree, coordinates, one) for one in whole]).transpose(1, 0, 2)
+    def _arms(self, arms: Array) -> Array:
+        """(frames, muscles, coordinates) moment arms; those of a coordinate that leads hold what follows it."""
+        whole = np.zeros((len(arms), len(self._paths.muscles), len(self._tree.model.coordinates)))
+        whole[:, self._paths.arm_muscle, self._paths.arm_coordinate] = arms
+        return whole
 
     def variables(self) -> Variables:
         """How far each coordinate passes what is asked for."""
@@ -102,12 +102,12 @@ class CoContractionTerm(Term):
         names = tuple(f"co-contraction of {name}" for name in self.coordinates)
         every, wide = np.ones(count), np.full(count, np.inf)
         shape = row.astype(np.int64), column.astype(np.int64), np.zeros(len(row)), np.zeros(count)
-        return Rows(names, *shape, every, WEIGHT * every, -wide, wide)
+        return Rows(names, *shape, every, WEIGHT * every, -wide, wide, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """|r| F / A of each muscle, and |tau| / A + 2 level."""
         found = self._muscles.forces(frames)
-        turning = self._arms(found.arms, frames.coordinates)[:, :, self._columns] * found.active[..., None]
+        turning = self._arms(found.arms)[:, :, self._columns] * found.active[..., None]
         sides = [np.maximum(sign * turning, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
         weaker = np.maximum(np.minimum(*sides), 1e-9)
         size = np.abs(turning) / weaker[:, None]

@@ -34,8 +34,10 @@ class ContactOptions:
     ----------
     formulation : "simultaneous": contact forces and muscle tensions in one problem; "sequential": contact
         forces first, from the six equations of motion of each body that floats, muscles after
-    compliance : cost of a contact force of one body weight at a site of full strength, in units of the
-        effort a^2 of one muscle; at a site of strength s it is compliance / s^2
+    compliance : cost of a contact force of one body weight at a contact (the sites of a group) of full strength, in
+        units of the effort a^2 of one muscle; at a site of strength s it is sites of the group / s^2 times that
+    contact_passive : with rigid tendons, whether the muscles' passive elastic forces take part while contact forces are
+        found; tensions under these forces then follow `passive` (see docs/decisions/0019-tension-defaults.md)
     smoothness : weight of (f_k - f_(k-1))^2 between frames, in units of `compliance`, for frames 10 ms apart
     window : frames that are solved together when forces are smoothed (more where smoothness reaches further)
     sweeps : most passes over a window, each frame given those beside it; they end earlier when nothing changes
@@ -43,6 +45,7 @@ class ContactOptions:
 
     formulation: Literal["simultaneous", "sequential"] = "simultaneous"
     compliance: float = 0.1
+    contact_passive: bool = True
     smoothness: float = 1.0
     window: int = 64
     sweeps: int = 200
@@ -131,7 +134,9 @@ class ContactTerm(Term):
         self.strengths = np.array(task.strengths.values)
         own = self.generators.site
         self.amounts = (self.strengths * self.generators.weight)[:, own] * np.sqrt(_preference(task, self.generators))
-        self.cost = task.options.compliance * self.generators.cost
+        groups = [one.group for one in task.sites]
+        sites = np.array([groups.count(one) for one in groups], dtype=np.float64)
+        self.cost = task.options.compliance * sites[own] * self.generators.cost
 
     def variables(self) -> Variables:
         """Amplitudes; bounds are the cones."""

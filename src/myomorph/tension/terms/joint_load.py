@@ -64,7 +64,7 @@ class JointLoadTerm(Term):
         every, wide = np.ones(count), np.full(count, np.inf)
         entries = np.concatenate(row).astype(np.int64), np.concatenate(column).astype(np.int64)
         values = np.zeros(len(entries[0]))
-        return Rows(names, *entries, values, np.zeros(count), every, self._weight * every, -wide, wide)
+        return Rows(names, *entries, values, np.zeros(count), every, self._weight * every, -wide, wide, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Force per unit activation on the bodies that hang on each joint, and what else the joint carries."""

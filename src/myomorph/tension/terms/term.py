@@ -153,6 +153,8 @@ class Rows:
     weight : (rows,) cost of e^2, above 0, in units of the effort a^2 of one muscle
     lower, upper : (rows,) bounds of e: infinite for a cost, 0 for an equation
     measured : whether targets are measurements, whose standard deviations are the units
+    on_forces : whether S has, of each activation, a factor times the muscle's force of full activation, so that elastic
+        tendons can put their forces in its place
     """
 
     names: tuple[str, ...]
@@ -165,6 +167,7 @@ class Rows:
     lower: Array
     upper: Array
     measured: bool = False
+    on_forces: bool = False
 
     def __len__(self) -> int:
         return len(self.names)

@@ -17,6 +17,7 @@ from myomorph.model.series import Motion, Series, Table
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import ReportedPaths
 from myomorph.report.trial.given import MusclePaths, ReportInput
+from myomorph.report.trial.muscle_summary import muscles_line
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
@@ -30,7 +31,7 @@ BLOCK = 512
 """Frames that are in memory at a time."""
 
 
-def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Path, title: str) -> None:
+def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Path, title: str) -> str:
     """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto`, and the same into a result.
 
     Only pairs of a muscle and a coordinate that can have a moment arm are computed and written; a
@@ -39,6 +40,10 @@ def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Pa
     Parameters
     ----------
     motion : with velocities
+
+    Returns
+    -------
+    what was found, in one line
 
     Raises
     ------
@@ -58,6 +63,7 @@ def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Pa
     _table(motion, model.muscle_names, lengths, "Lengths", folder / "lengths.sto")
     _table(motion, model.muscle_names, velocities, "Velocities", folder / "velocities.sto")
     _arm_tables(motion, paths.pairs, stored, folder)
+    return muscles_line(model, motion.time, lengths, velocities)
 
 
 def _variables(writer: ResultWriter, model: Model, motion: Motion, crossing: Sequence[tuple[str, str]]) -> Any:
@@ -96,11 +102,13 @@ class MuscleLengths:
     Attributes
     ----------
     lengths, velocities : (frames, muscles) [m], [m/s]; None where they are in the file alone
+    summary : what a command prints, "" where the result was read back
     """
 
     lengths: Series | None = None
     velocities: Series | None = None
     notes: tuple[str, ...] = ()
+    summary: str = ""
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> MuscleLengths:
@@ -110,8 +118,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         store.put_derivatives(output.writer, motion, trial.model)
     else:
         motion = torques.motion
-    write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
-    return MuscleLengths(notes=notes)
+    found = write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
+    return MuscleLengths(notes=notes, summary=found)
 
 
 def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:

@@ -15,7 +15,7 @@ from myomorph.model.contacts import Contacts
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Series, Table, Wrenches
+from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
@@ -37,10 +37,9 @@ from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
-from myomorph.tension.passive_share import LARGE
-from myomorph.tension.problem import TensionProblem
+from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.solve import Tension, TensionOptions
+from myomorph.tension.solve import ContactSolution, Tension, TensionOptions
 from myomorph.tension.task import (
     EmgRecording,
     TensionTask,
@@ -82,9 +81,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         torques = solve_dynamics(trial, poses.recorded)
         notes = torques.notes
         put_dynamics(output, torques, trial.model)
-    task = _task(trial, poses, torques)
+    task = task_of(trial, poses.recorded, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
-        tension, problem = task.solved(advance)
+        tension, solution = task.solved(advance)
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
     notes += write_fibers(tension, trial.model, task.motion, output)
@@ -101,14 +100,17 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         return Tensions(tension, notes=notes)
     loads, carried = _write_contacts(task, tension, trial.contacts.situation, output)
     notes += task.setting.notes
-    if problem is not None:
-        notes += _write_warnings(trial, problem, tension, output)
+    if solution is not None:
+        notes += _write_warnings(trial, solution, output)
+        # Where the tensions have passive force too, their own notes say it.
+        notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
-def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
+def task_of(trial: TrialInputs, recorded: Motion, found: Torques) -> TensionTask:
+    """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
     options, tension = trial.options, trial.options[TensionOptions]
-    cutoff = None if trial.contacts is None else cutoff_of(trial, poses.recorded)
+    cutoff = None if trial.contacts is None else cutoff_of(trial, recorded)
     return tension_task(
         trial.model,
         found.motion,
@@ -116,7 +118,7 @@ def _task(trial: TrialInputs, poses: Poses, found: Torques) -> TensionTask:
         tension,
         # Those of a file take the place of reserves.
         added_reserves(trial.model, tension, _objects(trial)) if trial.actuators is None else trial.actuators,
-        Measurements(poses.recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
+        Measurements(recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
         trial.contacts,
         options[ContactOptions],
         _emg_that_takes_part(trial),
@@ -176,13 +178,11 @@ def _write_contacts(
     return loads, carried
 
 
-def _write_warnings(
-    trial: TrialInputs, problem: TensionProblem, tension: Tension, output: StepOutput
-) -> tuple[str, ...]:
+def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepOutput) -> tuple[str, ...]:
     """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
-    frames = evenly_spaced(trial.options[TensionTables].intervals, len(tension))
+    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.found))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
-        warnings = contact_warnings(problem, tension, frames, advance)
+        warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals:
         write_sto(warnings.table(), output.folder / "contact_intervals.sto")

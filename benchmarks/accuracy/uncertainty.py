@@ -1,0 +1,216 @@
+"""Whether limits hold what they say: simulated recordings with known truth, and an instrumented knee.
+
+A simulated recording is made with a body, markers and plates that differ from what the user has, by errors of known
+sizes; then a study is run as a user would run it, and its limits are held against the truth.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.knee import BODY_WEIGHT, MODEL, PARTS, STRIDES, STUDY, at_times, left_knee, measured
+from myomorph.cli import main
+from myomorph.io.loads import write_external_loads
+from myomorph.io.sto import read_sto
+from myomorph.io.trc import write_trc
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import common_time, cut, resample_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.results import read_result
+from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
+from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
+from myomorph.uncertainty.sources import Sources
+
+Row = dict[str, object]
+
+HOME = "opencap-subject4-multitask"
+MOTIONS = {"walking1": (0.2, 1.2), "STS1": (0.6, 1.8), "DJ1": (0.8, 1.8)}
+"""Recordings and the part of each that is used [s]."""
+PEOPLE, DRAWS = 4, 60
+SEED = 7
+"""Of the truths; the limits are drawn with another one."""
+CUTOFF = 6.0
+NEGLIGIBLE = 0.01
+"""Of the maximum isometric force: where truth and upper limit are below it, a tension is not counted."""
+OTHER = replace(
+    Sources(), skin_thigh=0.016, skin_shank=0.01, skin_foot=0.006, skin_trunk=0.01, skin_arm=0.01, plate_position=0.01
+)
+"""Errors that the limits do not assume: twice the skin movement, plates 10 mm elsewhere."""
+STUDY_FILE = """
+[study]
+name = "simulated"
+flat = true
+[uncertainty]
+draws = {draws}
+contributions = 0
+[options.tension]
+reactions = "child"
+[[subject]]
+name = "person"
+model = {model!r}
+steps = ["ik", "id", "tension"]
+trials = [{{ name = "motion", markers = "markers.trc", loads = "loads.xml" }}]
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What is true of a simulated recording, by table: columns to values at `time`."""
+
+    time: Array
+    tables: dict[str, tuple[tuple[str, ...], Array]]
+
+
+def measure_assumed(folder: Path) -> Iterator[Row]:
+    """Share of values inside their limits, with errors as assumed."""
+    yield from _simulated(folder, Sources())
+
+
+def measure_other(folder: Path) -> Iterator[Row]:
+    """The same with errors that the limits do not assume."""
+    yield from _simulated(folder, OTHER)
+
+
+def _simulated(folder: Path, errors: Sources) -> Iterator[Row]:
+    inside: dict[str, list[float]] = {}
+    for motion, span in MOTIONS.items():
+        row: dict[str, list[float]] = {}
+        for person in range(PEOPLE):
+            for table, share in _held(folder, motion, span, errors, person).items():
+                row.setdefault(table, []).append(share)
+                inside.setdefault(table, []).append(share)
+        yield _row(motion, row)
+    yield _row("all", inside)
+
+
+def _row(name: str, shares: dict[str, list[float]]) -> Row:
+    titles = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
+    return {"inside the limits of 90 % [%]": name} | {
+        title: 100.0 * float(np.mean(shares[table])) for table, title in titles.items()
+    }
+
+
+def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, float]:
+    """By table, the share of values of a simulated recording that lie inside the limits of the study made of it."""
+    path = folder / HOME / "models" / "manually_scaled.osim"
+    model, moved, wrenches = _recorded(folder, motion, span)
+    draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), SEED))
+    body = drawn_model(model, draw)
+    truth = _truth(model, body, moved, wrenches, draw)
+    with tempfile.TemporaryDirectory() as work:
+        here = Path(work)
+        write_trc(drawn_markers(body, _markers(body, moved), draw, {}), here / "markers.trc")
+        write_external_loads(drawn_wrenches(wrenches, model.up, draw), here / "loads.sto", here / "loads.xml")
+        (here / "study.toml").write_text(STUDY_FILE.format(draws=DRAWS, model=str(path)), encoding="utf-8")
+        command("run", here / "study.toml", "--out", here / "out")
+        found = read_result(next((here / "out").rglob("motion.nc")))
+    strengths = {one.name: one.max_isometric_force for one in model.muscles}
+    shares = {}
+    for table, (names, values) in truth.tables.items():
+        dimension = {"coordinates": "coordinate", "torques": "coordinate", "forces": "muscle"}.get(table)
+        columns = found.names[dimension or f"{table}_column"]
+        low, high = (found.values[f"{table}_{end}"] for end in ("low", "high"))
+        at = [columns.index(name) for name in names]
+        frames = np.searchsorted(found.time, truth.time - 1e-6)
+        low, high = low[frames][:, at], high[frames][:, at]
+        counted = (high - low) > 1e-9
+        if table == "forces":
+            counted = np.maximum(values, high) > NEGLIGIBLE * np.array([strengths[name] for name in names])
+        shares[table] = float(((values >= low) & (values <= high))[counted].mean())
+    return shares
+
+
+def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[Model, Motion, Wrenches]:
+    """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it acts on."""
+    home = folder / HOME
+    files = TrialFiles(
+        model=home / "models" / "manually_scaled.osim",
+        motion=home / "ik_manual_scaling" / f"{motion}_ik.mot",
+        loads=home / "grf" / f"{motion}_external_forces.xml",
+    )
+    trial, poses = open_motion_trial(files, {})
+    assert trial.loads is not None
+    model, given = trial.model, poses.recorded
+    wrenches = trial.loads(given)
+    start, end = common_time(given, wrenches)
+    smooth = differentiate(given, CUTOFF)
+    used = cut(Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))
+    return model, used, resample_wrenches(wrenches, used.time, CUTOFF)
+
+
+def _markers(model: Model, motion: Motion) -> Markers:
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_number(one.body) for one in model.markers], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in model.markers]))
+    return Markers(motion.time, model.marker_names, points)
+
+
+def _truth(model: Model, body: Model, motion: Motion, wrenches: Wrenches, draw: Draw) -> Truth:
+    """What is true of a body that the user does not know."""
+    moved = differentiate(motion, None)
+    torques = inverse_dynamics(body, moved, wrenches)
+    cubed = draw.normals.uniform(draw.number, "criterion", "exponent") > 0.5
+    volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
+    options = TensionOptions(exponent=3.0 if cubed else 2.0, weights="volume" if volume else "equal")
+    tension = solve_tension(body, moved, torques, options)
+    loads = joint_reactions(body, moved, tension, wrenches).table(magnitudes=True)
+    free = [name for name in model.coordinate_names if not model.coordinate(name).locked]
+    free = [name for name in free if name not in {one.dependent for one in model.couplers}]
+    sizes = [name for name in loads.names if name.endswith("_f")]
+    return Truth(
+        motion.time,
+        {
+            "coordinates": (tuple(free), np.column_stack([motion[name] for name in free])),
+            "torques": (tuple(free), np.column_stack([torques[name] for name in free])),
+            "forces": (tension.muscles, tension.forces),
+            "joint_reactions": (tuple(sizes), np.column_stack([loads[name] for name in sizes])),
+        },
+    )
+
+
+def measure_knee(folder: Path) -> Iterator[Row]:
+    """Share of the samples of both strides at which the measured force of the knee lies inside its limits."""
+    for stride in STRIDES:
+        here = folder / STUDY
+        with tempfile.TemporaryDirectory() as work:
+            out = Path(work) / "out"
+            files = ("--model", here / MODEL, "--motion", here / f"{stride}_ik.mot")
+            points = ("--contact-points", "auto", "--draws", 200)
+            command("tension", *files, "--loads", here / f"{stride}_grf.xml", *points, "--out", out)
+            tables = [left_knee(read_sto(out / f"joint_contact_forces{end}.sto")) for end in ("_low", "", "_high")]
+        truth, clock = measured(folder, stride)
+        low, middle, high = (at_times(one, clock) for one in tables)
+        row: Row = {"stride": stride}
+        for k, part in enumerate(PARTS):
+            error = np.quantile(middle[:, k] - truth[:, k], [0.05, 0.95])
+            row |= {
+                f"{part}, inside [%]": 100.0 * float(((truth >= low) & (truth <= high))[:, k].mean()),
+                f"{part}, width [BW]": float((high - low)[:, k].mean()) / BODY_WEIGHT,
+                f"{part}, 90 % of the error [BW]": float(error[1] - error[0]) / BODY_WEIGHT,
+            }
+        yield row
+
+
+def command(*words: object) -> None:
+    """A command of Myomorph, silent; raises where it fails."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as heard:
+        status = main([str(one) for one in words])
+    if status:
+        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {heard.getvalue()}")

@@ -1,0 +1,261 @@
+"""Criteria of recruitment as conic programs with full matrices, solved by Clarabel, which knows nothing of our solver.
+
+Powers are power cones, t^(1/p) >= |a|; the greatest activation is a variable; joint loads and co-contraction stand as
+docs/recruitment.md defines them, joint loads from reactions of unit tensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import clarabel
+import numpy as np
+import scipy.sparse as sp
+
+from myomorph.io.formats import read_model
+from myomorph.io.loads import read_external_loads
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import resample_wrenches
+from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.recruitment import RecruitmentOptions
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.actuators import default_reserves, floating_joints
+
+FOLDER = "rajagopal-walk-emg"
+CUTOFF = 6.0
+FRAMES = slice(150, 1150, 90)
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A criterion, by the options that a user gives."""
+
+    tension: TensionOptions
+    beside: RecruitmentOptions
+
+
+def criterion(joint_load: float = 0.0, joints: str = "", co_contraction: float = 0.0, **options: object) -> Criterion:
+    """Options of both kinds."""
+    return Criterion(
+        TensionOptions(**options),  # type: ignore[arg-type]
+        RecruitmentOptions(joint_load, joints, co_contraction),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Frames of a walk, and what their equations are made of.
+
+    Attributes
+    ----------
+    rows : coordinates that muscles turn
+    R : (frames, muscles, rows) moment arms [m]
+    F : (frames, muscles) force of full activation [N]
+    tau : (frames, rows) [N m]
+    reserves : (rows,) optimal forces [N m]
+    weight : of the body [N]
+    """
+
+    model: Model
+    motion: Motion
+    wrenches: Wrenches
+    torques: Series
+    rows: tuple[str, ...]
+    R: Array
+    F: Array
+    tau: Array
+    reserves: Array
+    weight: float
+
+
+def walk(folder: Path) -> Walk:
+    """Twelve frames of the Rajagopal model's walk."""
+    here = folder / FOLDER
+    model = read_model(here / "subject_walk_scaled.osim")
+    whole = differentiate(motion_from_table(read_sto(here / "coordinates.sto"), model), CUTOFF)
+    assert whole.velocities is not None
+    assert whole.accelerations is not None
+    moving = whole.values[FRAMES], whole.velocities[FRAMES], whole.accelerations[FRAMES]
+    motion = Motion(whole.time[FRAMES], whole.names, *moving)
+    wrenches = resample_wrenches(read_external_loads(here / "grf_walk.xml"), motion.time)
+    torques = inverse_dynamics(model, motion, wrenches)
+    found = solve_tension(model, motion, torques)
+    root = {name for joint in floating_joints(model) for name in joint.coordinates}
+    by = {one.coordinate: one.optimal_force for one in default_reserves(model)}
+    paths = muscle_kinematics(model, motion)
+    arms = dict(zip(paths.coordinates, np.abs(paths.moment_arms).max(axis=(0, 1)), strict=True))
+    # Of the others reserves alone carry the torque, whatever the criterion.
+    rows = tuple(name for name in found.coordinates if name not in root and arms[name] > 0.0)
+    return Walk(
+        model,
+        motion,
+        wrenches,
+        torques,
+        rows,
+        paths.moment_arms[:, :, [paths.coordinates.index(name) for name in rows]],
+        hill_forces(model, paths.lengths, paths.velocities, "opensim").active,
+        found.torques[:, [found.coordinates.index(name) for name in rows]],
+        np.array([by[name] for name in rows]),
+        model.mass * float(np.linalg.norm(model.gravity)),
+    )
+
+
+def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
+    """(frames, joints, 3) forces that joints transmit under tensions (frames, muscles), in body weights."""
+    pulled = Series(one.motion.time, one.model.muscle_names, forces)
+    found = joint_reactions(one.model, one.motion, pulled, one.wrenches, joints=joints, frame="ground", actuators=())
+    return found.forces / one.weight
+
+
+def load_columns(one: Walk, joints: tuple[str, ...]) -> tuple[Array, Array]:
+    """Loads without any tension (frames, 3 joints), and what each full activation adds (frames, 3 joints, muscles)."""
+    frames = len(one.motion)
+    alone = loads_of(one, np.zeros_like(one.F), joints).reshape(frames, -1)
+    added = [
+        loads_of(one, one.F * (np.arange(one.F.shape[1]) == m), joints).reshape(frames, -1) - alone
+        for m in range(one.F.shape[1])
+    ]
+    return alone, np.stack(added, axis=2)
+
+
+def both_ways(one: Walk) -> list[int]:
+    """Rows that muscles turn both ways in all frames."""
+    return [
+        k
+        for k in range(len(one.rows))
+        if (one.R[:, :, k] > 1e-4).any(axis=1).all() and (one.R[:, :, k] < -1e-4).any(axis=1).all()
+    ]
+
+
+class _Program:
+    """Variables x with cost 1/2 x^T P x + q^T x, and rows s = b - A x in cones."""
+
+    def __init__(self, size: int):
+        self.size, self.P, self.q = size, np.zeros((size, size)), np.zeros(size)
+        self._rows: list[tuple[Array, Array, object]] = []
+
+    def equal(self, A: Array, b: Array) -> None:
+        """A x = b."""
+        self._rows.append((A, b, clarabel.ZeroConeT(len(b))))
+
+    def at_least(self, A: Array, b: Array) -> None:
+        """A x >= b."""
+        self._rows.append((-A, -b, clarabel.NonnegativeConeT(len(b))))
+
+    def power(self, t: int, x: int, p: float) -> None:
+        """x_t >= |x_x|^p."""
+        A = np.zeros((3, self.size))
+        A[0, t], A[2, x] = -1.0, -1.0
+        self._rows.append((A, np.array([0.0, 1.0, 0.0]), clarabel.PowerConeT(1.0 / p)))
+
+    def solved(self) -> Array:
+        """The x of least cost."""
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        A, b, cones = zip(*self._rows, strict=True)
+        rows = sp.csc_matrix(np.vstack(A))
+        found = clarabel.DefaultSolver(
+            sp.csc_matrix(np.triu(self.P)), self.q, rows, np.concatenate(b), list(cones), settings
+        ).solve()
+        return np.array(found.x)
+
+
+HIGHEST = TensionOptions(recruitment="minmax")
+SMALLEST, TWICE = 1e-5, 100.0
+"""Cost of a^2 beside the greatest activation, and of co-contraction that lacks, as docs/recruitment.md gives them."""
+
+
+def solve_program(one: Walk, frame: int, by: Criterion, loads: tuple[Array, Array] | None = None) -> Array:
+    """Activations (muscles,) of a frame.
+
+    Parameters
+    ----------
+    loads : as of `load_columns`, where the criterion has joint loads
+    """
+    n, rows = one.F.shape[1], len(one.rows)
+    options, p = by.tension, by.tension.exponent
+    highest = options.recruitment == "minmax"
+    turned = both_ways(one) if by.beside.co_contraction else []
+    # High powers of small numbers: activations in units of about the greatest one, costs in units of its power.
+    unit = 1.0 if p <= 4.0 else float(solve_program(one, frame, replace(by, tension=HIGHEST), loads).max())
+    scale = unit**-p if p > 4.0 else 1.0
+    # Activations, controls each way, their powers, the greatest activation, co-contraction that lacks.
+    u, t, beta = n, n + 2 * rows, 2 * n + 4 * rows
+    made = _Program(beta + 1 + len(turned))
+    eye = np.eye(made.size)
+    turns = one.R[frame] * one.F[frame][:, None]
+    push = one.reserves * (scale**-0.5 if p > 4.0 else 1.0)
+    A = np.zeros((rows, made.size))
+    A[:, :n] = unit * turns.T
+    A[:, u : u + rows], A[:, u + rows : t] = np.diag(push), -np.diag(push)
+    made.equal(A, one.tau[frame])
+    made.at_least(eye, np.zeros(made.size))
+    made.at_least(-eye[:n], np.full(n, -1.0 / unit))
+    w = _weights(one.model, options)
+    cost = np.concatenate([w * (SMALLEST if highest else 1.0), np.ones(2 * rows)])
+    power = np.where(np.arange(len(cost)) < n, p, p if p <= 4.0 else 2.0)
+    for k in range(len(cost)):
+        if power[k] == 2.0:
+            made.P[k, k] = 2.0 * cost[k]
+        else:
+            made.power(t + k, k, float(power[k]))
+            made.q[t + k] = cost[k]
+    made.P[range(n), range(n)] += 2.0 * beside_power(p) * w * scale * unit**2
+    if highest:
+        made.q[beta] = 1.0
+        made.at_least(eye[beta] - eye[:n], np.zeros(n))
+    if by.beside.joint_load:
+        assert loads is not None
+        alone, added = (each[frame] for each in loads)
+        made.P[:n, :n] += 2.0 * by.beside.joint_load * scale * unit**2 * added.T @ added
+        made.q[:n] += 2.0 * by.beside.joint_load * scale * unit * added.T @ alone
+    for k, row in enumerate(turned):
+        made.P[beta + 1 + k, beta + 1 + k] = 2.0 * TWICE * scale
+        share, wanted = _asked(one, frame, row, by.beside.co_contraction)
+        made.at_least((np.append(unit * share, np.zeros(made.size - n)) + eye[beta + 1 + k])[None], np.array([wanted]))
+    return np.clip(unit * made.solved()[:n], 0.0, 1.0)
+
+
+def cost_of(one: Walk, frame: int, by: Criterion, a: Array, loads: tuple[Array, Array]) -> float:
+    """What activations (muscles,) cost, the reserves that balance them included."""
+    p, w = by.tension.exponent, _weights(one.model, by.tension)
+    u = (one.tau[frame] - one.R[frame].T @ (one.F[frame] * a)) / one.reserves
+    if by.tension.recruitment == "minmax":
+        found = a.max() + SMALLEST * w @ a**2 + u @ u
+    else:
+        found = w @ a**p + beside_power(p) * w @ a**2 + (np.abs(u) ** (p if p <= 4.0 else 2.0)).sum()
+    if by.beside.joint_load:
+        found += by.beside.joint_load * ((loads[0][frame] + loads[1][frame] @ a) ** 2).sum()
+    for row in both_ways(one) if by.beside.co_contraction else []:
+        share, wanted = _asked(one, frame, row, by.beside.co_contraction)
+        found += TWICE * max(0.0, wanted - share @ a) ** 2
+    return float(found)
+
+
+def beside_power(p: float) -> float:
+    """Weight of a^2 beside a^p."""
+    return 0.01 * 0.2 ** (p - 2.0) if p > 4.0 else 0.0
+
+
+def _asked(one: Walk, frame: int, row: int, level: float) -> tuple[Array, float]:
+    """What activations give to both sides of a coordinate, and what co-contraction asks, in shares of the weaker."""
+    each = one.R[frame, :, row] * one.F[frame]
+    weaker = min(np.maximum(each, 0.0).sum(), np.maximum(-each, 0.0).sum())
+    return np.abs(each) / weaker, float(abs(one.tau[frame, row]) / weaker + 2.0 * level)
+
+
+def _weights(model: Model, options: TensionOptions) -> Array:
+    strength = np.array([one.max_isometric_force for one in model.muscles])
+    length = np.array([one.optimal_fiber_length for one in model.muscles])
+    size = {"equal": np.ones(len(strength)), "strength": strength, "volume": strength * length}[options.weights]
+    return size / size.mean()

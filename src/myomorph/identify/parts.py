@@ -1,0 +1,178 @@
+"""Parts of recordings, each condensed apart, to fit some and predict the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from myomorph.identify.base_parameters import BaseParameters
+from myomorph.identify.least_squares import Recording, absorb
+from myomorph.model.arrays import Array, checked_array, read_only
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
+
+MIN_PARTS = 4
+
+GAP = 0.1
+"""Time at each side of a cut that neither part has, because neighboring frames say the same [s]."""
+
+MAX_GAP_SHARE = 0.15
+"""The same at most, as a share of a part."""
+
+BORDER = -1
+"""Fold of frames beside a cut: they are fitted with all others, but neither held out nor fitted while others are."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What parts of recordings say of the base parameters, moments and forces apart.
+
+    Attributes
+    ----------
+    base : what the factors are of
+    factors : (parts, 2, n + 1, n + 1) triangular, |R (x, -1)|^2 is the squared misfit of base parameters x
+        in the moments [N m] and the forces [N] of a part
+    frames : (parts,)
+    folds : (parts,) what is held out together: the recording where there are several, else the piece of time
+    pieces : (parts,) piece of time, or `BORDER`
+    """
+
+    base: BaseParameters
+    factors: Array
+    frames: np.ndarray
+    folds: np.ndarray
+    pieces: np.ndarray
+
+    def __post_init__(self) -> None:
+        checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def names(self) -> list[int]:
+        """The folds that can be held out."""
+        return [int(one) for one in np.unique(self.folds) if one != BORDER]
+
+    @property
+    def several(self) -> bool:
+        """Whether whole recordings are held out, not pieces of one."""
+        return not np.array_equal(self.folds, self.pieces)
+
+    def fold(self, fold: int) -> np.ndarray:
+        """Numbers of the parts of one fold."""
+        return np.flatnonzero(self.folds == fold)
+
+    def without(self, fold: int) -> np.ndarray:
+        """Numbers of the parts to fit while one fold is held out."""
+        return np.flatnonzero((self.folds != fold) & (self.folds != BORDER))
+
+    def only(self, parts: Sequence[int] | np.ndarray) -> Parts:
+        """Some of the parts; where they are all of one recording, its pieces of time are the folds."""
+        chosen = np.asarray(parts)
+        folds = self.folds[chosen]
+        folds = self.pieces[chosen] if len(np.unique(folds[folds != BORDER])) < 2 else folds
+        return replace(
+            self,
+            factors=self.factors[chosen],
+            frames=self.frames[chosen],
+            folds=folds,
+            pieces=self.pieces[chosen],
+        )
+
+    def rms(self, parameters: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
+        """(2,) root mean square of the moment's and the force's misfit of parameters (bodies, 10) [N m], [N]."""
+        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
+        x = np.append(self.base.of(parameters), -1.0)
+        squares = np.square(self.factors[chosen] @ x).sum(axis=(0, 2))
+        return np.sqrt(squares / self.frames[chosen].sum())
+
+    def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
+        """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,)."""
+        chosen = range(len(self)) if parts is None else parts
+        factor = np.zeros(self.factors.shape[2:])
+        for part in chosen:
+            for kind, size in enumerate(noise):
+                # A vector of three components has three times the variance of one.
+                factor = absorb(factor, self.factors[part, kind] * (np.sqrt(3.0) / size))
+        return factor[:-1, :-1], np.array(factor[:-1, -1])
+
+    def rows(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
+        """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""
+        R, z = self.factor(noise, parts)
+        return R @ self.base.combination, z
+
+    def estimate(self, noise: Array, mean: Array, spread: Array) -> Array:
+        """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame shows."""
+        R, z = self.factor(noise)
+        rows = np.vstack([R, np.diag(1.0 / spread)])
+        found: Array = lstsq(rows, np.concatenate([z, mean / spread]))[0]
+        return found
+
+
+def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = MIN_PARTS) -> Parts:
+    """Recordings cut in time into `least` parts each, with gaps between them.
+
+    Whole recordings are held out where there are several: halves of one motion are too much alike to tell how masses
+    do on another.
+
+    Raises
+    ------
+    BadData : no frame can be used
+    """
+    n = len(base)
+    factors, frames, folds, pieces = [], [], [], []
+    for number, recording in enumerate(recordings):
+        use = np.ones(len(recording.motion), bool) if recording.use is None else np.asarray(recording.use)
+        measured = base_wrench(model, recording.motion, recording.wrenches)
+        use = use & np.isfinite(measured).all(axis=1)
+        piece = _pieces(recording.motion.time, use, least)
+        own = np.zeros((least + 1, 2, n + 1, n + 1))
+        for block in regressor_blocks(model, recording.motion):
+            for k in range(BORDER, least):
+                wanted = use[block.frames] & (piece[block.frames] == k)
+                if not wanted.any():
+                    continue
+                wrench = measured[block.frames][wanted]
+                for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
+                    table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
+                    table[:, :-1] = block.rows[wanted][:, rows][:, :, base.columns].reshape(-1, n)
+                    table[:, -1] = wrench[:, rows].ravel()
+                    own[k, kind] = absorb(own[k, kind], table)
+        for k in (*range(least), BORDER):
+            count = int((use & (piece == k)).sum())
+            if count:
+                factors.append(own[k])
+                frames.append(count)
+                pieces.append(BORDER if k == BORDER else number * least + k)
+                folds.append(number if len(recordings) > 1 else pieces[-1])
+    if not frames:
+        raise BadData("no frame can be used to identify")
+    return Parts(base, np.stack(factors), np.array(frames), np.array(folds), np.array(pieces))
+
+
+def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
+    """(frames,) piece of time of each frame that is used, as many frames in each, `BORDER` beside a cut."""
+    total = max(int(use.sum()), 1)
+    place = (np.cumsum(use) - 0.5) * pieces / total
+    found = np.clip(place.astype(int), 0, pieces - 1)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    gap = min(GAP / step * pieces / total, MAX_GAP_SHARE)
+    cut = np.round(place)
+    beside = (np.abs(place - cut) < gap) & (cut > 0.5) & (cut < pieces - 0.5)
+    return np.where(beside, BORDER, found)
+
+
+def held_out(parts: Parts, fit: Callable[[np.ndarray], Array]) -> Array:
+    """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force [(N m)^2], [N^2].
+
+    Parameters
+    ----------
+    fit : parameters (bodies, 10) from the numbers of the parts to fit
+    """
+    return np.square([parts.rms(fit(parts.without(fold)), parts.fold(fold)) for fold in parts.names])

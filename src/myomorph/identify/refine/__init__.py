@@ -1,0 +1,1 @@
+"""Motion, body and masses of a subject in one problem."""

@@ -1,0 +1,120 @@
+"""Markers and the root's residual of each frame, and how they change with the coordinates and their rates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.rigid.couplers import couple, couple_rates
+from myomorph.rigid.dynamics import body_wrenches
+from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kinematics import body_poses, body_rates
+from myomorph.rigid.vectors import cross, matrix, minus, plus, turned, vector
+
+STEP = 1e-6
+"""Step of the differences in coordinates and their rates [rad, m and 1/s of them]."""
+
+
+@kernel
+def predict_frames(T, body, location, c, cdot, cddot, measured, places, residual):
+    """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin and force.
+
+    Parameters
+    ----------
+    body, location : of the markers
+    c, cdot, cddot : (frames, coordinates); dependent ones are set
+    measured : (frames, 6) moment about the ground's origin [N m] and force [N] of the external wrenches
+    """
+    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    rates = np.empty((6, n, 3))
+    for frame in range(c.shape[0]):
+        couple(T, c[frame])
+        couple_rates(T, c[frame], cdot[frame], cddot[frame])
+        body_poses(T, c[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, places[frame])
+        root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, residual[frame])
+
+
+@kernel
+def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_value, by_rate, by_acceleration, moved):
+    """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers (frames, free, 3 m).
+
+    Parameters
+    ----------
+    by_value, by_rate, by_acceleration : filled, of the residual
+    moved : filled, of the markers in the coordinates
+    """
+    n, axes, m = T.parent.shape[0], T.axis_kind.shape[0], body.shape[0]
+    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    rates = np.empty((6, n, 3))
+    at, r = np.empty((m, 3)), np.empty(6)
+    base, base_at = np.empty(6), np.empty((m, 3))
+    x, v, a = np.empty(c.shape[1]), np.empty(c.shape[1]), np.empty(c.shape[1])
+    for frame in range(c.shape[0]):
+        # Rates and accelerations first: they share the poses of the frame.
+        body_poses(T, c[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, base_at)
+        root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base)
+        for k in range(2 * free.shape[0]):
+            i = k % free.shape[0]
+            restore(c[frame], cdot[frame], cddot[frame], x, v, a)
+            # The residual is linear in accelerations: a step of 1 has no error.
+            step = STEP if k < free.shape[0] else 1.0
+            if k < free.shape[0]:
+                v[free[i]] += step
+            else:
+                a[free[i]] += step
+            couple_rates(T, x, v, a)
+            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            for q in range(6):
+                if k < free.shape[0]:
+                    by_rate[frame, q, i] = (r[q] - base[q]) / step
+                else:
+                    by_acceleration[frame, q, i] = (r[q] - base[q]) / step
+        for i in range(free.shape[0]):
+            restore(c[frame], cdot[frame], cddot[frame], x, v, a)
+            x[free[i]] += STEP
+            couple(T, x)
+            couple_rates(T, x, v, a)
+            body_poses(T, x, R, p, w, o, dphi)
+            put_places(body, location, R, p, at)
+            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            for q in range(6):
+                by_value[frame, q, i] = (r[q] - base[q]) / STEP
+            for k in range(m):
+                for q in range(3):
+                    moved[frame, i, 3 * k + q] = (at[k, q] - base_at[k, q]) / STEP
+
+
+@inner
+def restore(c, cdot, cddot, x, v, a):
+    """Copies of a frame's coordinates and rates."""
+    for j in range(c.shape[0]):
+        x[j], v[j], a[j] = c[j], cdot[j], cddot[j]
+
+
+@inner
+def put_places(body, location, R, p, places):
+    """Positions of markers in ground."""
+    for k in range(body.shape[0]):
+        at = plus(vector(p, body[k]), turned(matrix(R, body[k]), vector(location, k)))
+        for i in range(3):
+            places[k, i] = at[i]
+
+
+@inner
+def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
+    """What the motion needs less what was measured: moment about the base's origin and force."""
+    omega, v, alpha, a, f, m = rates[0], rates[1], rates[2], rates[3], rates[4], rates[5]
+    body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a)
+    body_wrenches(T, R, p, omega, alpha, a, f, m)
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for b in range(1, T.parent.shape[0]):
+        force, moment = plus(force, vector(f, b)), plus(moment, vector(m, b))
+    force = minus(force, (measured[3], measured[4], measured[5]))
+    moment = minus(moment, (measured[0], measured[1], measured[2]))
+    moment = minus(moment, cross(vector(p, 1), force))
+    for i in range(3):
+        residual[i], residual[3 + i] = moment[i], force[i]

@@ -1,0 +1,48 @@
+"""Options of `refine`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from myomorph.model.errors import BadData
+
+
+@dataclass(frozen=True)
+class RefineOptions:
+    """How much each part of the problem is believed.
+
+    Attributes
+    ----------
+    cutoff : low-pass filter of the forces; the motion has four knots a period of it [Hz]
+    marker_noise : of a marker about its position on a rigid body, along one axis, mostly movement of the skin [m]; by
+        default 0.01 on a body of human size, on a smaller one less in proportion
+    marker_time : for how long the skin's movement stays alike [s]
+    force_noise : of each component of the residual force, in body weights
+    moment_noise : of each component of the residual moment, in body weights times 1 m
+    length_sd : how far a length may differ from the model's, of itself
+    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.005 likewise
+    mass_sd : how far a link's mass may differ from the model's, of itself
+    iterations : at most so many steps
+    check : predict every recording, or the parts of a single one, from the others, and keep the model's body and
+        masses where they predict better
+    """
+
+    cutoff: float = 6.0
+    marker_noise: float | None = None
+    marker_time: float = 0.1
+    force_noise: float = 0.005
+    moment_noise: float = 0.005
+    length_sd: float = 0.02
+    marker_sd: float | None = None
+    mass_sd: float = 0.1
+    iterations: int = 20
+    check: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("cutoff", "marker_time", "force_noise", "moment_noise", "length_sd", "mass_sd", "iterations"):
+            if not getattr(self, name) > 0:
+                raise BadData(f"refine: {name} is {getattr(self, name):g}; expected a number above 0")
+        for name in ("marker_noise", "marker_sd"):
+            given = getattr(self, name)
+            if given is not None and not given > 0.0:
+                raise BadData(f"refine: {name} is {given:g}; expected metres above 0")

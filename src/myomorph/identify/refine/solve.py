@@ -1,0 +1,93 @@
+"""Gauss-Newton steps of the one problem: motions eliminated trial by trial, so that time grows with frames only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+
+from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved, with_trust
+from myomorph.model.arrays import Array
+
+LEAST_GAIN = 1e-3
+"""A step that lowers the cost by a smaller share is the last."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    covariance : (shared, shared) of the shared unknowns
+    costs : after every step
+    """
+
+    at: Unknowns
+    covariance: Array
+    costs: tuple[float, ...]
+    converged: bool
+
+
+def settle(problem: Problem, told: Callable[[], None] = lambda: None) -> Solution:
+    """The optimum, from that of the motions alone, which tells the frames that nothing explains."""
+    still = replace(problem, body=False, masses=False)
+    first = solve(still, still.begin(), told)
+    return solve(with_trust(problem, first.at), first.at, told)
+
+
+def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:
+    """Levenberg-Marquardt from a start."""
+    at, damping = start, 1e-6
+    costs = [cost(problem, at)]
+    converged = False
+    for _ in range(problem.options.iterations):
+        equations = linearize(problem, at)
+        accepted = False
+        while not accepted and damping < 1e4:
+            motions, shared = step(problem, equations, damping)
+            trial = moved(problem, at, motions, shared)
+            accepted = bool(trial.factors.min(initial=1.0) > 0.3) and cost(problem, trial) <= costs[-1]
+            damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
+        told()
+        if not accepted:
+            converged = True
+            break
+        at = trial
+        costs.append(cost(problem, at))
+        if costs[-2] - costs[-1] < LEAST_GAIN * costs[-2]:
+            converged = True
+            break
+    return Solution(at, _covariance(linearize(problem, at)), tuple(costs), converged)
+
+
+def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
+    """Changes of each trial's coefficients, and of the shared unknowns."""
+    reduced, right, solved = _reduce(equations, damping)
+    shared = -cho_solve(cho_factor(reduced), right) if len(right) else np.zeros(0)
+    n = len(problem.markers.free)
+    motions = tuple((-one[:, 0] - one[:, 1:] @ shared).reshape(-1, n) for one in solved)
+    return motions, shared
+
+
+def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Array]]:
+    """Normal equations of the shared unknowns with all motions eliminated, and what eliminates them."""
+    H, g = equations.H.copy(), equations.g.copy()
+    H[np.diag_indices_from(H)] *= 1.0 + damping
+    solved = []
+    for one in equations.trials:
+        band = one.band.copy()
+        band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
+        factor = cholesky_banded(band, lower=True, overwrite_ab=True)
+        found = cho_solve_banded((factor, True), np.column_stack([one.right, one.cross]))
+        H -= one.cross.T @ found[:, 1:]
+        g -= one.cross.T @ found[:, 0]
+        solved.append(found)
+    return H, g, solved
+
+
+def _covariance(equations: Equations) -> Array:
+    H = _reduce(equations, 0.0)[0]
+    return np.linalg.inv(H) if len(H) else H

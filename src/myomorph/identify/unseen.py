@@ -1,0 +1,226 @@
+"""How identified masses predict what they were not fitted to, and the prior that predicts it best.
+
+The figure to believe is nested: the strength of the prior and the noise are chosen without the part that is
+predicted, so that the choice takes nothing from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from myomorph.identify.body.points import MassPoints
+from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
+from myomorph.identify.parts import Parts, held_out
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
+from myomorph.model.arrays import Array, read_only
+
+STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5)
+"""Relative standard deviations of a link's mass to choose from where none is given.
+
+Looser ones predict more of the same motion and give masses that nobody has: faults of kinematics that come back
+every step are then blamed on hands and forearms.
+"""
+
+POINTS_PER_LINK = 60
+"""Points a link that stand for all of them while strengths are tried."""
+
+ROUNDS = 5
+"""Times that the noise is taken anew from what the fit leaves of unseen parts."""
+
+WORSE = 1.02
+"""Ratio of misfits on unseen parts, identified over generic, from which one counts as worse."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """Misfit on recordings, or parts of one, that took no part in the fit: identified beside the generic model.
+
+    Attributes
+    ----------
+    identified, generic : (parts, 2) root mean square misfit, moment [N m] and force [N]
+    frames : (parts,)
+    what : what the parts are, in words
+    names : of the parts, where they are recordings
+    """
+
+    identified: Array
+    generic: Array
+    frames: np.ndarray
+    what: str
+    names: tuple[str, ...] = ()
+
+    def rms(self, values: Array) -> Array:
+        """(2,) over all parts together, of `identified` or `generic`."""
+        weights = self.frames / self.frames.sum()
+        found: Array = np.sqrt(weights @ np.square(values))
+        return found
+
+    @property
+    def ratio(self) -> Array:
+        """(2,) misfit of identified masses over that of the generic model, moment and force."""
+        return self.rms(self.identified) / np.maximum(self.rms(self.generic), 1e-300)
+
+    @property
+    def worse(self) -> bool:
+        """Whether identified masses predict worse: moment and force together, as the mean of their squared ratios."""
+        return bool(len(self.frames)) and float(np.mean(np.square(self.ratio))) >= 1.0
+
+    @property
+    def words(self) -> str:
+        """Both misfits, for a line of output."""
+        own, generic = self.rms(self.identified), self.rms(self.generic)
+        return f"{own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Parts and kinds, moment or force, in which identified masses predict worse than `WORSE`."""
+        found = []
+        ratios = self.identified / np.maximum(self.generic, 1e-300)
+        for i, row in enumerate(ratios):
+            name = self.names[i] if self.names else f"part {i + 1} of {len(ratios)}"
+            for kind, unit, j in (("force", "N", 1), ("moment", "N m", 0)):
+                if row[j] > WORSE:
+                    found.append(
+                        f"{kind} of {name} {self.identified[i, j]:.1f} {unit} (generic {self.generic[i, j]:.1f})"
+                    )
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Strength:
+    """The problem of choosing how far data may move masses.
+
+    Attributes
+    ----------
+    points : few points that stand for all
+    generic : (bodies, 10) parameters of the scaled model
+    method : "points" or "pseudo-inertia"
+    mass_sd : the strength to use; None chooses
+    """
+
+    points: MassPoints
+    generic: Array
+    method: str
+    mass_sd: float | None
+
+    def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
+        """(bodies, 10) parameters by the given strength from some parts."""
+        A, b = parts.rows(noise, others)
+        mass = float(self.generic[:, 0].sum())
+        if self.method == "points":
+            return solve_mass_points(
+                self.points, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)
+            ).parameters  # fmt: skip
+        shape = possible_reference(self.points.parameters(self.points.reference))
+        return solve_pseudo_inertia(A, b, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=sd)).parameters
+
+    def choose(self, parts: Parts) -> tuple[Array, dict[float, Array], float]:
+        """Noise (2,) of moments and forces, held-out misfit (2,) by strength with it, and the strength to use."""
+        noise = parts.rms(self.generic)
+        tried, best = self._tried(parts, noise)
+        for _ in range(ROUNDS):
+            better = float(np.sqrt(np.mean(np.square(tried[best] / noise))))
+            if better > 0.8:
+                break
+            noise = noise * better
+            tried, best = self._tried(parts, noise)
+        return noise, tried, best
+
+    def _tried(self, parts: Parts, noise: Array) -> tuple[dict[float, Array], float]:
+        """Held-out misfit by strength of the prior, and the strength with the least."""
+        before = held_out(parts, lambda _: self.generic)
+        found: dict[float, Array] = {}
+
+        def fitting(sd: float) -> Callable[[np.ndarray], Array]:
+            return lambda others: self.fit(parts, noise, sd, others)
+
+        def scores(sd: float) -> Array:
+            if sd not in found:
+                found[sd] = held_out(parts, fitting(sd))
+            # Every part counts alike, as its misfit relative to the scaled model's.
+            own: Array = (found[sd] / before).mean(axis=1)
+            return own
+
+        if self.mass_sd is not None:
+            best = self.mass_sd
+            scores(best)
+        else:
+            best = _walk(scores, parts.several)
+        frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
+        weights = frames / frames.sum()
+        return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
+
+
+def _walk(scores: Callable[[float], Array], several: bool) -> float:
+    """The strength whose held-out score (parts,) is the least; of several recordings the tightest that is near it.
+
+    The rule of one standard error (Breiman et al. 1984): what predicts as well and moves masses less is taken, because
+    faults of the motion that few recordings share pass for masses in all of them. Parts of one recording are too much
+    alike for their differences to tell how sure a score is.
+    """
+    at = len(STRENGTHS) // 2
+
+    def mean(i: int) -> float:
+        return float(scores(STRENGTHS[i]).mean())
+
+    # The misfit falls, then rises with the strength: walk down from the middle.
+    step = 1 if mean(at + 1) < mean(at) else -1
+    while 0 <= at + step < len(STRENGTHS) and mean(at + step) < mean(at):
+        at += step
+    least = scores(STRENGTHS[at])
+    while several and at > 0:
+        lost = scores(STRENGTHS[at - 1]) - least
+        error = float(lost.std(ddof=1)) / np.sqrt(len(lost)) if len(lost) > 1 else 0.0
+        if lost.mean() > error:
+            break
+        at -= 1
+    return STRENGTHS[at]
+
+
+def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...]) -> Unseen:
+    """Every fold predicted by what was fitted, and chosen, without it.
+
+    Parameters
+    ----------
+    names : of the recordings
+    """
+    identified, generic, frames = [], [], []
+    for fold in parts.names:
+        rest, own = parts.only(parts.without(fold)), parts.fold(fold)
+        if len(rest.names) < 2:
+            continue
+        noise, _, sd = strength.choose(rest)
+        identified.append(parts.rms(strength.fit(rest, noise, sd), own))
+        generic.append(parts.rms(strength.generic, own))
+        frames.append(int(parts.frames[own].sum()))
+    several = len(names) > 1
+    what = "recordings held out in turn" if several else "parts of the recording held out in turn"
+    return Unseen(
+        np.reshape(identified, (-1, 2)), np.reshape(generic, (-1, 2)), np.array(frames, int), what,
+        names if several and len(frames) == len(names) else (),
+    )  # fmt: skip
+
+
+def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
+    """Fewer points with the same mass in every link, spread evenly over the given ones."""
+    links = len(points.links.names)
+    step = max(1, len(points.points) // (most * links))
+    if step == 1:
+        return points
+    owner = np.asarray(points.weights.argmax(axis=1)).ravel()
+    kept = []
+    for link in range(links):
+        own = np.flatnonzero(owner == link)
+        if len(own):
+            kept.append(own[np.linspace(0, len(own) - 1, min(len(own), most)).astype(int)])
+    index = np.sort(np.concatenate(kept))
+    mass = np.bincount(owner, points.reference, links)
+    left = np.bincount(owner[index], points.reference[index], links)
+    reference = points.reference[index] * (mass / np.maximum(left, 1e-300))[owner[index]]
+    weights = sparse.csr_array(points.weights[index])
+    return replace(points, points=points.points[index], reference=reference, weights=weights)

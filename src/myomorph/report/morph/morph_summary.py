@@ -1,0 +1,108 @@
+"""What `morph` prints of its result: how near the bones lie, what became of moment arms and paths, and the verdict."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.morphed import Morph
+
+KINDS = {
+    "bone": "path through a bone",
+    "sign": "moment arm of another sign",
+    "jump": "moment arm that jumps",
+    "fold": "muscle point where a map folds",
+    "arm": "moment arm of another size",
+    "surface": "attachment off its bone",
+    "fiber": "muscle with fibers outside the source's range",
+    "joint": "joint that does not meet",
+    "order": "coordinate with moment arms in another order",
+}
+"""Kinds of warnings in words, the worst first."""
+
+
+def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
+    """Bones, moment arms and paths with their worst place, and what the checks say."""
+    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over; {_bones(morph)}"
+    parts = [one for one in (_order(checks), _deepest(checks), _fibers(morph)) if one]
+    if parts:
+        yield "; ".join(parts)
+    yield _verdict(checks)
+
+
+def _bones(morph: Morph) -> str:
+    """How far apart the bones' surfaces lie after matching."""
+    apart = {body: one.measures["residual [m]"] for body, one in morph.bones.items() if "residual [m]" in one.measures}
+    if not apart:
+        return f"{len(morph.bones)} bones without surfaces of their own to compare"
+    worst = max(apart, key=lambda body: apart[body])
+    values = 1e3 * np.array(list(apart.values()))
+    return (
+        f"surfaces of {len(apart)} bones {float(np.median(values)):.2g} mm apart (median), worst {worst} "
+        f"{1e3 * apart[worst]:.2g} mm"
+    )
+
+
+def _order(checks: MorphChecks) -> str:
+    """Rank correlation of the muscles' moment arms with the source's."""
+    known = {name: value for name, value in checks.order.items() if np.isfinite(value)}
+    if not known:
+        return ""
+    worst, limit = min(known, key=lambda name: known[name]), checks.options.order
+    verdict = "at least" if known[worst] >= limit else "below"
+    middle = float(np.median(list(known.values())))
+    return (
+        f"moment arms about {len(known)} coordinates ranked as in the source: correlation {middle:.2f} (median), "
+        f"lowest {known[worst]:.2f} ({worst}): {verdict} {limit:g}"
+    )
+
+
+def _deepest(checks: MorphChecks) -> str:
+    """The path that runs deeper through a bone than in the source by the most."""
+    if not checks.penetrations:
+        return ""
+    worst = max(checks.penetrations, key=lambda one: one.increase)
+    if worst.increase <= 0.0:
+        return "no path runs deeper through a bone than in the source"
+    where = f" at {worst.coordinate} = {np.degrees(worst.value):.0f}°" if worst.coordinate else ""
+    return (
+        f"deepest new path through a bone {1e3 * worst.target:.1f} mm ({worst.muscle} in {worst.body}{where}; source "
+        f"{1e3 * worst.source:.1f} mm)"
+    )
+
+
+def _fibers(morph: Morph) -> str:
+    """The ends of normalized fiber lengths over the joints' ranges."""
+    known = [one for one in morph.muscles if np.isfinite([*one.range_target]).all()]
+    if not known:
+        return ""
+    shortest, longest = min(known, key=lambda one: one.range_target[0]), max(known, key=lambda one: one.range_target[1])
+    return (
+        f"fibers work from {shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f}) to "
+        f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"
+    )
+
+
+def _verdict(checks: MorphChecks) -> str:
+    """How many warnings of which kind, and the worst."""
+    if not checks.warnings:
+        return "checks: nothing is worse than in the source"
+    counts = Counter(one.kind for one in checks.warnings)
+    named = ", ".join(f"{counts[kind]} {_many(text, counts[kind])}" for kind, text in KINDS.items() if counts[kind])
+    return f"checks: {len(checks.warnings)} warnings, first in the report: {named}; first: {checks.warnings[0].text}"
+
+
+def _many(text: str, count: int) -> str:
+    """The plural: of the first word, which names the thing."""
+    if count == 1:
+        return text
+    head, _, rest = text.partition(" ")
+    if head in ("moment", "muscle") and rest.startswith(("arm ", "point ")):
+        second, _, more = rest.partition(" ")
+        plural = f"{head} {second}s {more}"
+    else:
+        plural = f"{head}s {rest}"
+    return plural.replace("that jumps", "that jump").replace("that does not", "that do not")

@@ -1,0 +1,60 @@
+"""The section on how sure results are: widths of the limits, and what contributes to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.report.charts.axis import number
+from myomorph.report.page.parts import Grid, Section
+from myomorph.report.trial.prepared import Prepared
+from myomorph.uncertainty.spread import Shares, Spread
+
+TITLES = {
+    "coordinates": ("Joint angles and places", "rad or m"),
+    "torques": ("Joint torques", "N·m or N"),
+    "activations": ("Muscle activations", ""),
+    "forces": ("Muscle tensions", "N"),
+    "joint_reactions": ("Joint loads", "N or N·m"),
+    "contact_forces": ("Contact forces", "N"),
+}
+ROWS = 12
+"""Columns of a table that are shown, those that are least sure first."""
+LEADING, LEAST = 3, 0.01
+"""Sources that are named for a column, and the share of the variance from which one is."""
+
+
+def uncertainty_section(prepared: Prepared) -> Section | None:
+    """For each table its least sure columns, and which sources of error matter most there."""
+    found = prepared.given.uncertainty
+    if not found.spreads:
+        return None
+    grids = []
+    for name, spread in found.spreads.items():
+        title, unit = TITLES.get(name, (name.replace("_", " ").capitalize(), ""))
+        grids.append(_grid(title, unit, spread, found.shares.get(name)))
+    lead = (
+        f"{found.draws - found.failed} of {found.draws} inputs, drawn with errors of sizes that were stated or that "
+        "are usual, have a solution; limits hold 90 % of them. They are as right as these sizes are. Of each "
+        "table the columns with the widest limits are shown; uncertainty.csv has all."
+    )
+    return Section("uncertainty", "Uncertainty", lead, (), (), tuple(grids))
+
+
+def _grid(title: str, unit: str, spread: Spread, shares: Shares | None) -> Grid:
+    widths = np.nanmean(spread.high - spread.low, axis=0)
+    deviations = np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+    order = np.argsort(-np.nan_to_num(widths))[:ROWS]
+    rows = []
+    for k in order:
+        row = (spread.names[k], f"{number(widths[k])} {unit}", f"{number(deviations[k])} {unit}")
+        rows.append((*row, _leading(shares, int(k))))
+    return Grid(("Column", "Mean width of the limits", "Standard deviation", "Most of it from"), tuple(rows), title)
+
+
+def _leading(shares: Shares | None, column: int) -> str:
+    """The groups of sources that contribute most, with their shares of the variance."""
+    if shares is None:
+        return "–"
+    total = np.nan_to_num(shares.total[:, column])
+    leading = [g for g in np.argsort(-total)[:LEADING] if total[g] > LEAST]
+    return ", ".join(f"{shares.groups[g]} {100 * total[g]:.0f} %" for g in leading)

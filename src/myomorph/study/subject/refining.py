@@ -1,0 +1,273 @@
+"""Motion, body and masses at once from files: `myomorph refine` and the step of a study."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.identify.refine.fit import Errors, Refinement, SubjectTrial, refine
+from myomorph.identify.refine.options import RefineOptions
+from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.provenance import Provenance, Source
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
+from myomorph.report.trial.given import ReportInput
+from myomorph.store.progress import progress
+from myomorph.store.results import file_name, file_source, provenance_of
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.subject.identifying import check_mass
+from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_trial
+from myomorph.study.trial.trial_inputs import TrialInputs
+
+Rows = Sequence[Mapping[str, object]]
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A refinement and what it was made from."""
+
+    found: Refinement
+    provenance: Provenance
+    warnings: tuple[str, ...] = ()
+
+
+def refine_files(
+    model_file: Path,
+    recordings: Sequence[TrialFiles],
+    mass: float | None,
+    options: RefineOptions,
+    settings: Settings,
+) -> Refined:
+    """Refine a calibrated model and its motions from files of markers and forces.
+
+    Parameters
+    ----------
+    recordings : each with markers and loads
+    mass : of the subject [kg]; the model's by default
+    settings : of the steps `ik` and `id`, as for trials
+
+    Raises
+    ------
+    MyomorphError : a file cannot be read, or does not fit the model
+    """
+    model = open_model(model_file)
+    mass = check_mass(model, mass)
+    trials = [open_trial(one, settings, model) for one in recordings]
+    sources: list[Source] = [file_source("model", model_file)]
+    for one in recordings:
+        sources += [file_source("markers", one.markers)] if one.markers is not None else []
+        sources += [file_source("loads", one.loads), *load_tables(one.loads)] if one.loads is not None else []
+    made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
+    return replace(refined(trials, mass, options, model_file.name), provenance=made)
+
+
+def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Refined:
+    """Refine from opened trials; those without markers or forces are left out.
+
+    Raises
+    ------
+    BadData : no trial has both
+    """
+    given, warnings = [], []
+    for trial in trials:
+        warnings += [f"{trial.name}: {text}" for text in trial.warnings]
+        if trial.markers is None or trial.loads is None:
+            continue
+        checked = solve_kinematics(trial)
+        wrenches = trial.loads(checked.fit.motion)
+        warnings += [f"{trial.name}: {text}" for text in (*map(str, checked.findings), *wrenches.notes)]
+        tracking = trial.options[InverseKinematicsOptions]
+        given.append(SubjectTrial(trial.name, checked.markers, wrenches, tracking))
+    if not given:
+        raise BadData(f"{name}: no trial has markers and external forces, so 'refine' has nothing to hold together")
+    model = trials[0].model
+    pieces = 1 + (max(2, len(given)) if options.check else 0)
+    with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
+        found = refine(model, given, mass, options, default_path_lengths, lambda: advance(1))
+    made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
+    return Refined(found, made, tuple(dict.fromkeys(warnings)))
+
+
+def tables_folder(out: Path) -> Path:
+    """Where motions, tables and the report of a refined model go: beside it."""
+    return out.with_name(f"{out.stem}_refinement")
+
+
+def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of motions, tables and a report; whole or not at all.
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    found = one.found
+
+    def fill(folder: Path) -> None:
+        motions = folder / "motions"
+        motions.mkdir()
+        for trial in found.trials:
+            write_sto(table_from_motion(trial.motion, found.model), motions / f"{file_name(trial.name)}.mot")
+        _write_rows(trial_rows(found), folder / "trials.csv")
+        _write_rows(mass_rows(found), folder / "masses.csv")
+        _write_rows(length_rows(found), folder / "lengths.csv")
+        # Brings jinja2: loaded only where it is needed.
+        from myomorph.study.trial.reporting import REPORT
+
+        (folder / REPORT).write_text(_page(one), encoding="utf-8")
+
+    return write_made_model(found.model, one.provenance, out, tables or tables_folder(out), fill)
+
+
+def trial_rows(found: Refinement) -> Rows:
+    """A row for every trial before and after, then for every prediction by the model as it was and the refined one."""
+    rows = [
+        {"trial": one.name, "what": what, "frames": one.frames, "frames_with_plates": one.used, **_numbers(errors)}
+        for one in found.trials
+        for what, errors in (("inverse kinematics", one.before), ("refined", one.after))
+    ]
+    rows += [
+        {"trial": one.name, "what": f"predicted, {what}", "frames": "", "frames_with_plates": "", **_numbers(errors)}
+        for one in found.predictions
+        for what, errors in (("given model", one.given), ("refined from the others", one.refined))
+    ]
+    return rows
+
+
+def _numbers(errors: Errors) -> dict[str, object]:
+    return {"markers_mm": 1e3 * errors.markers, "force_N": errors.force, "moment_N_m": errors.moment}
+
+
+def mass_rows(found: Refinement) -> Rows:
+    """A row for every body: mass before and after with its standard deviation [kg], and mass center [m]."""
+    before = inertial_parameters(found.given)[:, 0]
+    return [
+        {
+            "body": body.name,
+            "given_kg": float(old),
+            "refined_kg": body.mass,
+            "sd_kg": float(sd),
+            **{f"center_{axis}_m": float(value) for axis, value in zip("xyz", body.mass_center, strict=True)},
+        }
+        for body, old, sd in zip(found.model.bodies, before, found.mass_sd, strict=True)
+    ]
+
+
+def length_rows(found: Refinement) -> Rows:
+    """A row for every length: its factor on the given model's and the standard deviation."""
+    return [
+        {"length": name, "factor": float(factor), "factor_sd": float(sd)}
+        for name, factor, sd in zip(found.lengths, found.factors, found.factors_sd, strict=True)
+    ]
+
+
+def _write_rows(rows: Rows, path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
+
+
+def _short(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def summary(found: Refinement) -> list[str]:
+    """What the command says: errors before and after, and what was predicted."""
+    weight = found.given.mass * float(np.linalg.norm(found.given.gravity))
+    before, after = found.before, found.after
+    lines = [
+        f"{len(found.trials)} {'trial' if len(found.trials) == 1 else 'trials'}: markers {1e3 * before.markers:.1f} -> "
+        f"{1e3 * after.markers:.1f} mm, residual force {before.force:.1f} -> {after.force:.1f} N "
+        f"({100 * after.force / weight:.2g} % of body weight), moment {before.moment:.1f} -> {after.moment:.1f} N m "
+        f"({100 * after.moment / weight:.2g} % of body weight times 1 m); {sum(one.used for one in found.trials)} of "
+        f"{sum(one.frames for one in found.trials)} frames with plates"
+    ]
+    lines += [
+        f"{one.name}, not used: {one.refined.force:.1f} N, {one.refined.moment:.1f} N m (given model "
+        f"{one.given.force:.1f} N, {one.given.moment:.1f} N m)"
+        for one in found.predictions
+    ]
+    return lines
+
+
+def refinement_section(found: Refinement) -> Section:
+    """Tables of errors, masses and lengths."""
+    grids = []
+    for title, rows in (
+        ("Errors before and after", trial_rows(found)),
+        ("Masses", mass_rows(found)),
+        ("Lengths", length_rows(found)),
+    ):
+        head = tuple(rows[0]) if rows else ()
+        cells = tuple(tuple(_cell(value) for value in row.values()) for row in rows)
+        grids.append(Grid(tuple(name.replace("_", " ") for name in head), cells, title, title == "Lengths"))
+    return Section(
+        "refinement",
+        "Motion, body and masses at once",
+        " ".join(summary(found)),
+        grids=tuple(grids),
+    )
+
+
+def _cell(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _page(one: Refined) -> str:
+    # Brings jinja2: loaded only where it is needed.
+    from myomorph.report.trial.trial_page import report_page
+
+    found, made = one.found, one.provenance
+    return report_page(
+        ReportInput(
+            PageHead(
+                title=f"{found.model.name}: refined body and motions",
+                date=made.date,
+                version=__version__,
+                notes=(Note("real", f"Recordings: {', '.join(each.name for each in found.trials)}."),),
+                sources=tuple(SourceFile(each.role, Path(each.name).name, each.sha256) for each in made.sources),
+                warnings=(*found.notes, *one.warnings),
+            ),
+            model=found.model,
+            more=(refinement_section(found),),
+        )
+    )
+
+
+def _run(
+    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
+) -> Refined:
+    options = with_settings(RefineOptions(), settings.get("refine", {}))
+    found = refined(prepared.trials(files, settings), check_mass(prepared.model, files.mass), options, files.name)
+    write_refined(replace(found, provenance=made), out, tables)
+    return found
+
+
+def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
+    more: dict[str, object] = {}
+    for earlier in ("ik", "id"):
+        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
+    return recordings_provenance("refine", files, prepared, settings, more)
+
+
+STEP = SubjectStep(
+    name="refine",
+    title="motion, body and masses at once",
+    options=(RefineOptions,),
+    model="refined.osim",
+    tables="refinement",
+    run=_run,
+    provenance=_provenance,
+)

@@ -1,0 +1,318 @@
+"""A trial computed anew with drawn errors: the same chain of steps on other inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from myomorph.io.loads import loads_table
+from myomorph.io.sto import table_from_motion
+from myomorph.model.arrays import Array
+from myomorph.model.errors import MyomorphError
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.sync import cut
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.settings import Differentiation, TensionTables
+from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
+from myomorph.study.trial.steps.ik import Poses, solve_kinematics
+from myomorph.study.trial.steps.tension import task_of
+from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.task import TensionTask
+from myomorph.tension.tension import TensionOptions
+from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
+from myomorph.uncertainty.sources import GROUPS, Sources
+
+FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
+"""What a draw may end in that has no solution."""
+MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
+"""Groups of sources that change the motion, and those that change the torques of the same motion."""
+EXPONENTS = (2.0, 3.0)
+"""Of the effort, as published: both are usual."""
+BESIDE = 1.0
+"""Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
+POSES, TENSIONS = 50.0, 25.0
+"""Poses and tensions that are drawn a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A table of the chain.
+
+    Attributes
+    ----------
+    name : of its file
+    names : columns
+    values : (frames, names) as they were computed without errors
+    table : from values to what is written
+    unit : of the values
+    units, factors : of each column in tables that people read, and from the values to these
+    """
+
+    name: str
+    time: Array
+    names: tuple[str, ...]
+    values: Array
+    table: Callable[[Array], Table]
+    unit: str
+    units: tuple[str, ...]
+    factors: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """What was computed of a trial without errors, and from what.
+
+    Attributes
+    ----------
+    tense : whether tensions are asked for
+    markers : that draws move: those recorded, else the model's own on the motion that was given; None without any
+    base : what inverse kinematics makes of these
+    residuals : root mean square error of each marker in the recording [m]
+    loads : external forces as recorded
+    pose_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not depend on each
+        other
+    """
+
+    trial: TrialInputs
+    recorded: Motion
+    torques: Torques | None
+    tense: bool
+    markers: Markers | None
+    base: Motion | None
+    residuals: Mapping[str, float]
+    loads: Wrenches | None
+    pose_step: int = 1
+    tension_step: int = 1
+
+    @cached_property
+    def cutoff(self) -> float | None:
+        """Of the low-pass filter [Hz], None for none."""
+        return cutoff_of(self.trial, self.recorded)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Groups of sources that can change a result."""
+        marked, forced = self.markers is not None, self.torques is not None and self.trial.torques is None
+        acting = {
+            "placement": marked,
+            "joints": marked or forced,
+            "forces": forced and self.loads is not None,
+            "masses": forced,
+            "filter": forced,
+            "EMG": self.tense and self.trial.emg is not None,
+        } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
+        return tuple(one for one in GROUPS if acting.get(one, True))
+
+    def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
+        """Tables without errors, of all frames and of those that are drawn."""
+        whole = replace(self, tension_step=1)._made(self.trial, self.recorded, self.torques)
+        if self.tension_step == 1:
+            return tuple((one, one) for one in whole)
+        return tuple(zip(whole, self._made(self.trial, self.recorded, self.torques), strict=True))
+
+    def drawn(self, draw: Draw) -> dict[str, Array]:
+        """Values of all tables under the errors of a draw, at the frames that are drawn.
+
+        Raises
+        ------
+        one of `FAILURES`, where the drawn trial has no solution
+        """
+        trial, sources = drawn_trial(self, draw), draw.sources
+        moved = acts(sources, MOVED)
+        recorded = self._moved(trial, draw) if moved else self.recorded
+        torques = self.torques
+        if torques is not None and (moved or acts(sources, LOADED)):
+            torques = solve_dynamics(trial, recorded)
+        return {one.name: one.values for one in self._made(trial, recorded, torques)}
+
+    def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
+        """The motion that inverse kinematics finds under the errors of a draw."""
+        if self.markers is None or self.base is None:
+            return drawn_angles(trial.model, self.recorded, draw)
+        if self.cutoff is None:
+            # What is not filtered holds no noise that a filter would take off.
+            draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
+        some = slice(None, None, self.pose_step)
+        markers = drawn_markers(trial.model, self.markers, draw, self.residuals)
+        markers = replace(markers, time=markers.time[some], values=markers.values[some])
+        found = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+        errors = found.values - self.base.values[some]
+        if self.pose_step > 1:
+            known = np.isfinite(errors).all(axis=1)
+            errors = make_interp_spline(found.time[known], errors[known])(self.recorded.time)
+        return replace(self.recorded, values=self.recorded.values + errors)
+
+    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
+        model = self.trial.model
+        shown = recorded if trial.time is None else cut(recorded, *trial.time)
+        kinds = [model.coordinate(name).motion for name in shown.names]
+        units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
+        factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
+
+        def coordinates(values: Array) -> Table:
+            return table_from_motion(Motion(shown.time, shown.names, values), model)
+
+        given = (shown.time, shown.names, shown.values)
+        made = [Quantity("coordinates", *given, coordinates, "rad or m", units, factors)]
+        if torques is None:
+            return made
+        if self.trial.torques is None:
+            made.append(_torques(trial, torques))
+        if self.tense:
+            made += _of_muscles(trial, task_of(trial, recorded, every(self.tension_step, torques)))
+        return made
+
+
+def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
+    tension, _ = task.solved(lambda count: None)
+    parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
+    made = [_named(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
+    tables = []
+    if task.setting is not None:
+        tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
+    frame, points = trial.options[TensionTables].reactions, trial.contact_points
+    if frame != "none":
+        tables.append(("joint_reactions", task.reactions(tension, frame)))
+    if points is not None:
+        tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
+    return [*made, *(_named(name, one.time, one.names, one.values, "N, N m or m") for name, one in tables)]
+
+
+def every(step: int, torques: Torques) -> Torques:
+    """Every so manieth frame of a motion with its torques and external forces."""
+    if step == 1:
+        return torques
+    some, motion, wrenches = slice(None, None, step), torques.motion, torques.wrenches
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    thin = replace(
+        motion,
+        time=motion.time[some],
+        values=motion.values[some],
+        velocities=motion.velocities[some],
+        accelerations=motion.accelerations[some],
+    )
+    if wrenches is not None:
+        parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
+        wrenches = replace(wrenches, **parts)
+    own = torques.torques
+    return Torques(thin, replace(own, time=own.time[some], values=own.values[some]), wrenches)
+
+
+def _torques(trial: TrialInputs, torques: Torques) -> Quantity:
+    shown = shown_torques(trial, torques)
+    kinds = [trial.model.coordinate(name).motion for name in shown.names]
+    units = tuple("N m" if kind == "rotational" else "N" for kind in kinds)
+
+    def table(values: Array) -> Table:
+        return torque_table(Series(shown.time, shown.names, values), trial.model)
+
+    given = (shown.time, shown.names, shown.values)
+    return Quantity("torques", *given, table, "N m or N", units, np.ones(len(units)))
+
+
+def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
+    def table(given: Array) -> Table:
+        return Table(time, names, given, facts=FrozenMap({"name": name.replace("_", " ")}))
+
+    count = len(names)
+    return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
+
+
+def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
+    """What a trial's results are drawn around.
+
+    Parameters
+    ----------
+    tense : whether tensions are asked for
+    thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
+    """
+    markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
+    if trial.time is not None:
+        recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
+    if poses.fit is not None:
+        checked = solve_kinematics(trial)
+        markers, base = checked.markers, checked.fit.motion
+        errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
+        residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
+    elif trial.model.markers:
+        markers = markers_of(trial, recorded)
+        base = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+    if torques is None and tense:
+        torques = solve_dynamics(trial, recorded)
+    loads = None if trial.loads is None else trial.loads(recorded)
+    chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads)
+    if not thin:
+        return chain
+    rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
+    # Contacts and elastic tendons tie frames to each other.
+    tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
+    tension_step = 1 if tied else max(1, int(rate / TENSIONS))
+    return replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
+
+
+def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
+    """Where a model's markers are in a motion."""
+    tree = compile_tree(trial.model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    places = trial.model.markers
+    bodies = np.array([tree.body_number(one.body) for one in places], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in places]))
+    return Markers(motion.time, tuple(one.name for one in places), points)
+
+
+def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
+    """A trial's inputs with the errors of a draw; markers and motion are drawn apart."""
+    trial, sources = chain.trial, draw.sources
+    options = trial.options
+    # As of the result: errors are not to choose a filter of their own.
+    cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
+    options = options.having(replace(options[Differentiation], cutoff=cutoff))
+    if sources.criterion:
+        options = options.having(_criterion(options[TensionOptions], draw))
+    loads = chain.loads
+    if loads is not None and acts(sources, ("forces",)):
+        loads = drawn_wrenches(loads, trial.model.up, draw)
+    return replace(
+        trial,
+        model=drawn_model(trial.model, draw),
+        options=options,
+        loads=None if loads is None else lambda motion: loads,
+        emg=None if trial.emg is None else drawn_emg(trial.emg, draw),
+    )
+
+
+def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
+    """Another effort that is least; of minmax nothing is drawn."""
+    if options.recruitment == "minmax":
+        return options
+    exponent = EXPONENTS[draw.normals.uniform(draw.number, "criterion", "exponent") > 0.5]
+    volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
+    return replace(options, exponent=exponent, weights="volume" if volume else "equal")
+
+
+def acts(sources: Sources, groups: tuple[str, ...]) -> bool:
+    """Whether any source of some groups has a size."""
+    return any(size for group in groups for size in sources.of(group).values())
+
+
+def alone(sources: Sources, group: str) -> Sources:
+    """Only the sources of one group."""
+    return _without(sources, tuple(one for one in GROUPS if one != group))
+
+
+def frozen(sources: Sources, group: str) -> Sources:
+    """All sources but those of one group."""
+    return _without(sources, (group,))
+
+
+def _without(sources: Sources, groups: tuple[str, ...]) -> Sources:
+    return replace(sources, **{name: 0.0 for group in groups for name in GROUPS[group]})

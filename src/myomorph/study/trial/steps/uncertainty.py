@@ -1,0 +1,194 @@
+"""How sure the results of a trial are: the same chain on many inputs that are drawn with their errors."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.sto import write_sto
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.report.trial.given import ReportInput
+from myomorph.store.progress import progress
+from myomorph.store.results import Stored
+from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
+from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.trial.steps.drawn_trials import FAILURES, Chain, Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.id import Torques
+from myomorph.study.trial.steps.ik import Poses
+from myomorph.study.trial.steps.tension import Tensions
+from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
+
+TABLE = "uncertainty.csv"
+MAY_FAIL = 0.02
+"""Share of draws without a solution above which the result is doubted."""
+
+
+@dataclass(frozen=True)
+class DrawOptions:
+    """How results are drawn.
+
+    Attributes
+    ----------
+    draws : inputs drawn with all their errors; the limits hold 90 % of what comes of them
+    contributions : further draws for each group of sources (at most as many as `draws`), once with it alone and once
+        with all but it, for the table of what each contributes; 0 for no such table
+    all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a second, and what lies
+        between is interpolated
+    draw_seed : other random numbers for another one
+    """
+
+    draws: int = 200
+    contributions: int = 12
+    all_frames: bool = False
+    draw_seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.draws < 2:
+            raise BadData(f"{self.draws} draws: expected 2 or more")
+        if self.contributions < 0:
+            raise BadData(f"contributions from {self.contributions} draws: expected 0 or more")
+
+
+def _run(
+    trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
+) -> Uncertainty:
+    chosen, sources = trial.options[DrawOptions], trial.options[Sources]
+    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
+    whole, quantities = zip(*chain.quantities(), strict=True)
+    normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
+    groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
+    runs = chosen.draws + 2 * len(groups) * min(chosen.contributions, chosen.draws)
+    shapes = {one.name: one.values.shape for one in quantities}
+    with progress(f"{trial.name}: uncertainty", runs, "draws") as advance, Draws(chosen.draws, shapes) as draws:
+        for number in range(chosen.draws):
+            try:
+                draws.put(number, chain.drawn(Draw(number, sources, normals)))
+            except FAILURES:
+                failed += 1
+            advance(1)
+        if len(draws.done) < 2:
+            raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
+        spreads = {
+            one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
+            for one, part in zip(whole, quantities, strict=True)
+        }
+        shares = _shares(chain, quantities, draws, groups, advance) if groups else {}
+    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws))
+    for one in whole:
+        _write_limits(one, spreads[one.name], output.folder)
+    _write_table(whole, found, output.folder / TABLE)
+    put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
+    return found
+
+
+def _shares(
+    chain: Chain,
+    quantities: tuple[Quantity, ...],
+    draws: Draws,
+    groups: tuple[str, ...],
+    advance: Callable[[int], None],
+) -> dict[str, Shares]:
+    """What groups of sources contribute to the variance: Jansen's estimator, on numbers that all draws share.
+
+    Source: Jansen 1999; Saltelli et al. 2010.
+    """
+    chosen, sources = chain.trial.options[DrawOptions], chain.trial.options[Sources]
+    normals = Normals(chosen.draws, chosen.draw_seed)
+    numbers = [one for one in draws.done if one < chosen.contributions]
+    # By table: squares alone and in total of each group, and of all groups together.
+    squares = {one.name: np.zeros((2, len(groups), len(one.names))) for one in quantities}
+    whole = {one.name: np.zeros(len(one.names)) for one in quantities}
+    for one in quantities:
+        for number in numbers:
+            whole[one.name] += _mean_square(draws.at(one.name, number) - one.values) / len(numbers)
+    for g, group in enumerate(groups):
+        done, sums = 0, {one.name: np.zeros((2, len(one.names))) for one in quantities}
+        for number in numbers:
+            with suppress(*FAILURES):
+                own = chain.drawn(Draw(number, alone(sources, group), normals))
+                rest = chain.drawn(Draw(number, frozen(sources, group), normals))
+                done += 1
+                for one in quantities:
+                    without = draws.at(one.name, number) - rest[one.name]
+                    sums[one.name] += np.stack([_mean_square(own[one.name] - one.values), _mean_square(without)])
+            advance(2)
+        for one in quantities:
+            squares[one.name][:, g] = sums[one.name] / max(done, 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return {one.name: Shares(groups, *(squares[one.name] / whole[one.name])) for one in quantities}
+
+
+def _mean_square(values: Array) -> Array:
+    """(columns,) over the frames that have a value."""
+    return np.asarray((np.nan_to_num(values) ** 2).mean(axis=0))
+
+
+def _notes(failed: int, draws: int) -> tuple[str, ...]:
+    if failed <= MAY_FAIL * draws:
+        return ()
+    return (f"uncertainty: {failed} of {draws} draws have no solution and are left out: the limits are too narrow",)
+
+
+def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
+    """Tables of the limits beside the table itself."""
+    ending = ".mot" if quantity.name == "coordinates" else ".sto"
+    for name, values in (("low", spread.low), ("high", spread.high)):
+        write_sto(quantity.table(values), folder / f"{quantity.name}_{name}{ending}")
+
+
+def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Path) -> None:
+    """One row a column: how wide its limits are, and what contributes to that."""
+    groups = next((one.groups for one in found.shares.values()), ())
+    head = (
+        "table",
+        "column",
+        "unit",
+        "sd",
+        "width",
+        *(f"{one}_{kind}" for kind in ("alone", "total") for one in groups),
+    )
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(head)
+        for one in quantities:
+            spread, shares = found.spreads[one.name], found.shares.get(one.name)
+            deviations = one.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+            widths = one.factors * np.nanmean(spread.high - spread.low, axis=0)
+            for k, name in enumerate(one.names):
+                parts = () if shares is None else (*shares.alone[:, k], *shares.total[:, k])
+                numbers = (deviations[k], widths[k], *parts)
+                rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
+
+
+def _read(stored: Stored, options: OptionSet) -> Uncertainty | None:
+    return get_uncertainty(stored)
+
+
+def _show(given: ReportInput, stored: Stored) -> ReportInput:
+    found = get_uncertainty(stored)
+    return given if found is None else replace(given, uncertainty=found)
+
+
+STEP = Step(
+    name="uncertainty",
+    title="uncertainty",
+    gives=Uncertainty,
+    needs=(Poses,),
+    uses=(Torques, Tensions),
+    options=(DrawOptions, Sources),
+    grows_with="muscles",
+    run=_run,
+    read=_read,
+    show=_show,
+    by_default=False,
+)

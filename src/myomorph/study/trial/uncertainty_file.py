@@ -1,0 +1,58 @@
+"""Sizes of the sources of error as users state them: a file of their own, or the table `[uncertainty]` of a study."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from myomorph.model.errors import BadFile
+from myomorph.store.settings import settings_of
+from myomorph.store.study_file import read_toml
+from myomorph.study.trial.step import step_head
+
+STEP = "uncertainty"
+
+
+def read_sizes(path: Path) -> dict[str, Any]:
+    """Settings of the step 'uncertainty' from a TOML file, `name = size`, with or without the heading `[uncertainty]`.
+
+    Raises
+    ------
+    BadFile
+        where it is no TOML, or names something else
+    """
+    given = read_toml(path)
+    given = given.get(STEP, given)
+    known = {one.name: one for kind in step_head(STEP).options for one in settings_of(kind)}
+    for name, value in given.items():
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f"is '{near[0]}' meant?" if near else f"there are {', '.join(known)}"
+            raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")
+    return {name: known[name].kind(value) for name, value in given.items()}
+
+
+def drawn_settings(draws: int | None, path: Path | None) -> dict[str, dict[str, Any]]:
+    """Settings of the step 'uncertainty' from `--draws` and `--uncertainty`; none where neither is given."""
+    if draws is None and path is None:
+        return {}
+    given = {} if path is None else read_sizes(path)
+    return {STEP: given | ({} if draws is None else {"draws": draws})}
+
+
+def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:
+    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects."""
+    given = raw.get(STEP)
+    if not isinstance(given, dict):
+        return raw
+    options = dict(raw.get("options", {}))
+    options[STEP] = given | options.get(STEP, {})
+    subjects = []
+    for one in raw.get("subject", []):
+        steps = one.get("steps", list(default_steps)) if isinstance(one, dict) else None
+        subjects.append(one | {"steps": [*steps, STEP]} if isinstance(steps, list) else one)
+    return {name: one for name, one in raw.items() if name != STEP} | {"options": options, "subject": subjects}

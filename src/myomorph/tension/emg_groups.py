@@ -1,0 +1,96 @@
+"""Groups of muscles that share joints: synergies of their channels, and a fit of gains as a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.motion.emg_delay import EmgCalibration, SynergyWeights
+from myomorph.motion.synergies import Synergies, find_synergies
+from myomorph.tension.emg_frames import TrackedFrames
+from myomorph.tension.emg_tracking import Fit, Group, TorqueTracking, action_cosines, alike
+
+TOLD = 0.5
+"""Torques tell a gain where they leave less than this share of the prior's standard deviation of its logarithm."""
+CROWDED = 2
+"""Synergies need as many channels."""
+SAME = 0.95
+"""Cosine between what an unmeasured muscle and measured ones do at the joints, from which on these tell of it: both
+gastrocnemii, hamstrings or vasti have 0.95 and more, soleus and gastrocnemii 0.88, rectus femoris and vasti 0.7."""
+
+
+def synergy_groups(
+    frames: Sequence[TrackedFrames], names: tuple[str, ...], tells: Array, peaks: Array
+) -> tuple[Group, ...]:
+    """Channels whose muscles share joints, their synergies, and the unmeasured muscles of these joints."""
+    acts = np.asarray(np.array([np.abs(one.columns).max(axis=0) for one in frames]).max(axis=0) > 0.0)
+    reach = (acts.astype(float) @ tells) > 0.0
+    measured = np.asarray(tells.any(axis=1))
+    groups, left = list[Group](), list(np.flatnonzero(reach.any(axis=0)))
+    taken = np.zeros(len(measured), dtype=bool)
+    while left:
+        rows, before = reach[:, left[0]].copy(), -1
+        while rows.sum() != before:
+            before = int(rows.sum())
+            here = [c for c in left if reach[rows, c].any()]
+            rows |= reach[:, here].any(axis=1)
+        left = [c for c in left if c not in here]
+        # Synergies of one channel would be that channel.
+        muscles = np.flatnonzero(acts[rows].any(axis=0) & ~measured & ~taken)
+        alive = np.array([c for c in here if peaks[c] > 0.0], dtype=np.int64)
+        if len(alive) < CROWDED or not len(muscles):
+            continue
+        taken[muscles] = True
+        values = np.vstack([one.emg.values[:, alive] for one in frames])
+        if not np.isfinite(values).all(axis=1).any():
+            continue
+        found = find_synergies(tuple(names[c] for c in alive), values, peaks[alive])
+        groups.append(Group(found, alive, muscles, alike(frames, muscles, tells[:, alive])))
+    return tuple(groups)
+
+
+def calibration_of(
+    tracking: TorqueTracking, fit: Fit, names: tuple[str, ...], muscles: tuple[str, ...], delays: Array, shapes: Array
+) -> EmgCalibration:
+    """A fit as a calibration of the channels."""
+    prior = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
+    spread = np.exp(np.outer(fit.deviation, (-1.96, 1.96)))
+    near = (
+        np.maximum(action_cosines(tracking.frames), 0.0) @ tracking.tells / np.maximum(tracking.tells.sum(axis=0), 1.0)
+    )
+    synergies = tuple(_twins(group, near, fit.gains, names, muscles) for group in tracking.groups)
+    return EmgCalibration(
+        names,
+        delays,
+        fit.gains,
+        fit.offsets,
+        (),
+        shapes,
+        fit.gains[:, None] * spread,
+        fit.deviation < TOLD * prior,
+        tuple(one for one in synergies if one.muscles),
+    )
+
+
+def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], muscles: tuple[str, ...]) -> SynergyWeights:
+    """Activations of muscles that act as measured ones do: the mean of these.
+
+    Their own course says more of them than synergies that they share with muscles which act otherwise.
+
+    Parameters
+    ----------
+    near : (muscles, channels) cosine between what muscles do at the joints
+    """
+    own = near[np.ix_(group.muscles, group.channels)] >= SAME
+    told = own.any(axis=1)
+    scale = group.synergies.scale
+    weights = own[told] / own[told].sum(axis=1, keepdims=True) * (gains[group.channels] * scale)
+    courses = Synergies(tuple(names[c] for c in group.channels), scale, np.eye(len(scale)), 1.0)
+    return SynergyWeights(courses, tuple(muscles[m] for m in group.muscles[told]), weights)
+
+
+def some_names(names: Sequence[str]) -> str:
+    """A few names for a line."""
+    return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")

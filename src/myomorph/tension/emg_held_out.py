@@ -1,0 +1,186 @@
+"""EMG channels left out in turn: what the others do to the activation of their muscles, and the weight that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Actuator, Model
+from myomorph.model.series import Emg, Motion, Series
+from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
+from myomorph.tension.emg_frames import few_frames
+from myomorph.tension.emg_groups import SAME, calibration_of, some_names, synergy_groups
+from myomorph.tension.emg_level import kept_level, settled_fit
+from myomorph.tension.emg_swaps import Swap, swapped_channels
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.contacts import ContactTask
+
+WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.3), (0.1, 0.1))
+"""Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles without EMG."""
+ALONE_WEIGHT = 1.0
+"""The weight where there is but one channel, so that none can be left out."""
+WORSE = 0.05
+"""Fall of a held-out channel's correlation that is too much."""
+MARGIN = 0.5
+"""Share of it that is allowed where a weight is chosen: muscles that no channel tells of may fare worse."""
+HELD_FRAMES = 150
+"""About how many frames of all trials together channels are left out on."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmgTrial:
+    """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on their clock.
+
+    Where forces of contacts are unknown, `torques` are those without them, and `contacts` tells where they act.
+    """
+
+    motion: Motion
+    torques: Series
+    emg: Emg
+    contacts: ContactTask | None = None
+
+
+class HeldOut:
+    """Channels left out in turn: what the EMG of the others does to the activation of the muscles under them.
+
+    Delay, shape and errors of torques are those of all channels; gains and synergies are found anew.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        trials: Sequence[EmgTrial],
+        channels: ChannelMap,
+        options: EmgOptions,
+        told: tuple[TensionOptions | None, Sequence[Actuator] | None],
+        tracking: TorqueTracking,
+        found: EmgCalibration,
+        peaks: Array,
+        maxima: Array,
+        every: int,
+    ):
+        self.model, self.channels, self.options = model, channels, options
+        self.told = told
+        self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, found, peaks, maxima
+
+        total = sum(len(one.motion) for one in trials)
+        step = every * max(total // every // HELD_FRAMES, 1)
+        self.few = [few_frames(one.motion, one.torques, step) for one in trials]
+        self.alone = [solve_tension(model, *one, *told).activations for one in self.few]
+
+    def swapped(self) -> tuple[Swap, ...]:
+        """Pairs of channels that look exchanged."""
+        muscles = {name: self.channels[name] for name in self.found.channels}
+        return swapped_channels(
+            np.vstack([self._measured(k) for k in range(len(self.few))]),
+            np.vstack([channel_means(muscles, self.model.muscle_names, one) for one in self.alone]),
+        )
+
+    def _measured(self, k: int) -> Array:
+        """Envelopes (frames, channels) of a trial at the delay found."""
+        return shifted(self.tracking.frames[k].emg, self.few[k][0].time, self.found.delays)
+
+    def chosen(self, found: EmgCalibration) -> EmgCalibration:
+        """A calibration with the firmest weight at which channels come out as well as without EMG."""
+        names = found.channels
+        if len(names) < 2:
+            return replace(found, weight=ALONE_WEIGHT)
+        table = np.array([self._without(c, [c]) for c in range(len(names))])
+        # A muscle that acts as none under an electrode fares as channels do without those that act as they do.
+        unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
+        known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
+        if not len(known):
+            return replace(found, weight=ALONE_WEIGHT)
+        changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
+        good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
+        best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
+        held = table[:, [0, 1 + best]]
+        weight, others = WEIGHTS[best]
+        warnings = (*found.warnings, *self._warnings(held, best))
+        return replace(found, weight=weight, others_weight=others, held_out=held, warnings=warnings)
+
+    def _with_twins(self) -> list[tuple[int, list[int]]]:
+        """Channels that have others whose muscles act alike, and these channels with them."""
+        tells = self.tracking.tells
+        shares = tells / np.maximum(tells.sum(axis=0), 1.0)
+        same = shares.T @ action_cosines(self.tracking.frames) @ shares >= SAME
+        found = [(c, np.flatnonzero(row | (np.arange(len(row)) == c)).tolist()) for c, row in enumerate(same)]
+        return [(c, out) for c, out in found if len(out) > 1]
+
+    def _without(self, c: int, out: Sequence[int]) -> Array:
+        """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels at each weight."""
+        names = self.found.channels
+        rest = np.setdiff1d(np.arange(len(names)), out)
+        left = {names[k]: self.channels[names[k]] for k in rest}
+        calibration = self._calibrated(rest)
+        emg = [one.emg for one in self.tracking.frames]
+        columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
+        measured = [self._measured(k)[:, c] for k in range(len(self.few))]
+        ways: list[Sequence[Array]] = [self.alone]
+        for k, (weight, others) in enumerate(WEIGHTS):
+            given = self.options.unmeasured_weight
+            if not calibration.synergies and k and weight == WEIGHTS[k - 1][0]:
+                # No muscle without EMG is drawn: how firmly makes no difference.
+                ways.append(ways[-1])
+                continue
+            options = replace(self.options, weight=weight, unmeasured_weight=given or others)
+            solved = []
+            for one, (motion, torques) in zip(emg, self.few, strict=True):
+                target = emg_targets(one, left, self.model, motion.time, options, calibration)
+                solved.append(solve_tension(self.model, motion, torques, *self.told, emg=target).activations)
+            ways.append(solved)
+        envelope = np.concatenate(measured)
+        found = [np.concatenate([one[:, columns].mean(axis=1) for one in way]) for way in ways]
+        return np.array([_correlation(one, envelope) for one in found])
+
+    def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
+        """Gains and synergies of some channels alone."""
+        names = tuple(self.found.channels[k] for k in rest)
+        frames = [replace(one, emg=Emg(one.emg.time, names, one.emg.values[:, rest])) for one in self.tracking.frames]
+        tells, peaks = self.tracking.tells[:, rest], self.peaks[rest]
+        groups, wide = synergy_groups(frames, names, tells, peaks), gain_prior(peaks, self.maxima[rest])
+        noise = self.tracking.noise[rest]
+        tracking = TorqueTracking(frames, tells, groups, wide, self.options.offsets, self.tracking.errors, noise)
+        delays, shapes = self.found.delays[rest], self.found.shapes[rest]
+        with threadpool_limits(limits=1, user_api="blas"):
+            tracking.whiten(delays)
+            tracking.prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
+            fit = settled_fit(tracking, wide, delays, shapes)
+            tracking.prior = wide
+        return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
+
+    def _warnings(self, held: Array, best: int) -> tuple[str, ...]:
+        names, lines = self.found.channels, list[str]()
+        fallen = [
+            f"{name} ({before:.2f} to {after:.2f})"
+            for name, (before, after) in zip(names, held, strict=True)
+            if np.isfinite(before) and not after >= before - WORSE
+        ]
+        if fallen:
+            lines.append(
+                f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation with their own "
+                "EMG when left out, without EMG to with it"
+            )
+        weight, others = WEIGHTS[best]
+        if weight < 1.0:
+            beside = f", synergies with {others:g}" if others < 1.0 else ""
+            lines.append(
+                f"EMG takes part with a weight of {weight:g} only{beside}: with more, channels that are left out come "
+                "out worse than without EMG"
+            )
+        return tuple(lines)
+
+
+def _correlation(one: Array, other: Array) -> float:
+    use = np.isfinite(one) & np.isfinite(other)
+    if use.sum() < 10 or np.std(other[use]) == 0.0:
+        return float("nan")
+    # A muscle that never works says nothing of the course of its EMG.
+    return float(np.corrcoef(one[use], other[use])[0, 1]) if np.std(one[use]) > 1e-9 else 0.0

@@ -1,0 +1,128 @@
+"""A model drawn around the one that was given: masses, joints, markers, muscle paths and muscles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Body, Joint, Marker, Model
+from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.motion.root import floating_coordinates
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.sources import Sources
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One draw of the sources of error.
+
+    Attributes
+    ----------
+    number : which of the draws
+    sources : those that are not drawn have size 0
+    """
+
+    number: int
+    sources: Sources
+    normals: Normals
+
+    def of(self, source: str, name: str, size: int = 1) -> Array:
+        """(size,) errors of a source in its own unit, constant over the recording."""
+        scale = getattr(self.sources, source)
+        return scale * self.normals.of(self.number, source, name, size) if scale else np.zeros(size)
+
+    def factor(self, source: str, name: str) -> float:
+        """A positive factor around 1 whose logarithm has the source's size."""
+        return float(np.exp(self.of(source, name)[0]))
+
+
+def drawn_model(model: Model, draw: Draw) -> Model:
+    """The model with errors of its own in all that it says of the body.
+
+    Parameters
+    ----------
+    model : as it was given
+    draw : which errors
+    """
+    has = draw.sources
+    if has.segment_mass or has.mass_center or has.inertia:
+        model = replace(model, bodies=_bodies(model, draw))
+    if has.joint_center or has.joint_axis:
+        floating = set(floating_coordinates(model))
+        # Where a body floats in the laboratory, no joint holds it.
+        joints = (one if floating.intersection(one.coordinates) else _joint(one, draw) for one in model.joints)
+        model = replace(model, joints=tuple(joints))
+    if has.placement:
+        model = replace(model, markers=tuple(_marker(one, draw) for one in model.markers))
+    if has.attachment or has.strength or has.fiber_length or has.slack_length:
+        model = replace(model, muscles=tuple(_muscle(one, draw) for one in model.muscles))
+    if has.wrap_radius:
+        model = replace(model, wrap_objects=tuple(_surface(one, draw) for one in model.wrap_objects))
+    return model
+
+
+def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
+    """Bodies whose masses sum up to the same."""
+    masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}
+    whole = sum(masses.values())
+    scale = model.mass / whole if whole > 0.0 else 1.0
+    return tuple(_body(one, scale * masses[one.name], draw) for one in model.bodies)
+
+
+def _body(body: Body, mass: float, draw: Draw) -> Body:
+    if not body.mass > 0.0:
+        return body
+    radius = np.sqrt(max(float(np.trace(body.inertia)), 0.0) / (2.0 * body.mass))
+    center = body.mass_center + radius * draw.of("mass_center", body.name, 3)
+    inertia = body.inertia * (mass / body.mass) * draw.factor("inertia", body.name)
+    return replace(body, mass=mass, mass_center=center, inertia=inertia)
+
+
+def _joint(joint: Joint, draw: Draw) -> Joint:
+    """A joint that moves about another center and other axes, and leaves the default pose as it was."""
+    if not joint.coordinates:
+        return joint
+    off = Transform(
+        rotation_from_euler_xyz(draw.of("joint_axis", joint.name, 3)), draw.of("joint_center", joint.name, 3)
+    )
+    return replace(joint, parent_frame=joint.parent_frame @ off, child_frame=joint.child_frame @ off)
+
+
+def _marker(marker: Marker, draw: Draw) -> Marker:
+    return replace(marker, location=marker.location + draw.of("placement", marker.name, 3))
+
+
+def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
+    name = muscle.name
+    slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(draw.of("slack_length", name)[0])
+    return replace(
+        muscle,
+        path=_path(muscle.path, name, draw),
+        max_isometric_force=muscle.max_isometric_force * draw.factor("strength", name),
+        optimal_fiber_length=muscle.optimal_fiber_length * draw.factor("fiber_length", name),
+        tendon_slack_length=max(slack, 0.5 * muscle.tendon_slack_length),
+    )
+
+
+def _path(path: Path, muscle: str, draw: Draw) -> Path:
+    """A path through other points; those that coordinates move stay."""
+    if not draw.sources.attachment:
+        return path
+    points = tuple(
+        replace(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3))
+        if isinstance(one, PathPoint)
+        else one
+        for k, one in enumerate(path.points)
+    )
+    return replace(path, points=points)
+
+
+def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
+    factor = draw.factor("wrap_radius", surface.name)
+    sizes = surface.size
+    if surface.kind == "cylinder":
+        return replace(surface, size=(factor * sizes[0], *sizes[1:]))
+    return replace(surface, size=tuple(factor * one for one in sizes))

@@ -1,0 +1,135 @@
+"""A recording drawn around the one that was made: markers, angles, external forces, EMG."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.model.segments import segments_of
+from myomorph.model.series import Emg, Markers, Motion, Wrenches
+from myomorph.motion.root import floating_coordinates
+from myomorph.uncertainty.bodies import Draw
+
+SKIN = {"thigh": "skin_thigh", "shank": "skin_shank", "foot": "skin_foot"} | dict.fromkeys(
+    ("upper_arm", "lower_arm", "hand"), "skin_arm"
+)
+"""Sources by segments of `model.segments`; all others are the trunk's."""
+TOGETHER = 0.5
+"""Share of the variance of skin movement that moves all markers of a segment alike; residuals show the rest alone."""
+
+
+def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of its own.
+
+    Parameters
+    ----------
+    residuals : root mean square distance of each marker from the model in this recording [m]; where a marker's own
+        share is smaller, it is taken as large as that
+    """
+    try:
+        segments = segments_of(model)
+    except BadData:  # No human body: the trunk's size for all of it.
+        segments = {}
+    found = {}
+    for marker in model.markers:
+        part = segments.get(marker.body)
+        size = getattr(draw.sources, SKIN.get(part.name if part else "", "skin_trunk"))
+        own = np.sqrt(1.0 - TOGETHER) * size
+        # Residuals are distances in space; nothing is added where the source is left out.
+        seen = residuals.get(marker.name, 0.0) / np.sqrt(3.0)
+        found[marker.name] = (np.sqrt(TOGETHER) * size, max(own, seen) if size else 0.0)
+    return found
+
+
+def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping[str, float]) -> Markers:
+    """Markers with noise, and moved by skin that moves on bone.
+
+    Parameters
+    ----------
+    residuals : see `skin_sizes`
+    """
+    frames, width = len(markers), _width(markers.time, draw.sources.skin_time)
+    sizes = skin_sizes(model, draw, residuals)
+    bodies = {one.name: one.body for one in model.markers}
+    values, noise = np.array(markers.values), draw.sources.marker_noise
+    shared: dict[str, Array] = {}
+    for k, name in enumerate(markers.names):
+        if name not in sizes:
+            continue
+        if noise:
+            values[:, k] += noise * draw.normals.process(draw.number, "noise", name, frames, 0.0)
+        together, own = sizes[name]
+        if not own:
+            continue
+        body = bodies[name]
+        if body not in shared:
+            shared[body] = draw.normals.process(draw.number, "skin", body, frames, width)
+        values[:, k] += together * shared[body]
+        values[:, k] += own * draw.normals.process(draw.number, "skin of marker", name, frames, width)
+    return replace(markers, values=values)
+
+
+def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
+    """A motion with errors in all angles that are free; where a body floats, its place is kept."""
+    frames, width = len(motion), _width(motion.time, draw.sources.skin_time)
+    values, size = np.array(motion.values), draw.sources.angle
+    driven = {one.dependent for one in model.couplers}
+    floating = floating_coordinates(model)
+    for k, name in enumerate(motion.names):
+        coordinate = model.coordinate(name)
+        slides = coordinate.motion != "rotational"
+        if not size or coordinate.locked or name in driven or slides or name in floating:
+            continue
+        values[:, k] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+    return replace(motion, values=values)
+
+
+def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
+    """External forces of plates that stand elsewhere, with other gains and another clock.
+
+    Parameters
+    ----------
+    up : (3,) unit vector of the vertical
+    """
+    points, forces = np.array(wrenches.points), np.array(wrenches.forces)
+    for k, name in enumerate(wrenches.names):
+        shift = draw.of("plate_position", name, 3)
+        points[:, k] += shift - (shift @ up) * up
+        forces[:, k] *= np.exp(draw.of("plate_gain", name, 3))
+    moved = replace(wrenches, points=points, forces=forces)
+    late = float(draw.of("clock", "forces")[0])
+    return shifted(moved, late) if late else moved
+
+
+def shifted(wrenches: Wrenches, late: float) -> Wrenches:
+    """The same forces by a clock that is `late` [s] behind; the first and last are held at the ends."""
+    at = np.clip(wrenches.time - late, wrenches.time[0], wrenches.time[-1])
+    low = np.clip(np.searchsorted(wrenches.time, at, side="right") - 1, 0, max(len(wrenches) - 2, 0))
+    high = np.minimum(low + 1, len(wrenches) - 1)
+    step = np.where(high > low, wrenches.time[high] - wrenches.time[low], 1.0)
+    share = ((at - wrenches.time[low]) / step)[:, None, None]
+
+    def between(values: Array) -> Array:
+        near = np.where(share < 0.5, values[low], values[high])
+        mixed = (1.0 - share) * values[low] + share * values[high]
+        # Beside a sample without a center of pressure the nearer one counts.
+        return np.asarray(np.where(np.isfinite(mixed), mixed, near))
+
+    forces, points, torques = (between(one) for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    return replace(wrenches, forces=forces, points=points, torques=torques)
+
+
+def drawn_emg(emg: Emg, draw: Draw) -> Emg:
+    """EMG with other gains."""
+    factors = np.array([draw.factor("emg_gain", name) for name in emg.names])
+    return replace(emg, values=emg.values * factors)
+
+
+def _width(time: Array, duration: float) -> float:
+    """A duration [s] in frames."""
+    return duration / float(np.median(np.diff(time))) if len(time) > 1 else 0.0

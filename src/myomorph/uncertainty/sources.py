@@ -1,0 +1,93 @@
+"""Sources of error and how large each is taken to be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from myomorph.model.errors import BadData
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "markers": ("marker_noise", "skin_thigh", "skin_shank", "skin_foot", "skin_trunk", "skin_arm", "angle"),
+    "placement": ("placement",),
+    "forces": ("plate_position", "plate_gain", "clock"),
+    "masses": ("segment_mass", "mass_center", "inertia"),
+    "joints": ("joint_center", "joint_axis"),
+    "filter": ("filter_cutoff",),
+    "paths": ("attachment", "wrap_radius"),
+    "muscles": ("strength", "fiber_length", "slack_length"),
+    "EMG": ("emg_gain",),
+    "criterion": ("criterion",),
+}
+"""Groups of sources as the table of contributions names them, each with its sizes."""
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Standard deviations of the sources of error; 0 leaves one out.
+
+    Attributes
+    ----------
+    marker_noise : of a camera system, each marker, frame and axis by itself [m]
+    skin_thigh, skin_shank, skin_foot, skin_trunk, skin_arm : movement of skin on bone, each axis [m]: half of its
+        variance moves all markers of a segment alike, half each by itself; more where a marker's own residual is
+        larger (Peters et al. 2010 and Leardini et al. 2005 collect what was measured)
+    skin_time : over which skin keeps its place: standard deviation of the Gaussian that correlates it [s]
+    angle : of joint angles that were given without markers, correlated in the same way [rad]
+    placement : of the model's markers on their bodies, each axis, the same in all frames [m] (Della Croce et al. 2005)
+    plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
+    plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
+    clock : of the forces against the motion [s]
+    segment_mass : of each body, as a share of it, the whole mass being known (Rao et al. 2006)
+    mass_center : of each body and axis, as a share of its radius of gyration
+    inertia : of each body, as a share
+    joint_center : of each joint and axis [m] (Kainz et al. 2015)
+    joint_axis : orientation of each joint's axes about each of the three [rad]
+    filter_cutoff : of the low-pass filter, as a share: 4 to 9 Hz lie within one deviation of 6 Hz
+    attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
+    wrap_radius : of each wrapping surface, as a share
+    strength : of each muscle's maximum isometric force, as a share
+    fiber_length : optimal, of each muscle, as a share
+    slack_length : of each tendon, as a share of the optimal fiber length
+    emg_gain : of each channel of EMG, as a share
+    criterion : which effort is least is a convention: above 0 half of the draws take the exponent 3 (Crowninshield
+        and Brand 1981) in the place of 2, and half weights by volume in the place of equal ones
+    """
+
+    marker_noise: float = 0.0005
+    skin_thigh: float = 0.008
+    skin_shank: float = 0.005
+    skin_foot: float = 0.003
+    skin_trunk: float = 0.005
+    skin_arm: float = 0.005
+    skin_time: float = 0.15
+    angle: float = 0.035
+    placement: float = 0.005
+    plate_position: float = 0.003
+    plate_gain: float = 0.01
+    clock: float = 0.002
+    segment_mass: float = 0.1
+    mass_center: float = 0.1
+    inertia: float = 0.15
+    joint_center: float = 0.006
+    joint_axis: float = 0.035
+    filter_cutoff: float = 0.4
+    attachment: float = 0.004
+    wrap_radius: float = 0.05
+    strength: float = 0.2
+    fiber_length: float = 0.1
+    slack_length: float = 0.05
+    emg_gain: float = 0.2
+    criterion: float = 1.0
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if not 0.0 <= value < math.inf:
+                raise BadData(f"uncertainty '{one.name}' is {value:g}: expected 0 or more")
+        if not self.skin_time > 0.0:
+            raise BadData("uncertainty 'skin_time' is 0: expected a time [s] above 0")
+
+    def of(self, group: str) -> dict[str, float]:
+        """Sizes of one of `GROUPS`, by name."""
+        return {name: getattr(self, name) for name in GROUPS[group]}

@@ -1,0 +1,57 @@
+"""A study takes all that the commands of its steps take, by the same names."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import typing
+
+import pytest
+
+from myomorph.cli import muscles, personalize
+from myomorph.store.settings import settings_of
+from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, step_settings
+from myomorph.study.trial.steps.tension import STEP as TENSION
+
+RUN = {"out": "run --out", "threads": "run --workers", "options": "[options.STEP]"}
+"""Parameters that belong to a run of the whole study."""
+TABLES = {"draws": "uncertainty", "uncertainty": "uncertainty"}
+"""Parameters whose place is a table of their own, a step's."""
+
+COMMANDS = {
+    "tension": muscles.tension_command,
+    "muscles": muscles.muscles_command,
+    "personalize": personalize.personalize_command,
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
+    keys = {*SubjectTable.model_fields, *TrialTable.model_fields}
+    asked = set(inspect.signature(COMMANDS[name]).parameters) - set(RUN) - set(TABLES)
+    assert set(TABLES.values()) <= set(step_settings())
+    assert asked <= keys, sorted(asked - keys)
+
+
+@pytest.mark.parametrize(
+    ("step", "options"),
+    [("tension", muscles.TensionSettings), ("muscles", muscles.MusclesOptions)],
+)
+def test_every_option_of_a_command_is_a_setting_of_its_step(step, options):
+    own = {one.name for one in dataclasses.fields(typing.get_args(options)[0])}
+    known = {setting.name for setting in step_settings()[step]}
+    assert own == known
+
+
+def test_options_of_personalize_are_settings_of_its_step_or_of_those_before():
+    own = {one.name for one in dataclasses.fields(typing.get_args(personalize.PersonalSettings)[0])}
+    known = {setting.name for step in ("personalize", "id") for setting in step_settings()[step]}
+    assert own <= known, sorted(own - known)
+
+
+def test_help_of_a_setting_is_one_line_and_the_same_everywhere():
+    shown = {setting.name: setting.help for setting in step_settings()["tension"]}
+    for source in TENSION.options:
+        for setting in settings_of(source):
+            assert setting.help
+            assert shown[setting.name] == setting.help

@@ -1,0 +1,161 @@
+"""The limits of a trial's results: by command, by study, and held against what they must be."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+import numpy as np
+import pytest
+
+from myomorph.io.formats import read_model
+from myomorph.io.sto import read_sto
+from myomorph.model.errors import BadFile
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from myomorph.study.trial.load import load
+from myomorph.study.trial.steps.drawn_trials import chain_of
+from myomorph.study.trial.steps.id import solve_dynamics
+from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
+from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.sources import GROUPS, Sources
+
+NONE = {name: 0.0 for names in GROUPS.values() for name in names}
+STUDY = """
+[study]
+name = "reaching"
+[uncertainty]
+draws = 12
+contributions = 2
+{line}
+[[subject]]
+name = "s01"
+model = "arm.osim"
+trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
+"""
+
+
+def opened(arm, thin, **sizes):
+    files = TrialFiles(model=arm.model, motion=arm.motion, loads=arm.loads)
+    trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
+    torques = solve_dynamics(trial, poses.recorded)
+    return chain_of(trial, poses, torques, True, thin), torques, trial.options[Sources]
+
+
+@pytest.mark.parametrize("thin", [False, True])
+def test_without_errors_what_is_drawn_is_the_result(arm, thin):
+    chain, torques, none = opened(arm, thin)
+    drawn = chain.drawn(Draw(0, none, Normals(2)))
+    for _, one in chain.quantities():
+        np.testing.assert_allclose(drawn[one.name], one.values, atol=1e-9)
+    np.testing.assert_allclose(drawn["torques"], torques.torques.values, atol=1e-12)
+
+
+def test_an_error_of_the_force_comes_out_as_its_moment(arm):
+    """Torques are linear in the force: their standard deviation is the gain's share of the moment of the force."""
+    chain, torques, sources = opened(arm, False, plate_gain=0.02)
+    values = np.stack([chain.drawn(Draw(k, sources, Normals(100)))["torques"] for k in range(100)])
+    files = TrialFiles(model=arm.model, motion=arm.motion)
+    trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}})
+    moment = torques.torques.values - solve_dynamics(trial, poses.recorded).torques.values
+    np.testing.assert_allclose(values.std(axis=0), 0.02 * np.abs(moment), rtol=0.05, atol=1e-6)
+
+
+def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
+    """Angles of a chain whose markers are misplaced: least squares on its own Jacobian gives their deviation."""
+    chain, _, sources = opened(arm, False, placement=0.002)
+    values = np.stack([chain.drawn(Draw(k, sources, Normals(200)))["coordinates"][0] for k in range(200)])
+    model, angles = read_model(arm.model), chain.recorded.values[0]
+    rows = []
+    for marker in model.markers:
+        # Planar pins: a marker on the upper arm moves with the shoulder, one on the forearm with both.
+        place = np.asarray(marker.location)[:2]
+        turn, elbow = angles[0], angles[0] + angles[1]
+        across = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+        def rotation(angle):
+            return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+        if marker.body == "upper":
+            rows.append(np.column_stack([across @ rotation(turn) @ place, np.zeros(2)]))
+        else:
+            own = across @ rotation(elbow) @ place
+            rows.append(np.column_stack([across @ rotation(turn) @ np.array([0.0, -0.3]) + own, own]))
+    jacobian = np.concatenate(rows)
+    expected = 0.002 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    np.testing.assert_allclose(values.std(axis=0), expected, rtol=0.12)
+
+
+def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
+    out = arm.folder / "torques.sto"
+    words = ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--cutoff", 6)
+    done = command(*words, "--out", out, "--draws", 8)
+    assert done.status == 0, done.err
+    table, low, high = (read_sto(arm.folder / f"torques{one}.sto") for one in ("", "_low", "_high"))
+    assert low.names == table.names == high.names
+    assert (low.values < high.values).all()
+    with (arm.folder / "torques_uncertainty.csv").open(encoding="utf-8") as stream:
+        rows = {(row["table"], row["column"]): row for row in csv.DictReader(stream)}
+    assert rows["torques", "elbow_flexion"]["unit"] == "N m"
+    assert float(rows["torques", "elbow_flexion"]["masses_total"]) > 0.0
+
+
+def test_angles_have_limits_in_degrees(arm, command):
+    out = arm.folder / "angles.mot"
+    assert command("ik", "--model", arm.model, "--markers", arm.markers, "--out", out, "--draws", 8).status == 0
+    table, low, high = (read_sto(arm.folder / f"angles{one}.mot") for one in ("", "_low", "_high"))
+    assert (table.facts["inDegrees"], low.facts["inDegrees"]) == ("yes", "yes")
+    assert ((low.values < table.values) & (table.values < high.values)).mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("segment_mas = 0.1", "'segment_mas'.*'segment_mass'"),
+        ("placement = -0.01", "'placement' is -0.01: expected 0 or more"),
+        ("placement = 'far'", "'far'.*expected a number"),
+    ],
+)
+def test_a_file_of_sizes_that_is_wrong_is_refused_in_one_line(arm, command, line, text):
+    sizes = arm.folder / "sizes.toml"
+    sizes.write_text(line)
+    out = arm.folder / "torques.sto"
+    done = command("id", "--model", arm.model, "--motion", arm.motion, "--out", out, "--uncertainty", sizes)
+    assert done.status == 2
+    assert len(done.err.splitlines()) == 1
+    assert re.search(text, done.err)
+    assert not out.exists()
+
+
+def test_a_study_draws_where_it_says_so(arm):
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY.format(line="strength = 0.3"))
+    (outcome,) = run_study(read_plan(path), arm.out)
+    assert outcome.error == ""
+    assert "uncertainty" in outcome.done
+    home = arm.out / "s01" / "reach"
+    stored = read_result(home / "reach.nc")
+    assert stored.provenance["uncertainty"].options["uncertainty.strength"] == 0.3
+    low, high = stored.values["activations_low"], stored.values["activations_high"]
+    assert low.shape == stored.values["activation"].shape
+    assert (low <= high + 1e-12).all()
+    page = (home / "report.html").read_text(encoding="utf-8")
+    assert 'id="uncertainty"' in page
+    assert "12 of 12 inputs" in page
+    (result,) = load(home).values()
+    assert result.uncertainty.spreads["forces"].low.shape == low.shape
+
+
+def test_without_a_word_a_study_draws_nothing(arm):
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY.format(line="").replace("[uncertainty]\ndraws = 12\ncontributions = 2\n", ""))
+    assert "uncertainty" not in read_plan(path).steps[0]
+
+
+def test_an_unknown_source_of_a_study_is_named(arm):
+    path = arm.folder / "study.toml"
+    path.write_text(STUDY.format(line="plate_gane = 0.1"))
+    with pytest.raises(BadFile, match="plate_gane"):
+        read_plan(path)

@@ -1,0 +1,69 @@
+"""EMG channels whose names are exchanged are found by what joint torques ask of muscles; clean ones are left alone."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from myomorph.io.osim.read import read_osim
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.series import Emg, Motion, Series
+from myomorph.motion.emg_delay import channel_means, shifted
+from myomorph.motion.filters import differentiate, lowpass
+from myomorph.tension.emg_swaps import Swap, swap_lines, swapped_channels
+from myomorph.tension.solve import solve_tension
+
+
+@pytest.fixture(scope="module")
+def walk(data):
+    """Names, envelopes and activations by least effort of nine channels over five seconds of a walk."""
+    model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
+    folder = "ceinms-emg-walk/walk36/"
+    whole = differentiate(motion_from_table(read_sto(data(folder + "ik.sto")), model), 6.0)
+    table, given = read_sto(data(folder + "id.sto")), read_sto(data(folder + "emgFilt.sto"))
+    span = slice(1000, 1500, 4)
+    motion = Motion(whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span])
+    names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
+    torques = Series(motion.time, names, lowpass(table.values, 100.0, 6.0)[span])
+    emg = Emg(given.time, given.names, given.values)
+    alone = solve_tension(model, motion, torques)
+    means = channel_means({name: (name,) for name in emg.names}, alone.muscles, alone.activations)
+    return emg.names, shifted(emg, motion.time, np.full(len(emg.names), 0.1)), means
+
+
+def test_no_pair_of_a_clean_walk_looks_exchanged(walk):
+    _, envelopes, activations = walk
+    assert swapped_channels(envelopes, activations) == ()
+
+
+def test_exchanged_channels_are_named(walk):
+    """Of all pairs whose envelopes differ (correlation below 0), most are found, and never another."""
+    names, envelopes, activations = walk
+    alike = np.corrcoef(envelopes.T)
+    found, all_pairs = 0, 0
+    for i, j in itertools.combinations(range(len(names)), 2):
+        # Least effort says nothing of these: rectus femoris and tibialis follow their own EMG by -0.1 and 0.2.
+        if alike[i, j] > 0.0 or {names[i], names[j]} & {"rect_fem_r", "tib_ant_r"}:
+            continue
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        swaps = swapped_channels(envelopes[:, order], activations)
+        all_pairs += 1
+        found += any({one.first, one.second} == {i, j} for one in swaps)
+    assert all_pairs >= 8
+    assert found >= 0.8 * all_pairs
+
+
+def test_the_line_has_both_names_and_the_evidence():
+    (line,) = swap_lines(("a", "b"), (Swap(0, 1, -0.3, 0.85),))
+    assert line.startswith("EMG channels 'a' and 'b' look exchanged")
+    assert "0.85" in line
+    assert "-0.30" in line
+
+
+def test_too_few_frames_say_nothing():
+    rng = np.random.default_rng(0)
+    first = rng.random((20, 2))
+    assert swapped_channels(first[:, ::-1], first) == ()

@@ -1,0 +1,76 @@
+"""Models drawn around the one that was given."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from myomorph.io.formats import read_model
+from myomorph.model.errors import BadData
+from myomorph.model.paths import PathPoint
+from myomorph.model.series import Motion
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.sources import GROUPS, Sources
+
+NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
+
+
+def draw(number=0, draws=200, **sizes):
+    return Draw(number, replace(NONE, **sizes), Normals(draws))
+
+
+def markers_at(model, values):
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), model.coordinate_names, values)))
+    bodies = np.array([tree.body_number(one.body) for one in model.markers], np.int64)
+    return poses.points(bodies, np.array([one.location for one in model.markers]))[0]
+
+
+@pytest.fixture
+def model(arm):
+    return read_model(arm.model)
+
+
+def test_without_sizes_it_is_the_model_itself(model):
+    assert drawn_model(model, draw()) is model
+
+
+def test_every_source_belongs_to_one_group():
+    grouped = [name for names in GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(one.name for one in fields(Sources) if one.name != "skin_time")
+
+
+def test_segments_weigh_otherwise_and_the_whole_the_same(model):
+    masses = np.array([[one.mass for one in drawn_model(model, draw(k, segment_mass=0.1)).bodies] for k in range(200)])
+    np.testing.assert_allclose(masses.sum(axis=1), model.mass, rtol=1e-12)
+    # Two bodies whose sum is fixed: the share of one is p, its logit has 0.1 sqrt(2).
+    share = masses[:, 0] / model.mass
+    np.testing.assert_allclose(np.log(share / (1.0 - share)).std(), 0.1 * np.sqrt(2.0), rtol=0.1)
+
+
+def test_another_center_leaves_the_zero_pose_and_moves_the_bent_one(model):
+    other = drawn_model(model, draw(joint_center=0.01, joint_axis=0.05))
+    zero, bent = np.zeros((1, 2)), np.array([[0.0, 1.0]])
+    np.testing.assert_allclose(markers_at(other, zero), markers_at(model, zero), atol=1e-12)
+    assert np.abs(markers_at(other, bent) - markers_at(model, bent)).max() > 1e-3
+
+
+def test_points_of_paths_move_by_their_size(model):
+    before = [one.location for muscle in model.muscles for one in muscle.path.points if isinstance(one, PathPoint)]
+    moved = []
+    for k in range(200):
+        muscles = drawn_model(model, draw(k, attachment=0.004)).muscles
+        moved.append([one.location for muscle in muscles for one in muscle.path.points if isinstance(one, PathPoint)])
+    # Latin hypercubes: standard deviations are right to a few percent in each column.
+    np.testing.assert_allclose((np.array(moved) - np.array(before)).std(axis=0), 0.004, rtol=0.08)
+
+
+@pytest.mark.parametrize(("name", "value"), [("placement", -0.001), ("strength", np.nan), ("skin_time", 0.0)])
+def test_a_size_that_is_none_is_refused(name, value):
+    with pytest.raises(BadData, match=name):
+        Sources(**{name: value})

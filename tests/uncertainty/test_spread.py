@@ -1,0 +1,53 @@
+"""Statistics of draws."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri
+
+from myomorph.uncertainty import spread as spreads
+from myomorph.uncertainty.spread import Draws
+
+TIME, NAMES = np.arange(3) / 10.0, ("a", "b")
+SCALE = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+
+
+def normal_draws(count=400):
+    levels = ndtri((np.arange(count) + 0.5) / count)
+    with Draws(count, {"torques": SCALE.shape}) as draws:
+        for k, level in enumerate(levels):
+            draws.put(k, {"torques": 10.0 + level * SCALE})
+        return draws.spread("torques", TIME, NAMES)
+
+
+def test_limits_are_those_of_a_normal_distribution():
+    found = normal_draws()
+    np.testing.assert_allclose(found.high - 10.0, ndtri(0.95) * SCALE, rtol=0.01)
+    np.testing.assert_allclose(10.0 - found.low, ndtri(0.95) * SCALE, rtol=0.01)
+    np.testing.assert_allclose(found.deviation, SCALE, rtol=0.01)
+
+
+def test_on_disk_and_in_parts_they_are_the_same(monkeypatch):
+    expected = normal_draws()
+    monkeypatch.setattr(spreads, "IN_MEMORY", 0.0)
+    monkeypatch.setattr(spreads, "AT_ONCE", 1.0)
+    found = normal_draws()
+    np.testing.assert_array_equal(found.low, expected.low)
+    np.testing.assert_array_equal(found.deviation, expected.deviation)
+
+
+def test_draws_without_a_solution_do_not_count():
+    with Draws(4, {"torques": (1, 1)}) as draws:
+        for k in (0, 1, 3):
+            draws.put(k, {"torques": np.array([[float(k)]])})
+        found = draws.spread("torques", np.zeros(1), ("a",))
+    np.testing.assert_allclose(found.deviation, np.std([0.0, 1.0, 3.0], ddof=1))
+
+
+def test_between_its_frames_limits_keep_their_distance():
+    found = normal_draws()
+    own, time = np.full((3, 2), 10.0), np.array([0.0, 0.05, 0.1, 0.15, 0.2])
+    nominal = 100.0 + np.arange(10.0).reshape(5, 2)
+    between = found.over(time, own, nominal)
+    np.testing.assert_allclose(between.high[::2] - nominal[::2], found.high - own)
+    np.testing.assert_allclose(between.high[1] - nominal[1], 0.5 * ((found.high[0] + found.high[1]) - 20.0))
