@@ -5,14 +5,13 @@ from __future__ import annotations
 import ast
 import html
 import re
+import sys
 from pathlib import Path
 
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
-
-from docs_build.notebooks import notebook_text, tutorials
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "myomorph"
@@ -56,7 +55,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Pages that are made of the package and of files beside `docs/`."""
+    """Pages that are made of the package and of files beside `docs/`, and the notebooks of tutorials."""
+    # mkdocs runs this file by its path alone: its own folder is no package there.
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    from docs_build.notebooks import notebook_text, tutorials
+
     made = {
         "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "reference/index.md": reference_index(),

@@ -27,6 +27,8 @@ def personal_lines(found: Personalized) -> list[str]:
         one = found.held_out
         generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
         better = "better" if one.score < one.score_generic else "NO better"
+        if better == "better" and own > generic:
+            better = "better by the score, which counts EMG and what is likely, but leaving more torque"
         lines.append(
             f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
             f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"

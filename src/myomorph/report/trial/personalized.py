@@ -66,7 +66,7 @@ def personalized_page(head: PageHead, given: PersonalizedInput) -> str:
         sections.append(
             Section("fibers", "Fiber lengths", "", (("second", "generic"), ("first", "person")), figures=(figure,))
         )
-    sections.append(Section("parameters", "Parameters", " ".join(given.lines), grids=tuple(_grids(given.rows))))
+    sections.append(Section("parameters", "Parameters", ". ".join(given.lines) + ".", grids=tuple(_grids(given.rows))))
     return rendered(head, sections, ())
 
 
