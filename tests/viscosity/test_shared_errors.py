@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from made_swings import Made, eleven, three_releases
 
 from myomorph.model.errors import BadData, BadFile
@@ -44,6 +45,28 @@ def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(swin
     for quantity in ("joint_viscosity", "muscle_viscosity"):
         assert sum(one.share for one in shares if one.quantity == quantity) == pytest.approx(1.0)
     assert helping_most(shares, "joint_viscosity").source in (source, "swings")
+
+
+@pytest.fixture(scope="module")
+def joint():
+    return mechanical_joint("ball", 0.055, 0.0, seed=4, seconds=15.0)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [[("plate_position", 2, 0.005)], [("moment_gain", 0, 0.02), ("moment_gain", 1, -0.01), ("moment_gain", 2, 0.02)]],
+    ids=["plate 5 mm", "gains +2/-1/+2 %"],
+)
+def test_the_plain_law_stays_near_a_mujoco_joints_truth_and_the_default_errors_hold_it(joint, errors):
+    swings = [replace(one, origin=np.array([0.2, 0.0, -0.8])) for one in joint.swings()]
+    for error in errors:
+        swings = [disturbed(one, *error) for one in swings]
+    found = identify_specimen("off", swings, [], options=OPTIONS)
+    wider, _ = with_shared_errors(found, OPTIONS, ErrorOptions())
+    assert wider.without.viscosity.value == pytest.approx(0.055, rel=0.03)
+    assert wider.without.viscosity.holds(0.055)
+    assert wider.without.mass.holds(joint.truth.mass)
+    assert wider.without.com.holds(joint.truth.com)
 
 
 def test_sources_of_no_error_leave_intervals_as_they_are(swings):

@@ -66,7 +66,7 @@ def with_shared_errors(
         )
     muscles = found.muscles
     if muscles is not None:
-        muscles = replace(muscles, common=wider("muscle_viscosity", muscles.common))
+        muscles = replace(muscles, common=_wider(muscles.common, z * sds.get("muscle_viscosity", 0.0), True))
     swings = {
         name: (own.high - own.low) / (2.0 * z) for name, own in _estimates(found).items() if np.isfinite(own.value)
     }
