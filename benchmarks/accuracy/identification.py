@@ -227,7 +227,9 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "pseudo-inertia": told(CONIC),
         f"points, own link, mass SD {LOOSE:g}": told("loose"),
         "mass SD of the prior": found.mass_sd,
-        "parameters shown": f"{int((found.shares >= 0.5).sum())} of {found.shares.size}",
+        "parameters shown": f"{int(found.known.data.sum())} of {found.known.data.size}, rank {found.known.rank}",
+        "model gets": "generic masses" if found.chosen == GENERIC else "identified masses",
+        "warned of worse": bool(found.unseen.worse or found.unseen.losses),
         "possible": found.consistency[found.chosen].ok,
     }
 

@@ -39,7 +39,7 @@ def test_masses_move_to_where_the_forces_are(plate, command):
     assert {"upper", "fore"} <= {row[0] for row in rows}
     assert "61 of 61 frames used" in told.out
     assert "all 2 links are physically possible" in told.out
-    assert "from the shape" in told.out
+    assert "from the prior" in told.out
     assert "no low-pass filter" in told.err
     assert not list(plate.folder.glob(".*"))
 

@@ -7,6 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.determined import LINK_SD, NINETY, determined
+from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.identify.parts import parts_of
+from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import (
     CONIC,
@@ -15,8 +20,8 @@ from myomorph.identify.subject import (
     IdentificationOptions,
     _far_from_shape,
     identify,
-    shares_of_data,
 )
+from myomorph.identify.unseen import thinned
 from myomorph.identify.validation import cross_validate
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
@@ -90,14 +95,19 @@ def test_the_model_is_a_body_of_the_given_mass(real):
         assert all(link.eigenvalues[0] > 0.0 for link in found.consistency[name].links)
     assert found.residuals[found.chosen][0] < found.residuals[GENERIC][0]
     assert found.mass_sd in found.tried
-    assert (found.held_out <= 1.05 * found.noise).all()
+    assert (found.tried[found.mass_sd] <= 1.05 * found.noise).all()
+    assert not found.unseen.worse
+    assert found.unseen.ratio[0] < 0.8
 
 
 def test_what_the_data_do_not_show_is_marked(real):
     """A second of walking shows the trunk, but not the moments of inertia of a toe."""
     model, _, found = real
-    shares = dict(zip(model.body_names, found.shares, strict=True))
-    assert ((found.shares >= 0.0) & (found.shares <= 1.0)).all()
+    known = found.known
+    shares = dict(zip(model.body_names, known.shares, strict=True))
+    assert ((known.shares >= 0.0) & (known.shares <= 1.0)).all()
+    assert known.shares.sum() <= found.base.rank
+    assert known.data.sum() <= known.rank <= found.base.rank
     assert shares["torso"].max() > 0.5
     assert shares["toes_r"][4:].max() < 0.1
     assert {"I_xx", "I_yy", "I_zz"} <= set(found.from_shape["toes_r"])
@@ -105,8 +115,49 @@ def test_what_the_data_do_not_show_is_marked(real):
 
 def test_without_data_nothing_is_shown(walk):
     model, points, _ = walk
-    shares = shares_of_data(points["own"], np.zeros((1, 10 * len(model.bodies))), MASS, 0.1)
-    np.testing.assert_allclose(shares, 0.0, atol=1e-9)
+    known = determined(points["own"], np.zeros((1, 10 * len(model.bodies))), MASS, 0.1)
+    np.testing.assert_allclose(known.shares, 0.0, atol=1e-9)
+    np.testing.assert_allclose(known.sd, known.prior_sd, rtol=1e-9)
+    assert known.rank == 0
+    assert not known.data.any()
+
+
+def test_a_sum_of_two_masses_is_not_two_masses(walk):
+    """Exact rows of m1 + m2: rank 1, and neither mass is determined."""
+    model, points, _ = walk
+    A = np.zeros((1, 10 * len(model.bodies)))
+    one, other = (model.body_names.index(f"femur_{side}") for side in "rl")
+    A[0, [10 * one, 10 * other]] = 1e6
+    known = determined(points["own"], A, MASS, 0.1)
+    assert known.rank == 1
+    assert not known.data.any()
+    A[0, 10 * other] = 0.0
+    known = determined(points["own"], A, MASS, 0.1)
+    assert np.argwhere(known.data).tolist() == [[one, 0]]
+    assert known.sd[one, 0] < 1e-3 * known.prior_sd[one, 0]
+
+
+def test_intervals_hold_masses_of_many_bodies(walk):
+    """Bodies drawn from the points' prior, their real walk, noise that repeats over some frames: 90 % intervals."""
+    model, points, found = walk
+    few = thinned(points["own"])
+    base = base_parameters(model, held=held_in(model, [found.recording.motion]))
+    parts = parts_of(model, [found.recording], base)
+    A, _ = parts.rows(np.array([6.0, 20.0]))
+    rng, mass_sd, samples = np.random.default_rng(3), 0.1, 4.0
+    known = determined(few, A, MASS, mass_sd, samples)
+    center = few.parameters(few.reference).ravel()
+    options = PseudoInertiaOptions(mass_sd=mass_sd)
+    inside = []
+    for _ in range(60):
+        masses = few.reference + np.sqrt(prior_variances(few, MassPointOptions(mass_sd=LINK_SD))) * rng.normal(
+            size=len(few.reference)
+        )
+        truth = few.parameters(masses * MASS / masses.sum()).ravel()
+        b = A @ truth + np.sqrt(samples) * rng.normal(size=len(A))
+        found_masses = solve_ridge(A, b, center.reshape(-1, 10), mass=MASS, options=options).parameters[:, 0]
+        inside.append(np.abs(found_masses - truth.reshape(-1, 10)[:, 0]) < NINETY * known.sd[:, 0])
+    assert 0.85 < np.mean(inside) < 0.95
 
 
 def test_truth_is_found_again_from_clean_forces(walk):
@@ -149,12 +200,17 @@ def test_cross_validation_of_the_true_model_is_exact(walk):
         )
 
 
-def test_masses_that_are_hard_to_believe_are_told():
-    masses, shape = np.array([30.0, 5.0, 0.05]), np.array([31.0, 3.0, 0.5])
-    (note,) = _far_from_shape(("trunk", "thigh", "hand"), masses, shape, 0.5)
-    assert "2 of 3 links" in note
-    assert "'thigh' 5.00 kg (shape 3.00), 'hand' 0.05 kg (shape 0.50)" in note
-    assert _far_from_shape(("trunk", "thigh", "hand"), shape, shape, 0.5) == ()
+def test_masses_that_are_hard_to_believe_are_told(walk):
+    model, _, _ = walk
+    shape = inertial_parameters(model)[:, 0]
+    thigh, shank = (model.body_names.index(name) for name in ("femur_r", "tibia_l"))
+    masses = shape.copy()
+    masses[thigh], masses[shank] = 1.8 * shape[thigh], 0.1 * shape[shank]
+    (note,) = _far_from_shape(model, masses, shape, 0.5)
+    assert f"2 of {len(shape)} links" in note
+    assert f"'femur_r' {masses[thigh]:.2f} kg (shape {shape[thigh]:.2f}; record hip_flexion_r, " in note
+    assert "record knee_angle_l moving fast" in note
+    assert _far_from_shape(model, shape, shape, 0.5) == ()
 
 
 def test_forces_of_another_moment_gain_nothing(walk):
@@ -166,7 +222,14 @@ def test_forces_of_another_moment_gain_nothing(walk):
     )
     first, _ = halves(replace(found, recording=replace(found.recording, wrenches=late)))
     result = identify(model, [first], points, mass=MASS, options=IdentificationOptions(compare=False))
-    assert any("no better than the generic model" in note for note in result.notes)
+    assert "the generic model's masses are kept" in result.notes[0]
+    assert result.chosen == GENERIC
+    np.testing.assert_array_equal(result.parameters[GENERIC], inertial_parameters(result.model))
+    insisted = identify(
+        model, [first], points, mass=MASS, options=IdentificationOptions(compare=False, if_worse="identified")
+    )
+    assert "taken all the same" in insisted.notes[0]
+    assert insisted.chosen == insisted.identified == "identified, own"
 
 
 def test_strength_can_be_given(walk):
@@ -176,7 +239,7 @@ def test_strength_can_be_given(walk):
         [found],
         points,
         mass=MASS,
-        options=IdentificationOptions(mass_sd=1e-3, method="pseudo-inertia", compare=False),
+        options=IdentificationOptions(mass_sd=1e-3, method="pseudo-inertia", compare=False, if_worse="identified"),
     )
     assert stiff.chosen == CONIC
     assert list(stiff.tried) == [1e-3]
@@ -185,3 +248,25 @@ def test_strength_can_be_given(walk):
         IdentificationOptions(mass_sd=0.0)
     with pytest.raises(BadData, match="mass points"):
         identify(model, [found], {})
+
+
+def test_the_weights_of_the_paper_can_be_asked_for(walk):
+    """[D] eq. 3.10 with W_phi = W_rho = 1: the same masses as from base parameters by hand."""
+    model, points, found = walk
+    options = IdentificationOptions(prior="paper", compare=False, if_worse="identified", motion_sd=0.0)
+    result = identify(model, [found], points, mass=MASS, options=options)
+    parts = parts_of(model, [found.recording], result.base.base)
+    # What the walk hardly shows is held at the model's, as weakly as in the base fit.
+    R, z = parts.factor(result.noise)
+    spread, mean = 100.0 * result.base.size, result.base.base.of(inertial_parameters(model))
+    R, z = np.vstack([R, np.diag(1.0 / spread)]), np.concatenate([z, mean / spread])
+    by_hand = solve_mass_points(
+        points["own"],
+        result.base.base.combination,
+        np.linalg.lstsq(R, z)[0],
+        mass=MASS,
+        options=MassPointOptions(prior="paper"),
+    )
+    np.testing.assert_allclose(result.parameters[result.chosen], by_hand.parameters, atol=1e-5)
+    with pytest.raises(BadData, match="method 'points'"):
+        IdentificationOptions(prior="paper", mass_sd=0.1)

@@ -85,7 +85,7 @@ def test_symmetric_gives_one_factor_for_both_sides(subject):
 
 def test_in_turn_as_the_dissertation_reaches_the_same_place(subject):
     """[D] (a), (b), (c) against all at once: the same cost to 2 %, the same lengths to 2 mm, in many more steps."""
-    options = CalibrationOptions(noise=0.02, frames=12)
+    options = CalibrationOptions(noise=0.02, frames=12, posture_sd=1e6)
     joint = calibrate(subject.generic, [subject.markers], options)
     turns = calibrate(subject.generic, [subject.markers], replace(options, method="alternating"))
     assert turns.costs[-1] == pytest.approx(joint.costs[-1], rel=0.02)
@@ -100,7 +100,9 @@ def test_costs_never_rise_at_one_noise(subject):
 
 def test_without_knowledge_from_markers_deviations_are_those_of_the_prior(subject):
     """The overall size is known to a half at first; each length varies about it on its own."""
-    found = calibrate(subject.generic, [subject.markers], CalibrationOptions(noise=1e3, frames=4, iterations=3))
+    found = calibrate(
+        subject.generic, [subject.markers], CalibrationOptions(noise=1e3, frames=4, iterations=3, posture_sd=1e6)
+    )
     assert len(found.lengths) > 10
     for one in found.lengths:
         assert 0.01 < one.prior_sd < 0.2

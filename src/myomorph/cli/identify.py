@@ -101,7 +101,7 @@ def identify_command(
     for line in identifying.summary(identified.found):
         said(line)
     for name, one in identified.validation.items():
-        generic, own = one.rms(GENERIC), one.rms(identified.found.chosen)
+        generic, own = one.rms(GENERIC), one.rms(identified.found.identified)
         said(f"{name}, not used: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
     said(f"wrote {out} and {identifying.tables_folder(out)}")
     return 0

@@ -8,6 +8,7 @@ whose links differ from the model's by `LINK_SD`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +51,15 @@ class Determined:
     prior_sd: Array
 
 
-def determined(points: MassPoints, A: Array, mass: float, mass_sd: float, samples: float = 1.0) -> Determined:
+def determined(
+    points: MassPoints,
+    A: Array,
+    mass: float,
+    mass_sd: float,
+    samples: float = 1.0,
+    b: Array | None = None,
+    noisy: Iterable[tuple[Array, Array]] = (),
+) -> Determined:
     """What rows A x = b of unit noise say of the parameters x of every link.
 
     Parameters
@@ -59,6 +68,9 @@ def determined(points: MassPoints, A: Array, mass: float, mass_sd: float, sample
     mass : of the body, known exactly [kg]
     mass_sd : relative standard deviation of a link's mass with which was fitted
     samples : frames that make one independent sample; noise that repeats itself counts so much less
+    b : (rows,) of the fit, where `noisy` are given
+    noisy : (A, b) made with noise of the motion once more (`motion_noise.noisy_rows`): how far they move the estimate,
+        on the mean and from one to the other, adds to its standard deviation
     """
     links = len(points.links.names)
     covariance = prior_covariance(points, LINK_SD)
@@ -77,18 +89,30 @@ def determined(points: MassPoints, A: Array, mass: float, mass_sd: float, sample
 
     # The estimate leans on its own prior, which may be tighter than what bodies differ by.
     prior = conditioned((mass_sd / LINK_SD) ** 2 * covariance, known)
-    crossed = A @ prior
-    gain = np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T
+    gain = _gain(prior, A)
     left = np.eye(10 * links) - gain @ A
     error = left @ truth @ left.T + samples * gain @ gain.T
+    variance = np.diag(error).copy()
+    center = points.parameters(points.reference).ravel()
+    moved = [_gain(prior, more) @ (value - more @ center) for more, value in noisy]
+    if moved and b is not None:
+        steps = np.array(moved) - gain @ (b - A @ center)
+        variance += np.square(steps).mean(axis=0)
     table = (links, 10)
     return Determined(
         shares.reshape(table),
         rank,
         data.reshape(table),
-        np.sqrt(np.maximum(np.diag(error), 0.0)).reshape(table),
+        np.sqrt(np.maximum(variance, 0.0)).reshape(table),
         np.sqrt(np.maximum(np.diag(truth), 0.0)).reshape(table),
     )
+
+
+def _gain(prior: Array, A: Array) -> Array:
+    """(parameters, rows) from what rows of unit noise miss to the change of the parameters."""
+    crossed = A @ prior
+    gain: Array = np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T
+    return gain
 
 
 def prior_covariance(points: MassPoints, mass_sd: float) -> Array:

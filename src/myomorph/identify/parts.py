@@ -59,6 +59,11 @@ class Parts:
         """The folds that can be held out."""
         return [int(one) for one in np.unique(self.folds) if one != BORDER]
 
+    @property
+    def several(self) -> bool:
+        """Whether whole recordings are held out, not pieces of one."""
+        return not np.array_equal(self.folds, self.pieces)
+
     def fold(self, fold: int) -> np.ndarray:
         """Numbers of the parts of one fold."""
         return np.flatnonzero(self.folds == fold)

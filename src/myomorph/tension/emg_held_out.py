@@ -124,8 +124,12 @@ class HeldOut:
         columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
         measured = [self._measured(k)[:, c] for k in range(len(self.few))]
         ways: list[Sequence[Array]] = [self.alone]
-        for weight, others in WEIGHTS:
+        for k, (weight, others) in enumerate(WEIGHTS):
             given = self.options.unmeasured_weight
+            if not calibration.synergies and k and weight == WEIGHTS[k - 1][0]:
+                # No muscle without EMG is drawn: how firmly makes no difference.
+                ways.append(ways[-1])
+                continue
             options = replace(self.options, weight=weight, unmeasured_weight=given or others)
             solved = []
             for one, (motion, torques) in zip(emg, self.few, strict=True):

@@ -31,8 +31,8 @@ class EmgOptions:
         envelopes are activations already
     offsets : whether a channel may have an activation at rest too
     shape : factor A of (exp(A e) - 1) / (exp(A) - 1), 0 for a straight line; None finds one for all channels
-    unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": near what the synergies of the
-        measured channels say of them
+    unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": those that act at the joints as
+        measured ones do are drawn near these
     unmeasured_weight : of that, in units of the effort of one muscle; None chooses it along with `weight`
     search : how the delay is looked for
     """

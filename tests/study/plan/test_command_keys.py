@@ -15,6 +15,8 @@ from myomorph.study.trial.steps.tension import STEP as TENSION
 
 RUN = {"out": "run --out", "threads": "run --workers", "options": "[options.STEP]"}
 """Parameters that belong to a run of the whole study."""
+TABLES = {"draws": "uncertainty", "uncertainty": "uncertainty"}
+"""Parameters whose place is a table of their own, a step's."""
 
 COMMANDS = {
     "tension": muscles.tension_command,
@@ -26,7 +28,8 @@ COMMANDS = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
     keys = {*SubjectTable.model_fields, *TrialTable.model_fields}
-    asked = set(inspect.signature(COMMANDS[name]).parameters) - set(RUN)
+    asked = set(inspect.signature(COMMANDS[name]).parameters) - set(RUN) - set(TABLES)
+    assert set(TABLES.values()) <= set(step_settings())
     assert asked <= keys, sorted(asked - keys)
 
 

@@ -12,7 +12,7 @@ from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.refine.masses import MassPrior, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData, Unknowns, generic_parameters, motion_of
-from myomorph.identify.refine.solve import Solution, solve
+from myomorph.identify.refine.solve import Solution, settle
 from myomorph.identify.refine.spline import Basis
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
@@ -26,6 +26,9 @@ from myomorph.motion.root import floating_coordinates
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 from myomorph.rigid.tree import compile_tree
+
+MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a link does not count."""
 
 KNOTS = 4.0
 """Knots a period of the cutoff frequency."""
@@ -203,7 +206,7 @@ def refine(
         predictions = _predictions(given, trials, recorded, options, told) if options.check else ()
         kept = bool(predictions) and _worse(predictions)
         problem = problem_of(given, trials, recorded, options, shared=not kept)
-        solution = solve(thinned(problem), problem.begin(), told)
+        solution = settle(thinned(problem), told)
     return _refinement(given, trials, recorded, problem, solution, predictions, kept, path_lengths)
 
 
@@ -288,7 +291,7 @@ def thinned(problem: Problem) -> Problem:
         trials.append(
             replace(
                 one, time=one.time[every], observed=one.observed[every], measured=one.measured[every],
-                use=one.use[every], start=one.start[every], basis=basis,
+                use=one.use[every], trust=one.trust[every], start=one.start[every], basis=basis,
             )
         )  # fmt: skip
     return replace(problem, trials=tuple(trials))
@@ -320,7 +323,7 @@ def _trial_data(
             observed[:, i] = trial.markers.values[frames, columns[name]]
     start = _without_gaps(compile_tree(model).coordinates_of(opened.motion)[frames])
     return TrialData(
-        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], start,
+        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
         Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
     )  # fmt: skip
 
@@ -374,13 +377,13 @@ def _predictions(
         for k, trial in enumerate(trials):
             others = [i for i in range(len(trials)) if i != k]
             problem = problem_of(model, [trials[i] for i in others], [opened[i] for i in others], options)
-            solution = solve(thinned(problem), problem.begin(), told)
+            solution = settle(thinned(problem), told)
             found.append(_prediction(trial.name, model, trial, problem, solution, options, None))
         return tuple(found)
     middle = np.cumsum(opened[0].usable.use) * 2 >= opened[0].usable.use.sum()
     for name, seen in (("second half", ~middle), ("first half", middle)):
         problem = problem_of(model, trials, opened, options, within={0: seen})
-        solution = solve(thinned(problem), problem.begin(), told)
+        solution = settle(thinned(problem), told)
         title = f"{trials[0].name}, {name}"
         found.append(_prediction(title, model, trials[0], problem, solution, options, ~seen))
     return tuple(found)
@@ -493,9 +496,25 @@ def _notes(
             f"{worst.name} at {worst.refined.force:.1f} N, {worst.refined.moment:.1f} N m, the given model at "
             f"{worst.given.force:.1f} N, {worst.given.moment:.1f} N m"
         )
+    notes += _far_from_given(problem, solution.at)
     if not solution.converged:
         notes.append(f"not converged after {problem.options.iterations} steps: allow more iterations")
     return (*notes, *(note for one in opened for note in one.usable.notes))
+
+
+def _far_from_given(problem: Problem, at: Unknowns) -> list[str]:
+    """Links that got a mass that is hard to believe, as one line."""
+    before, after = problem.prior.reference[:, 0], at.parameters[:, 0]
+    counts = before > MIN_MASS_SHARE * before.sum()
+    far = np.flatnonzero(counts & (np.abs(after - before) > MAX_MASS_CHANGE * before))
+    if not len(far):
+        return []
+    names = problem.model.body_names
+    listed = ", ".join(f"'{names[i]}' {after[i]:.2f} kg (given {before[i]:.2f})" for i in far[:4])
+    return [
+        f"{len(far)} of {len(names)} links weigh far from the given model: {listed}; something that no plate measures "
+        "may carry a part of the body, or hold masses with a smaller mass_sd"
+    ]
 
 
 def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:

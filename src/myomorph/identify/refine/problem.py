@@ -38,6 +38,10 @@ MASS_SD = 1e-4
 
 LENGTH_STEP = 1e-5
 
+UNEXPLAINED = 2.0
+"""A frame whose residual is so many times the usual one, after motions alone were refined, loses weight: something
+that no plate measures, as a chair, carries a part of the body there."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrialData:
@@ -49,6 +53,7 @@ class TrialData:
     observed : (frames, markers, 3), NaN where unseen [m]
     measured : (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
     use : (frames,) whether the plates carry all that touches the ground, so that the residual counts
+    trust : (frames,) weight of the residual, 1 unless nothing explains it
     start : (frames, coordinates) by inverse kinematics
     basis : splines of its coordinates
     """
@@ -58,6 +63,7 @@ class TrialData:
     observed: Array
     measured: Array
     use: np.ndarray
+    trust: Array
     start: Array
     basis: Basis
 
@@ -237,7 +243,7 @@ def cost(problem: Problem, at: Unknowns) -> float:
         errors, residual = problem.predict(tree, locations, trial, rates)
         weights = _weights(problem, trial)
         total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
-        total += float(np.sum(weights.residual * residual**2))
+        total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
         free = problem.markers.free
         start = trial.basis.fitted(trial.start[:, free])
         moved = coefficients - start
@@ -252,7 +258,7 @@ class _Weights:
     """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
 
     marker: float
-    residual: Array
+    share: float
     value: Array
     acceleration: Array
     bound: float
@@ -265,7 +271,7 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
     unit = problem.markers.unit[problem.markers.free]
     return _Weights(
         share / problem.marker_variance,
-        min(1.0, 2.0 * options.cutoff * step) / problem.residual_sd**2,
+        min(1.0, 2.0 * options.cutoff * step),
         share / (POSTURE_SD * unit) ** 2,
         share / (ACCELERATION_SD * unit) ** 2,
         share / BOUND_SD**2,
@@ -301,6 +307,18 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
 
 def _prior_cost(problem: Problem, at: Unknowns) -> float:
     return float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
+
+
+def with_trust(problem: Problem, at: Unknowns) -> Problem:
+    """The problem with the weights of the frames that the residuals at a point ask for, see `UNEXPLAINED`."""
+    tree, locations, trials = problem.arrays(at), problem.placed(at.factors, at.shifts), []
+    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
+        residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
+        sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
+        usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
+        trust = (UNEXPLAINED * usual / np.maximum(sizes, UNEXPLAINED * usual)) ** 2
+        trials.append(replace(trial, trust=trust))
+    return replace(problem, trials=tuple(trials))
 
 
 def linearize(problem: Problem, at: Unknowns) -> Equations:
@@ -443,7 +461,7 @@ def _trial_equations(
     weights = _weights(problem, trial)
     seen = np.isfinite(trial.observed).all(axis=2)
     marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.markers.weight, 0.0), 3, axis=1))
-    residual_root = np.sqrt(weights.residual)
+    residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
     beyond = _beyond(problem, rates[0][:, problem.markers.free])
     departed = coefficients - basis.fitted(trial.start[:, problem.markers.free])
@@ -459,8 +477,8 @@ def _trial_equations(
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
         # Residual rows depend on the window through values, rates and accelerations.
         A = sum(w[:, None, :, None] * of.rates[nu, f][:, :, None, :] for nu, w in enumerate((w0, w1, w2)))
-        A = (A * residual_root[:, None, None]).reshape(6 * len(f), window)
-        b = (residual_root * residual[f]).ravel()
+        A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
+        b = (residual_root[f] * residual[f]).ravel()
         M = of.moved[f] * marker_root[f, None]
         shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
         block = A.T @ A
@@ -479,7 +497,7 @@ def _trial_equations(
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
             cross[span, :k] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, k)
             cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(-1, k)
+            flat = shared_markers.reshape(len(f) * errors[0].size, k)
             H[:k, :k] += flat.T @ flat
             H += shared_residual.T @ shared_residual
             g[:k] += flat.T @ misses[f].ravel()
@@ -504,8 +522,8 @@ def _shared_rows(
     if problem.masses:
         residual[:, :, masses] = of.masses[frames]
     markers *= marker_root[frames][:, :, None]
-    residual *= residual_root[:, None]
-    return markers, residual.reshape(-1, problem.count)
+    residual *= residual_root[frames][:, :, None]
+    return markers, residual.reshape(6 * len(frames), problem.count)
 
 
 def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Array) -> Unknowns:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved
+from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved, with_trust
 from myomorph.model.arrays import Array
 
 LEAST_GAIN = 1e-3
@@ -29,6 +29,13 @@ class Solution:
     covariance: Array
     costs: tuple[float, ...]
     converged: bool
+
+
+def settle(problem: Problem, told: Callable[[], None] = lambda: None) -> Solution:
+    """The optimum, from that of the motions alone, which tells the frames that nothing explains."""
+    still = replace(problem, body=False, masses=False)
+    first = solve(still, still.begin(), told)
+    return solve(with_trust(problem, first.at), first.at, told)
 
 
 def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:

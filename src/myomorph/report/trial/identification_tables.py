@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.identify.determined import NINETY
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -18,6 +19,9 @@ from myomorph.model.segments import Segment, segments_of
 from myomorph.report.trial.identified import COMPONENTS, IdentificationInput, WrenchCheck
 
 Cell = str | float | int | None
+
+TRUST = ("standard deviation [kg]", "90 % interval from [kg]", "90 % interval to [kg]", "determined by")
+"""Columns that say how sure the mass of a link in the model is."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +87,28 @@ def segments_given(given: IdentificationInput) -> Mapping[str, Segment]:
 
 
 def mass_sheet(given: IdentificationInput) -> Sheet:
-    """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2)."""
+    """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2), and intervals."""
     masses = given.masses
-    rows: list[tuple[Cell, ...]] = [
-        (body, *(float(one[i]) for one in masses.values())) for i, body in enumerate(given.model.body_names)
-    ]
-    total: tuple[Cell, ...] = ("Total", *(float(one.sum()) for one in masses.values()))
-    return Sheet(("link", *(f"{name} [kg]" for name in masses)), (*rows, total))
+    own = given.model.bodies
+    known = len(given.sd) > 0
+    rows: list[tuple[Cell, ...]] = []
+    for i, body in enumerate(given.model.body_names):
+        row: tuple[Cell, ...] = (body, *(float(one[i]) for one in masses.values()))
+        if known:
+            reach = NINETY * float(given.sd[i, 0])
+            low, high = max(float(own[i].mass) - reach, 0.0), float(own[i].mass) + reach
+            row += (float(given.sd[i, 0]), low, high, "data" if given.from_data[i, 0] else "prior")
+        rows.append(row)
+    total: tuple[Cell, ...] = ("Total", *(float(one.sum()) for one in masses.values()), *((None,) * 4 if known else ()))
+    head = ("link", *(f"{name} [kg]" for name in masses))
+    return Sheet(head + (TRUST if known else ()), (*rows, total))
 
 
 def parameter_sheet(given: IdentificationInput) -> Sheet:
-    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2]."""
+    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
+
+    Below the methods stand the standard deviations of the model's parameters, and whether data or prior say them.
+    """
     units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
     head = ("method", "link", *(f"{name} [{unit}]" for name, unit in zip(PARAMETERS, units, strict=True)))
     rows: list[tuple[Cell, ...]] = [
@@ -101,6 +116,13 @@ def parameter_sheet(given: IdentificationInput) -> Sheet:
         for method, table in given.parameters.items()
         for body, row in zip(given.model.body_names, table, strict=True)
     ]
+    if len(given.sd):
+        names = given.model.body_names
+        rows += [("standard deviation", name, *map(float, row)) for name, row in zip(names, given.sd, strict=True)]
+        rows += [
+            ("determined by", name, *("data" if one else "prior" for one in row))
+            for name, row in zip(names, given.from_data, strict=True)
+        ]
     return Sheet(head, tuple(rows))
 
 
@@ -178,8 +200,8 @@ def link_sheet(given: IdentificationInput) -> Sheet:
 def misfit_sheet(given: IdentificationInput) -> Sheet:
     """Root mean square misfit of moment and force by every method, in the frames used and in those held out."""
     rows: list[tuple[Cell, ...]] = [(name, float(one[0]), float(one[1])) for name, one in given.misfit.items()]
-    if given.held_out is not None:
-        rows.append((f"{given.chosen}, on parts held out", float(given.held_out[0]), float(given.held_out[1])))
+    for name, one in given.held_out.items():
+        rows.append((f"{name}, on {given.held_out_on}", float(one[0]), float(one[1])))
     return Sheet(("method", "moment [N m]", "force [N]"), tuple(rows))
 
 

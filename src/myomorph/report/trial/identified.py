@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from myomorph.identify.subject import Identification
+from myomorph.identify.subject import GENERIC, Identification
 from myomorph.identify.validation import CrossValidation
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -180,10 +180,15 @@ class IdentificationInput:
     chosen : the method whose parameters the model has
     share : (bodies,) how much of what is known of each link comes from the data rather than from the
         shape, 0..1; NaN where unknown; () for none at all
+    sd : (bodies, 10) standard deviation of the error of the model's parameters; (0, 10) where unknown
+    from_data : (bodies, 10) which of the model's parameters the data determine; (0, 10) where unknown
+    rank : number of combinations of parameters that the data know better than the prior
     base : the base parameters
     from_shape : link to those of its ten parameters that come from the shape, because the data do not show them
     misfit : of each method in the frames used: root mean square of moment [N m] and force [N], (2,)
-    held_out : (2,) the same of the chosen method in parts that it was not fitted to
+    identified : the method that was fitted, which is not the chosen one where it predicts unseen motion worse
+    held_out : by method, the same on what was not used, with the strength of the prior chosen without it
+    held_out_on : what that was, in words
     never_shown, not_shown : parameters that no motion can show, and that this motion did not, in words
     checks : physical consistency of each link
     left_out : reason to the number of frames left out for it
@@ -201,10 +206,15 @@ class IdentificationInput:
     parameters: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
     chosen: str = ""
     share: Array = field(default_factory=lambda: np.zeros(0))
+    sd: Array = field(default_factory=lambda: np.zeros((0, 10)))
+    from_data: np.ndarray = field(default_factory=lambda: np.zeros((0, 10), bool))
+    rank: int | None = None
     base: IdentifiedBase | None = None
     from_shape: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     misfit: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
-    held_out: Array | None = None
+    identified: str = ""
+    held_out: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
+    held_out_on: str = ""
     never_shown: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
     checks: tuple[LinkCheck, ...] = ()
@@ -259,7 +269,10 @@ def identification_input(
         segments=segments or {},
         parameters=found.parameters,
         chosen=found.chosen,
-        share=found.shares.mean(axis=1),
+        share=found.known.shares.mean(axis=1),
+        sd=found.sd,
+        from_data=found.known.data & (found.chosen == found.identified),
+        rank=found.known.rank,
         base=IdentifiedBase(
             names=fit.base.names,
             estimate=fit.estimate,
@@ -271,7 +284,9 @@ def identification_input(
         ),
         from_shape=found.from_shape,
         misfit=found.residuals,
-        held_out=found.held_out if len(found.held_out) == 2 else None,
+        identified=found.identified,
+        held_out=_unseen(found),
+        held_out_on=found.unseen.what,
         never_shown=fit.base.never,
         not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.identifiable)),
         checks=tuple(
@@ -290,6 +305,13 @@ def identification_input(
         source=found.points.source,
         notes=found.notes,
     )
+
+
+def _unseen(found: Identification) -> Mapping[str, Array]:
+    if not len(found.unseen.frames):
+        return {}
+    rms = found.unseen.rms
+    return {found.identified: rms(found.unseen.identified), GENERIC: rms(found.unseen.generic)}
 
 
 def calibrated_body(found: Calibration, names: Sequence[str], others: Sequence[TrialError] = ()) -> CalibratedBody:

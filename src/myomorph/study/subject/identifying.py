@@ -169,10 +169,14 @@ def identify_subject(
             inside=inside,
             options=options.identification,
             recording=options.recording,
+            unseen=[one for one, motion in zip(used, motions, strict=True) if motion.held_out],
             advance=advance,
         )
-    found = replace(found, notes=(*_force_notes(motions), *notes_of_points, *_option_warnings(options), *found.notes))
-    models = {name: with_inertial_parameters(model, found.parameters[name]) for name in (found.chosen, SHAPE, GENERIC)}
+    # What identification says of itself comes first: whether its masses may be believed.
+    found = replace(found, notes=(*found.notes, *_force_notes(motions), *notes_of_points, *_option_warnings(options)))
+    models = {
+        name: with_inertial_parameters(model, found.parameters[name]) for name in (found.identified, SHAPE, GENERIC)
+    }
     validation = {
         one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)
         for one, motion in zip(used, motions, strict=True)
@@ -285,15 +289,17 @@ def summary(found: Identification) -> list[str]:
     flight = sum(one.flight for one in found.recordings)
     if flight:
         lines[0] += f"; {flight} of those used without contact"
-    generic, own = found.residuals[GENERIC], found.residuals[found.chosen]
+    generic, own = found.residuals[GENERIC], found.residuals[found.identified]
     lines.append(
         f"misfit of the ground wrench: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
-        f"N m); in unseen parts {found.held_out[1]:.1f} N, {found.held_out[0]:.1f} N m"
+        "N m)" + (f"; {found.unseen.what}: {found.unseen.words}" if len(found.unseen.frames) else "")
     )
-    unshown = sum(len(names) for names in found.from_shape.values())
+    if found.chosen == GENERIC:
+        lines[-1] += "; the generic masses are kept"
+    data = found.known.data
     lines.append(
-        f"{found.shares.size - unshown} of {found.shares.size} parameters shown by the data, {unshown} from the shape "
-        f"({found.points.source})"
+        f"{int(data.sum())} of {data.size} parameters determined by the data (rank {found.known.rank}), the others "
+        f"from the prior ({found.points.source})"
     )
     lines.append(found.consistency[found.chosen].verdict)
     return lines

@@ -22,14 +22,23 @@ class Box:
     def __init__(self, low: Array, high: Array, v: Array, mu: float):
         self.low, self.high = np.broadcast_to(low, v.shape), np.broadcast_to(high, v.shape)
         self.below, self.above = np.isfinite(self.low), np.isfinite(self.high)
-        self.z = np.where(self.below, mu / self._down(v), 0.0)
-        self.w = np.where(self.above, mu / self._up(v), 0.0)
+        self._both = bool(self.below.all() and self.above.all())
+        self._known: list[tuple[Array, Array, Array]] = []
+        down, up = self._distances(v)
+        self.z = np.where(self.below, mu / down, 0.0)
+        self.w = np.where(self.above, mu / up, 0.0)
 
-    def _down(self, v: Array) -> Array:
-        return np.where(self.below, v - self.low, 1.0)
-
-    def _up(self, v: Array) -> Array:
-        return np.where(self.above, self.high - v, 1.0)
+    def _distances(self, v: Array) -> tuple[Array, Array]:
+        """Distances to the bounds, 1 of an infinite one; of the last two points they are kept."""
+        for one, down, up in self._known:
+            if one is v:
+                return down, up
+        if self._both:
+            down, up = v - self.low, self.high - v
+        else:
+            down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
+        self._known = [*self._known[-1:], (v, down, up)]
+        return down, up
 
     @staticmethod
     def inside(low: Array, high: Array, v: Array, near: float = NEAR) -> Array:
@@ -44,47 +53,53 @@ class Box:
 
     def barrier(self, v: Array, mu: float) -> tuple[Array, Array]:
         """Gradient of the barrier, and the curvature of a primal-dual step."""
-        down, up = 1.0 / self._down(v), 1.0 / self._up(v)
-        return mu * (up * self.above - down * self.below), self.z * down + self.w * up
+        down, up = (1.0 / one for one in self._distances(v))
+        pushed = up - down if self._both else up * self.above - down * self.below
+        return mu * pushed, self.z * down + self.w * up
 
     def logs(self, v: Array) -> float:
         """Sum of the logarithms of the distances to the bounds."""
-        down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
-        if not (down > 0.0).all() or not (up > 0.0).all():
+        down, up = self._distances(v)
+        if not (down.min(initial=1.0) > 0.0 and up.min(initial=1.0) > 0.0):
             return -np.inf
         return float(np.log(down).sum() + np.log(up).sum())
 
     def complementarity(self, v: Array, mu: float) -> float:
         """Greatest difference of a multiplier times its distance from the barrier parameter."""
-        one = np.abs(self.z * self._down(v) - mu) * self.below
-        other = np.abs(self.w * self._up(v) - mu) * self.above
+        down, up = self._distances(v)
+        one, other = np.abs(self.z * down - mu), np.abs(self.w * up - mu)
+        if not self._both:
+            one, other = one * self.below, other * self.above
         return float(max(one.max(initial=0.0), other.max(initial=0.0)))
 
     def changes(self, v: Array, dv: Array, mu: float) -> tuple[Array, Array]:
         """Steps of the multipliers."""
-        down, up = self._down(v), self._up(v)
-        return np.where(self.below, (mu - self.z * dv) / down - self.z, 0.0), np.where(
-            self.above, (mu + self.w * dv) / up - self.w, 0.0
-        )
+        down, up = self._distances(v)
+        dz, dw = (mu - self.z * dv) / down - self.z, (mu + self.w * dv) / up - self.w
+        return (dz, dw) if self._both else (np.where(self.below, dz, 0.0), np.where(self.above, dw, 0.0))
 
     def reach(self, v: Array, dv: Array, share: float) -> float:
         """Longest step that keeps a share of the distance to the bounds."""
-        worst = max(
-            float((-dv * self.below / self._down(v)).max(initial=0.0)),
-            float((dv * self.above / self._up(v)).max(initial=0.0)),
-        )
+        down, up = self._distances(v)
+        one, other = dv / down, dv / up
+        if not self._both:
+            one, other = one * self.below, other * self.above
+        worst = max(-float(one.min(initial=0.0)), float(other.max(initial=0.0)))
         return min(1.0, share / worst) if worst > 0.0 else 1.0
 
     def dual_reach(self, dz: Array, dw: Array, share: float) -> float:
         """Longest step that keeps a share of the multipliers."""
-        worst = max(
-            float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
-            float((-dw / np.where(self.w > 0.0, self.w, 1.0)).max(initial=0.0)),
-        )
+        if self._both:
+            worst = -min(float((dz / self.z).min(initial=0.0)), float((dw / self.w).min(initial=0.0)))
+        else:
+            worst = max(
+                float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
+                float((-dw / np.where(self.w > 0.0, self.w, 1.0)).max(initial=0.0)),
+            )
         return min(1.0, share / worst) if worst > 0.0 else 1.0
 
     def keep_near(self, v: Array, mu: float) -> None:
         """Multipliers within a wide corridor of the barrier's own."""
-        down, up = mu / self._down(v), mu / self._up(v)
-        self.z = np.where(self.below, np.clip(self.z, down / 1e10, down * 1e10), 0.0)
-        self.w = np.where(self.above, np.clip(self.w, up / 1e10, up * 1e10), 0.0)
+        down, up = (mu / one for one in self._distances(v))
+        z, w = np.clip(self.z, down / 1e10, down * 1e10), np.clip(self.w, up / 1e10, up * 1e10)
+        self.z, self.w = (z, w) if self._both else (np.where(self.below, z, 0.0), np.where(self.above, w, 0.0))

@@ -1,0 +1,86 @@
+"""Faults put into clean EMG of walks: channels exchanged by name, and channels that are noise."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.emg import WALKS, Walk
+from myomorph.model.arrays import Array
+from myomorph.model.series import Emg, Series
+from myomorph.motion.emg_checks import noise_faults
+from myomorph.motion.emg_delay import channel_means, shifted
+from myomorph.motion.envelope import envelopes
+from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
+from myomorph.tension.emg_swaps import swapped_channels
+from myomorph.tension.solve import solve_tension
+
+Row = dict[str, object]
+
+DIFFERENT = 0.3
+"""Correlation of two envelopes below which their muscles work at different times."""
+RATE = 1000.0
+"""Of the noise that stands for raw EMG [Hz]."""
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Clean channels that are called faulty, and faults that are found, of each walk."""
+    for make in WALKS:
+        walk = make(folder)
+        yield {"walk": walk.name, "channels": len(walk.channels)} | _swaps(walk) | _noise(walk)
+
+
+def _swaps(walk: Walk) -> Row:
+    """Each pair of channels exchanged; the delay is that of the clean recording."""
+    names = tuple(walk.channels)
+    trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
+    delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]
+    motion, torques = walk.part(walk.tested)
+    alone = solve_tension(walk.model, motion, torques)
+    activations = channel_means(walk.channels, alone.muscles, alone.activations)
+    columns = [walk.emg.names.index(name) for name in names]
+    clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
+    alike = np.corrcoef(clean.T)
+    found, pairs, others, different, of_these = 0, 0, 0, 0, 0
+    for i, j in itertools.combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        swaps = swapped_channels(clean[:, order], activations)
+        hit = any({one.first, one.second} == {i, j} for one in swaps)
+        apart = bool(alike[i, j] < DIFFERENT)
+        pairs, found, others = pairs + 1, found + hit, others + (bool(swaps) and not hit)
+        different, of_these = different + apart, of_these + (apart and hit)
+    return {
+        "pairs called exchanged in the clean recording": len(swapped_channels(clean, activations)),
+        "exchanged pairs found": f"{found} of {pairs}",
+        "of those that work at different times": f"{of_these} of {different}",
+        "another pair named": others,
+    }
+
+
+def _noise(walk: Walk) -> Row:
+    """Each channel replaced by noise of its mean."""
+    span = walk.tested
+    use = (walk.emg.time >= span[0]) & (walk.emg.time <= min(span[1], span[0] + 5.0))
+    emg = Emg(walk.emg.time[use], walk.emg.names, walk.emg.values[use])
+    found = 0
+    for k, name in enumerate(walk.channels):
+        column, values = emg.names.index(name), emg.values.copy()
+        values[:, column] = _envelope_of_noise(emg.time, k) * values[:, column].mean()
+        faults = noise_faults(Emg(emg.time, emg.names, values), tuple(walk.channels))
+        found += [one.channel for one in faults] == [name]
+    return {
+        "channels called noise in the clean recording": len(noise_faults(emg, tuple(walk.channels))),
+        "channels of noise found": f"{found} of {len(walk.channels)}",
+    }
+
+
+def _envelope_of_noise(time: Array, seed: int) -> Array:
+    """Envelope of white noise at times (samples,), its mean 1."""
+    clock = np.arange(time[0] - 1.0, time[-1] + 1.0, 1.0 / RATE)
+    raw = Series(clock, ("noise",), np.random.default_rng(seed).standard_normal((len(clock), 1)))
+    found = np.interp(time, clock, envelopes(raw)["noise"])
+    return np.asarray(found / found.mean())

@@ -1,0 +1,54 @@
+"""`myomorph refine`: what it writes, and what it says of bad input."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from myomorph.io.osim.read import read_osim
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+
+OPENCAP = "opencap-subject4-multitask"
+
+
+def test_each_recording_needs_its_forces(command, tmp_path):
+    told = command(
+        "refine", "--model", "a.osim", "--markers", "a.trc", "b.trc", "--loads", "a.mot", "--out", tmp_path / "r.osim"
+    )
+    assert told.status == 2
+    assert "2 recordings of markers and 1 files of forces" in told.err
+
+
+@pytest.mark.long
+def test_a_walk_is_refined(command, data, tmp_path):
+    folder = data(OPENCAP)
+    out = tmp_path / "refined.osim"
+    told = command(
+        *("refine", "--model", folder / "models" / "manually_scaled.osim", "--mass", 62.6, "--no-check"),
+        *("--markers", folder / "markers" / "walking1.trc", "--time", 0.2, 1.1, "--iterations", 3),
+        *("--loads", folder / "grf" / "walking1_external_forces.xml", "--out", out),
+    )
+    assert told.status == 0, told.err
+    warnings = [line for line in told.err.splitlines() if line.startswith("warning:")]
+    assert "not converged after 3 steps" in warnings[0]
+    assert "1 trial: markers" in told.out
+    model = read_osim(out)
+    assert model.mass == pytest.approx(62.6, rel=1e-6)
+    moving = inertial_parameters(model)
+    moving = moving[moving[:, 0] > 1e-3]
+    assert (np.linalg.eigvalsh(pseudo_inertias(moving))[:, 0] > 0.0).all()
+    beside = tmp_path / "refined_refinement"
+    assert {"motions", "trials.csv", "masses.csv", "lengths.csv", "report.html", "provenance.json"} == {
+        one.name for one in beside.iterdir()
+    }
+    before, after = csv.DictReader((beside / "trials.csv").read_text().splitlines())
+    assert float(after["force_N"]) < 0.5 * float(before["force_N"])
+    assert float(after["moment_N_m"]) < 0.6 * float(before["moment_N_m"])
+    assert float(after["markers_mm"]) < 1.1 * float(before["markers_mm"])
+    torques = command(
+        *("id", "--model", out, "--motion", beside / "motions" / "walking1.mot"),
+        *("--loads", folder / "grf" / "walking1_external_forces.xml", "--cutoff", 6, "--out", tmp_path / "torques.sto"),
+    )
+    assert torques.status == 0, torques.err

@@ -1,0 +1,171 @@
+"""Refinement: its derivatives, its splines and masses, its sparse steps, and a simulated person found again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.simulated_bodies import TETRAHEDRON
+from benchmarks.simulated_engines import TreeEngine
+from benchmarks.simulated_subject import (
+    Instruments,
+    SubjectOptions,
+    exciting_curves,
+    middles_and_reaches,
+    random_subject,
+    record,
+)
+from test_simulated_subject import person
+
+from myomorph.identify.refine.fit import SubjectTrial, _opened, problem_of, refine
+from myomorph.identify.refine.masses import MassPrior, changed, tangents
+from myomorph.identify.refine.options import RefineOptions
+from myomorph.identify.refine.problem import cost, linearize, moved
+from myomorph.identify.refine.solve import step
+from myomorph.identify.refine.spline import WIDTH, Basis
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.model.errors import BadData, BadModel
+from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.model.model import Marker
+
+OPTIONS = RefineOptions(cutoff=5.0, check=False)
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """A person whose masses differ by up to a tenth, on a plate, with white noise and skin that moves by 3 mm."""
+    compiled = person()
+    model = model_from_mujoco(compiled, name="person")
+    markers = [
+        Marker(f"{one.name}_{i}", one.name, one.mass_center + 0.06 * offset)
+        for one in model.bodies
+        for i, offset in enumerate(TETRAHEDRON)
+    ]
+    size = SubjectOptions(length=0.01, marker_shift=0.003, mass=0.15, seed=4)
+    subject = random_subject(model.with_markers(tuple(markers)), size)
+    engine = TreeEngine(compiled, subject.person)
+    names, middles, reaches = middles_and_reaches(subject.person)
+    found = record(subject, engine, names, exciting_curves(middles, reaches), 6.0, Instruments(rate=50.0))
+    time = found.markers.time
+    skin = np.random.default_rng(1).standard_normal((3, *found.markers.values.shape[1:]))
+    phases = np.stack([np.sin(2.0 * time), np.sin(5.0 * time + 1.0), np.cos(9.0 * time)], axis=1)
+    values = found.markers.values + 0.003 * np.sqrt(2.0 / 3.0) * np.einsum("fk,kmi->fmi", phases, skin)
+    return subject, SubjectTrial("exciting", replace(found.markers, values=values), found.wrenches)
+
+
+@pytest.fixture(scope="module")
+def problem(recorded):
+    subject, trial = recorded
+    short = replace(
+        trial,
+        markers=replace(trial.markers, time=trial.markers.time[:60], values=trial.markers.values[:60]),
+    )
+    return problem_of(subject.generic, [short], [_opened(subject.generic, short, OPTIONS)], OPTIONS)
+
+
+def test_splines_are_polynomials_with_their_derivatives():
+    time = np.linspace(0.3, 1.7, 71)
+    basis = Basis.of(time, 0.1)
+    powers = np.array([0.2, -1.0, 0.5, 2.0, -0.7, 0.3])
+    exact = [np.polynomial.Polynomial(powers).deriv(nu)(time) for nu in range(3)]
+    # The normal equations square the condition of the basis, and gaps pull a millionth of a curvature.
+    coefficients = basis.fitted(exact[0][:, None])
+    assert basis.first.max() + WIDTH == basis.count
+    np.testing.assert_allclose(basis.weights[0].sum(axis=1), 1.0)
+    np.testing.assert_allclose(basis.at(coefficients)[:, 0], exact[0], atol=2e-4)
+    dense = np.linspace(0.3, 1.7, 14001)
+    fine = Basis.of(dense, 0.1)
+    for nu in (1, 2):
+        slope = np.gradient(fine.at(coefficients, nu - 1)[:, 0], dense)[1:-1]
+        np.testing.assert_allclose(fine.at(coefficients, nu)[1:-1, 0], slope, atol=1e-4)
+
+
+def test_every_change_of_masses_is_a_body(recorded):
+    parameters = inertial_parameters(recorded[0].generic)
+    random = np.random.default_rng(0)
+    far = changed(parameters, 3.0 * random.standard_normal(parameters.shape))
+    assert (np.linalg.eigvalsh(pseudo_inertias(far))[:, 0] > 0.0).all()
+    entries = random.standard_normal(parameters.shape)
+    slope = (changed(parameters, 1e-6 * entries) - changed(parameters, -1e-6 * entries)) / 2e-6
+    np.testing.assert_allclose(slope, np.einsum("lij,lj->li", tangents(parameters), entries), atol=1e-8)
+    # A mass that changes by its SD, all else in proportion, is one SD away but for the other nine entries' share.
+    prior = MassPrior.of(parameters, 0.1)
+    assert np.linalg.norm(prior.misses(1.1 * parameters), axis=1) == pytest.approx(2.0, rel=1e-6)
+
+
+def test_gradient_is_that_of_the_cost(problem):
+    """Every kind of unknown: motion, lengths, marker positions and masses."""
+    random = np.random.default_rng(2)
+    at = problem.begin()
+    lengths, places, masses = problem.columns()
+    shared = np.zeros(problem.count)
+    shared[lengths], shared[places] = 0.01, 0.002
+    shared[masses] = 0.02 * random.standard_normal(masses.stop - masses.start)
+    at = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
+    equations = linearize(problem, at)
+    motion, still = random.standard_normal(at.motions[0].shape), np.zeros(problem.count)
+    directions = [(1e-6 * motion, still)]
+    for part in (lengths, places, masses):
+        one = np.zeros(problem.count)
+        one[part] = 1e-5 * random.standard_normal(part.stop - part.start)
+        directions.append((np.zeros_like(motion), one))
+    for motions, along in directions:
+        ahead = cost(problem, moved(problem, at, (motions,), along))
+        behind = cost(problem, moved(problem, at, (-motions,), -along))
+        expected = 2.0 * (equations.trials[0].right @ motions.ravel() + equations.g @ along)
+        assert ahead - behind == pytest.approx(2.0 * expected, rel=2e-4)
+
+
+def test_sparse_step_is_that_of_the_full_matrix(problem):
+    equations = linearize(problem, problem.begin())
+    one = equations.trials[0]
+    n = one.band.shape[1]
+    H = np.zeros((n, n))
+    for k, diagonal in enumerate(one.band):
+        H += np.diag(diagonal[: n - k], -k) + (np.diag(diagonal[: n - k], k) if k else 0.0)
+    damping = 1e-3
+    full = np.block([[H, one.cross], [one.cross.T, equations.H]])
+    full[np.diag_indices_from(full)] *= 1.0 + damping
+    expected = -np.linalg.solve(full, np.concatenate([one.right, equations.g]))
+    motions, shared = step(problem, equations, damping)
+    np.testing.assert_allclose(shared, expected[n:], rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(motions[0].ravel(), expected[:n], rtol=1e-4, atol=1e-6)
+    # The band does not widen with frames: memory and time grow in proportion to them.
+    assert one.band.shape[0] == WIDTH * len(problem.markers.free)
+
+
+@pytest.mark.long
+def test_a_simulated_person_is_found_again(recorded):
+    subject, trial = recorded
+    found = refine(subject.generic, [trial], subject.person.mass, OPTIONS)
+    assert found.converged
+    before, after = found.before, found.after
+    assert after.force < 0.5 * before.force
+    assert after.moment < 0.5 * before.moment
+    assert after.markers < 1.05 * before.markers
+    assert found.model.mass == pytest.approx(subject.person.mass, rel=1e-6)
+    truth, given, made = (
+        np.array([one.body(f"{name}_{side}").mass for name in ("femur", "tibia") for side in "rl"])
+        for one in (subject.person, found.given, found.model)
+    )
+    # Short, slow and with 3 mm of skin: the error of the given masses is halved or better.
+    assert np.sqrt(np.mean((made / truth - 1.0) ** 2)) < 0.1
+    assert np.abs(made - truth).sum() < 0.6 * np.abs(given - truth).sum()
+    assert (np.linalg.eigvalsh(pseudo_inertias(found.parameters))[:, 0] > 0.0).all()
+
+
+def test_what_cannot_be_refined_is_refused(recorded):
+    subject, trial = recorded
+    with pytest.raises(BadData, match="at least one recording"):
+        refine(subject.generic, [])
+    with pytest.raises(BadData, match="mass_sd is -1"):
+        RefineOptions(mass_sd=-1.0)
+    root = subject.generic.joints[0]
+    fixed = replace(
+        subject.generic,
+        joints=(replace(root, axes=(), coordinates=()), *subject.generic.joints[1:]),
+        coordinates=tuple(one for one in subject.generic.coordinates if one.name not in root.coordinates),
+    )
+    with pytest.raises(BadModel, match="does not move freely"):
+        refine(fixed, [trial])

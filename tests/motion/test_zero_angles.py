@@ -1,0 +1,172 @@
+"""What fixes the zero of angles: laws of the gauge, the symmetry of the mean posture, static trials, unequal legs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers
+from myomorph.model.spatial import axis_rotation
+from myomorph.motion.body.angle_slopes import angle_slopes
+from myomorph.motion.body.mean_posture import symmetric_posture
+from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.calibration import STATIC
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
+from myomorph.motion.lengths import factors_of, lengths_of
+from myomorph.motion.shared_fit import settle
+from myomorph.motion.stretch import stretch_of
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from stick_figure import stick_figure
+
+TURN = np.radians(12.0)
+
+
+def walk(model: Model, frames: int = 40, noise: float = 2e-3) -> Markers:
+    """Of two periods; the left does what the right did half a period ago."""
+    tree = compile_tree(model)
+    names = [one.name for one in model.coordinates]
+    phase = np.linspace(0.0, 4.0 * np.pi, frames, endpoint=False)
+    q = np.zeros((frames, len(names)))
+    for j, name in enumerate(names):
+        late = np.pi if "_l_" in name else 0.0
+        if name.startswith("tibia"):
+            q[:, j] = -0.6 + 0.4 * np.sin(phase + late)
+        elif name.startswith(("femur", "foot")):
+            q[:, j] = (0.35 if name.endswith("r0") else 0.1) * np.sin(phase + late + len(name) + j % 2 * 0.3)
+        elif name.startswith("torso"):
+            q[:, j] = 0.1 * np.sin(phase)
+    left = [names.index(name.replace("_r_", "_l_")) for name in names if "_r_" in name]
+    right = [names.index(name) for name in names if "_r_" in name]
+    q[:, left] = np.roll(q[:, right], frames // 4, axis=0)
+    poses = forward_kinematics(tree, q)
+    bodies = np.array([tree.body_index[one.body] for one in model.markers])
+    places = poses.points(bodies, np.array([one.location for one in model.markers]))
+    rng = np.random.default_rng(1)
+    return Markers(np.arange(frames) / 50.0, model.marker_names, places + noise * rng.normal(size=places.shape))
+
+
+def with_turned_foot(model: Model, angle: float, axis: int = 2) -> Model:
+    """The right foot's markers turned about its flexion axis, or another one."""
+    turn = axis_rotation(np.eye(3)[axis], angle)
+    return model.with_markers(
+        tuple(replace(one, location=turn @ one.location) if one.body == "foot_r" else one for one in model.markers)
+    )
+
+
+def with_unequal_legs(model: Model, longer: float) -> Model:
+    lengths = lengths_of(model)
+    long = {"femur_r", "tibia_r"}
+    values = np.array([1.0 + longer * (one.along and one.segment in long) for one in lengths])
+    return scale(model, factors_of(lengths, values))
+
+
+def test_turned_markers_turn_the_angle_and_leave_the_error():
+    """The gauge: no recording of markers alone can tell a turned foot from a turned zero."""
+    model = stick_figure()
+    markers = walk(model)
+    turned = with_turned_foot(model, TURN, axis=0)  # about the last axis of the ankle, so that no other angle changes
+    fits = [inverse_kinematics(one, markers, InverseKinematicsOptions()) for one in (model, turned)]
+    np.testing.assert_allclose(fits[1].errors, fits[0].errors, atol=1e-5)  # IK settles to a micrometer
+    j = fits[0].motion.names.index("foot_r_r1")
+    np.testing.assert_allclose(fits[1].motion.values[:, j], fits[0].motion.values[:, j] - TURN, atol=1e-4)
+
+
+def test_symmetry_of_the_mean_posture_picks_among_them():
+    """A person whose right foot's markers are turned against the model: symmetry sees it where marker places do not."""
+    generic = stick_figure()
+    markers = walk(with_turned_foot(generic, TURN))
+    apart = []
+    for sd in (0.02, 1e6):
+        found = calibrate(generic, [markers], CalibrationOptions(posture_sd=sd))
+        mean = inverse_kinematics(found.model, markers, InverseKinematicsOptions()).motion
+        both = [mean.values[:, mean.names.index(f"foot_{side}_r0")].mean() for side in "rl"]
+        apart.append(abs(both[0] - both[1]))
+    assert apart[0] < 0.5 * apart[1]
+
+
+def test_uneven_recordings_have_no_row():
+    """Half a step shows one knee bent and the other straight: that is no offset."""
+    model = stick_figure()
+    tree = compile_tree(model)
+    free = np.arange(len(tree.defaults))
+    names = [one.name for one in model.coordinates]
+    even = inverse_kinematics(model, walk(model), InverseKinematicsOptions()).motion.values
+    rows = symmetric_posture(tree, free, [even], 0.07)
+    assert "tibia_r_r0 - tibia_l_r0" in rows.names
+    # Mirrored, adduction and rotation change their sign in this model, whose axes are the same on both sides.
+    assert "femur_r_r1 + femur_l_r1" in rows.names
+    assert {"torso_r1", "torso_r2"} <= set(rows.names)
+    assert "torso_r0" not in rows.names
+    uneven = even.copy()
+    uneven[:-3, names.index("tibia_r_r0")] = -2.0
+    assert "tibia_r_r0 - tibia_l_r0" not in symmetric_posture(tree, free, [uneven], 0.07).names
+
+
+def test_slopes_of_mean_angles_are_differences():
+    model = stick_figure()
+    lengths, names = lengths_of(model), model.marker_names
+    tree = compile_tree(model)
+    markers = walk(model, frames=8)
+    fit = inverse_kinematics(model, markers, InverseKinematicsOptions())
+    unknowns = len(lengths) + 3 * len(names) + 1
+    problem = SharedProblem(
+        model, lengths, stretch_of(model, lengths, names),
+        marker_arrays(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
+        (FrameSet(markers.values, np.zeros((8, len(tree.defaults))), np.zeros(len(tree.defaults))),),
+        Prior(np.eye(unknowns), np.zeros(unknowns)), tree.defaults, 1e-10,
+    )  # fmt: skip
+    x = np.zeros(unknowns)
+    x[: len(lengths)] = 1.0
+    rng = np.random.default_rng(2)
+    way = np.concatenate([0.01 * rng.normal(size=len(lengths)), 1e-3 * rng.normal(size=3 * len(names)), [0.0]])
+    ends = [settle(problem, x + h * way, [fit.motion.values], 1e-4) for h in (-0.5, 0.5)]
+    means = [end.angles[0].mean(axis=0) for end in ends]
+    # Residuals of 2 mm over 0.1 m bend the minimum by a few percent: the slopes leave their second derivatives out.
+    slopes = angle_slopes(problem, settle(problem, x, [fit.motion.values], 1e-4)).mean @ way
+    np.testing.assert_allclose(slopes, means[1] - means[0], atol=0.03 * np.abs(slopes).max())
+
+
+def test_a_static_trial_comes_first():
+    model = stick_figure()
+    still = Markers(np.zeros(1), model.marker_names, walk(model).values[:1])
+    pose = {"foot_r_r0": 0.0, "foot_l_r0": 0.0}
+    alone = calibrate(model, [walk(model)], CalibrationOptions(frames=12))
+    known = calibrate(
+        model, [walk(model)], CalibrationOptions(frames=12, static=still, static_pose=pose, static_sd=0.01)
+    )
+    before, after = ({one.coordinate: one for one in found.zero_angles} for found in (alone, known))
+    for name in pose:
+        assert before[name].source != STATIC
+        assert after[name].source == STATIC
+        assert after[name].sd < before[name].sd
+        assert sum(after[name].shares.values()) == pytest.approx(1.0)
+    assert alone.steps >= 1
+    assert alone.converged
+    assert alone.last_change < 0.1
+
+
+@pytest.mark.parametrize(("longer", "differs"), [(0.0, False), (0.09, True)])
+def test_unequal_legs_are_found_and_named(longer, differs):
+    """Right thigh and shank 9 % longer, skin noise of 5 mm: lengths within 6 mm, and one line says so."""
+    model = stick_figure()
+    person = with_unequal_legs(model, longer)
+    found = calibrate(model, [walk(person, noise=5e-3)])
+    assert any("sides differ" in note for note in found.notes) == differs
+    for one in found.lengths:
+        if one.length.along and one.length.segment.startswith(("femur", "tibia")):
+            true = 1.0 + longer * one.length.segment.endswith("_r")
+            assert one.factor * one.length.extent == pytest.approx(true * one.length.extent, abs=6e-3)
+
+
+def test_segments_with_few_markers_and_unknown_names_are_said():
+    model = stick_figure()
+    markers = walk(model)
+    renamed = tuple("strange" if name == "foot_r2" else name for name in markers.names)
+    found = calibrate(model, [replace(markers, names=renamed)], CalibrationOptions(frames=8))
+    note = next(note for note in found.notes if "fewer than 3" in note)
+    assert all(part in note for part in ("foot_r (foot_r0, foot_r1)", "foot_r2", "strange"))
+    assert not any("fewer than 3" in note for note in calibrate(model, [markers], CalibrationOptions(frames=8)).notes)
