@@ -92,12 +92,12 @@ def determined(
     gain = _gain(prior, A)
     left = np.eye(10 * links) - gain @ A
     error = left @ truth @ left.T + samples * gain @ gain.T
-    variance = np.diag(error).copy()
+    variance: Array = np.array(np.diag(error), float)
     center = points.parameters(points.reference).ravel()
     moved = [_gain(prior, more) @ (value - more @ center) for more, value in noisy]
     if moved and b is not None:
         steps = np.array(moved) - gain @ (b - A @ center)
-        variance += np.square(steps).mean(axis=0)
+        variance = variance + np.asarray(np.square(steps).mean(axis=0), float)
     table = (links, 10)
     return Determined(
         shares.reshape(table),
