@@ -111,7 +111,7 @@ def determined(
 def _gain(prior: Array, A: Array) -> Array:
     """(parameters, rows) from what rows of unit noise miss to the change of the parameters."""
     crossed = A @ prior
-    gain: Array = np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T
+    gain: Array = np.array(np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T, float)
     return gain
 
 
