@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.mechanical_joint import mechanical_joint
 from made_swings import Made, eleven, three_releases
 
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, BadFile
+from myomorph.store.settings import settings_of
+from myomorph.store.study_file import checked
 from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.shared_errors import helping_most, with_shared_errors
+from myomorph.viscosity.study.plan import StudyOptions, viscosity_tables
+from myomorph.viscosity.study.template import write_template
 
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)
@@ -41,6 +47,28 @@ def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(swin
     assert helping_most(shares, "joint_viscosity").source in (source, "swings")
 
 
+@pytest.fixture(scope="module")
+def joint():
+    return mechanical_joint("ball", 0.055, 0.0, seed=4, seconds=15.0)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [[("plate_position", 2, 0.005)], [("moment_gain", 0, 0.02), ("moment_gain", 1, -0.01), ("moment_gain", 2, 0.02)]],
+    ids=["plate 5 mm", "gains +2/-1/+2 %"],
+)
+def test_the_plain_law_stays_near_a_mujoco_joints_truth_and_the_default_errors_hold_it(joint, errors):
+    swings = [replace(one, origin=np.array([0.2, 0.0, -0.8])) for one in joint.swings()]
+    for error in errors:
+        swings = [disturbed(one, *error) for one in swings]
+    found = identify_specimen("off", swings, [], options=OPTIONS)
+    wider, _ = with_shared_errors(found, OPTIONS, ErrorOptions())
+    assert wider.without.viscosity.value == pytest.approx(0.055, rel=0.03)
+    assert wider.without.viscosity.holds(0.055)
+    assert wider.without.mass.holds(joint.truth.mass)
+    assert wider.without.com.holds(joint.truth.com)
+
+
 def test_sources_of_no_error_leave_intervals_as_they_are(swings):
     found = identify_specimen("exact", *swings, options=OPTIONS)
     same, shares = with_shared_errors(found, OPTIONS, NONE)
@@ -60,3 +88,23 @@ def test_what_errors_add_grows_with_their_standard_deviation(swings):
 def test_a_negative_standard_deviation_is_refused():
     with pytest.raises(BadData, match="plate_position"):
         ErrorOptions(plate_position=-1.0)
+
+
+def test_the_template_has_every_key_and_is_what_the_reader_knows(tmp_path):
+    path = write_template(tmp_path / "new")
+    text = path.read_text(encoding="utf-8")
+    given = [
+        line[2:] if line.startswith("# ") and " = " in line and " =  #" not in line else line
+        for line in text.split("\n")
+    ]
+    specimen, _ = "\n".join(given).split("[options.", 1)
+    found = tomllib.loads(specimen)
+    found, problems = checked(viscosity_tables(), found)
+    assert not problems
+    assert set(type(found.specimen[0]).model_fields) == found.specimen[0].model_fields_set
+    for table, options in vars(StudyOptions()).items():
+        assert f"[options.{table}]" in text
+        for one in settings_of(type(options)):
+            assert f"# {one.name} = " in text
+    with pytest.raises(BadFile, match="exists already"):
+        write_template(path.parent)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import OutFolder, Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import Threads, Time, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
@@ -52,7 +52,12 @@ def viscosity_command(
     study: Annotated[Path | None, Parameter(help="Study file (.toml) of one or more specimens.")] = None,
     /,
     *,
-    out: OutFolder,
+    out: Annotated[
+        Path | None, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")
+    ] = None,
+    template: Annotated[
+        Path | None, Parameter(name="--template", help="Write a study file with every key into this folder, and end.")
+    ] = None,
     model: Annotated[Path | None, Parameter(help="Model of one specimen (.osim or .xml), in place of a study.")] = None,
     intact: Intact = (),
     without: Without = (),
@@ -71,7 +76,13 @@ def viscosity_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
     from myomorph.viscosity.study.run import run_viscosity
+    from myomorph.viscosity.study.template import write_template
 
+    if template is not None:
+        said(f"template: {write_template(template)}")
+        return 0
+    if out is None:
+        raise BadData("give --out, the folder to write, or --template for a study file to fill in")
     use_threads(threads)
     if study is not None:
         plan = read_viscosity_plan(study)

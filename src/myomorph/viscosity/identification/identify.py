@@ -55,7 +55,8 @@ class ViscosityOptions:
     instruments : find the inertia free of the noise of twice differentiated markers, by instruments; without,
         plain least squares as the paper writes them
     stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they do not bias it;
-        without, least squares as the paper writes them
+        off, least squares as the paper writes them; by default a study does where a law with a spring predicts
+        held-out swings better than viscosity alone (this function alone compares no laws, and fits it)
     subtract : joint viscosity that step 3 takes off: the one value, or one an axis
     spread : relative standard deviation of single muscles' viscosities about the common one
     min_relative_speed : swings slower than this share of the fastest are left out (root mean square of the rates)
@@ -68,7 +69,7 @@ class ViscosityOptions:
     tare: Tare = "known"
     prior_sd: float = 1.0
     instruments: bool = True
-    stiffness: bool = True
+    stiffness: bool | None = None
     subtract: Literal["one", "axes"] = "one"
     spread: float = 1.0
     min_relative_speed: float = 0.1
@@ -218,7 +219,7 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
     try:
         sums = swing_sums(given, options.block, options.min_relative_speed)
         inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
-        if options.stiffness and len(sums.axes) == 3:
+        if options.stiffness is not False and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
             for _ in range(NEUTRAL_ROUNDS):
                 moved = counted_from(given, neutral_position(sums, parameters))
@@ -226,7 +227,7 @@ def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> Condi
                 if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
                     break
                 given, sums = moved, there
-        return solve_condition(sums, inertial, options.stiffness)
+        return solve_condition(sums, inertial, options.stiffness is not False)
     except MyomorphError as error:
         return str(error)
 
@@ -284,7 +285,7 @@ def _muscles(
     problem = muscle_problem(whole, joint(bare.whole))
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
-    blocks = np.stack([torque_problem(one, phi, options.stiffness) for one in full.sums.torque])
+    blocks = np.stack([torque_problem(one, phi, options.stiffness is not False) for one in full.sums.torque])
     variance = noise_variance(blocks, joint(bare.whole))
     strength = ridge_strength(problem, variance, common, options.spread)
 

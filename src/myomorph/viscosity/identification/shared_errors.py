@@ -66,7 +66,7 @@ def with_shared_errors(
         )
     muscles = found.muscles
     if muscles is not None:
-        muscles = replace(muscles, common=wider("muscle_viscosity", muscles.common))
+        muscles = replace(muscles, common=_wider(muscles.common, z * sds.get("muscle_viscosity", 0.0), True))
     swings = {
         name: (own.high - own.low) / (2.0 * z) for name, own in _estimates(found).items() if np.isfinite(own.value)
     }
@@ -108,7 +108,7 @@ def _values(
         hidden = bool(np.isnan(conditions[key].mass.value))
         inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
         sums = swing_sums(own, options.block, options.min_relative_speed)
-        one = solve_whole(sums, inertial, options.stiffness, conditions[key].residual)
+        one = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
         mass, com, viscosity, plate, *axes = one.estimates.tolist()
         names = (*COLUMNS[key], f"plate {COLUMNS[key][2]}", *(f"{axis} {COLUMNS[key][2]}" for axis in sums.axes))
         known |= dict(zip(names, (mass, com, viscosity, plate, *axes), strict=True))
@@ -123,7 +123,7 @@ def _values(
 def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityOptions) -> float:
     """d_M of all muscles alike [N s/m]."""
     joint: Array = np.full(len(sums.axes), bare.joint.one) if options.subtract == "one" else bare.joint.axes
-    torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness)
+    torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness is not False)
     return float(muscle_problem(torque, joint).along(np.ones(len(sums.muscles))))
 
 

@@ -204,6 +204,7 @@ class SpecimenReport:
     scans : residual maps of scanned bones
     failure : why it could not be done, "" where it could
     errors : what swings, instruments and model add to each result
+    shoulder : whether the joint is the glenohumeral one, of which literature and paper have values
     """
 
     name: str
@@ -222,6 +223,7 @@ class SpecimenReport:
     notes: tuple[str, ...] = ()
     failure: str = ""
     errors: tuple[ErrorShare, ...] = ()
+    shoulder: bool = True
 
 
 @dataclass(frozen=True, eq=False)

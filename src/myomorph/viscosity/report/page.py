@@ -28,7 +28,8 @@ def viscosity_page(given: ViscosityInput) -> str:
         warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
     )
     lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    sources = cited("murai2016", "stroeve1999", "cameron2008")
+    literature = ("stroeve1999",) if any(one.shoulder for one in given.done) else ()
+    sources = cited("murai2016", *literature, "cameron2008")
     return rendered(page, _sections(given, lines), sources, facts=_facts(given), tiles=_tiles(lines))
 
 
@@ -61,7 +62,8 @@ def _sections(given: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Se
     if beside is not None:
         tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
     levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
-    levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
+    if any(one.shoulder and one.intact is not None for one in given.done):
+        levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
     found = [tables, cohort_section(given.done, levels)]
     for order, one in enumerate(given.done, 1):
         found += specimen_sections(one, order)

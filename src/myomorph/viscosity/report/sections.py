@@ -190,7 +190,7 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
         figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
     if one.arms is not None:
         figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [*_model_grids(one), *_arm_grid(one.arms)]
+    grids = [*_model_grids(one), *_arm_grid(one.arms), *_error_grid(one)]
     if one.calibration:
         rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
         grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
@@ -314,6 +314,22 @@ def _arm_grid(arms: ArmSpread | None) -> list[Grid]:
     )
     head = ("Error of the moment arms", "Its SD", "SD of the viscosity", "Bias", "Viscosity [Ns/m] (95 % of draws)")
     return [Grid(head, rows, "Muscle viscosity with moment arms in error")]
+
+
+def _error_grid(one: SpecimenReport) -> list[Grid]:
+    """What swings, instruments and model add to each result, and which of them adds most."""
+    quantities = list(dict.fromkeys(each.quantity for each in one.errors))
+    sources = list(dict.fromkeys(each.source for each in one.errors))
+    if not quantities:
+        return []
+    share = {(each.quantity, each.source): each.share for each in one.errors}
+    rows = []
+    for quantity in quantities:
+        own = [share.get((quantity, source), 0.0) for source in sources]
+        most = sources[int(np.argmax(own))].replace("_", " ")
+        rows.append((where(BY_NAME[quantity]), *(f"{100.0 * part:.0f} %" for part in own), most))
+    head = ("Result", *(source.replace("_", " ") for source in sources), "Adds most")
+    return [Grid(head, tuple(rows), "Error budget: share of each source in the variance of each result")]
 
 
 def _signed(value: float) -> str:

@@ -100,9 +100,10 @@ def _table(
         known = [lines.get(column.name) for column in columns]
         rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
         rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
-        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)):
+        shoulders = any(one.shoulder for one in specimens)
+        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
             rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
-        if table == 2:
+        if table == 2 and shoulders:
             stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
             rows.append(("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns)))
     head = ("specimen #", *(f"{column.label} [{column.unit}]" for column in columns))
@@ -113,6 +114,7 @@ def _table(
 def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) -> Grid:
     """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
     known = bool(specimens) and any(one.truth for one in specimens)
+    shoulders = any(one.shoulder for one in specimens)
     rows = []
     for quantity in QUANTITIES:
         line = lines.get(quantity.name)
@@ -120,7 +122,8 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         row = [f"{where(quantity)} [{quantity.unit}]"]
         if known:
             row.append(_spread(truths))
-        row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
+        if shoulders:
+            row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
         row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
         unknown = line is None or not np.isfinite(line.low) or line.high == line.low
         row.append(LACKING if unknown or line is None else span(line.low, line.high))
@@ -132,11 +135,10 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
                 row.append(f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}")
         row.append(LACKING if line is None else str(line.count))
         rows.append(tuple(row))
-    head = ["Quantity", "Paper's six", "Estimate", "95 % interval of the mean", "Specimens"]
-    if known:
-        head.insert(1, "Truth")
-        head.insert(5, "Truth in the interval")
-    title = "Means ± population SD" + (": truth, paper and estimate" if known else " beside the paper's")
+    head = ["Quantity", *(["Truth"] if known else []), *(["Paper's six"] if shoulders else [])]
+    head += ["Estimate", "95 % interval of the mean", *(["Truth in the interval"] if known else []), "Specimens"]
+    paper = ": truth, paper and estimate" if known else " beside the paper's"
+    title = "Means ± population SD" + (paper if shoulders else ": truth and estimate" if known else "")
     return Grid(tuple(head), tuple(rows), title)
 
 

@@ -46,7 +46,7 @@ from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import TrackedSpecimen, track
 from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
-from myomorph.viscosity.trust.models import UNITS, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
 LEVELS = (0.05, 0.10, 0.15, 0.20)
@@ -56,12 +56,16 @@ EACH = "factor of each muscle"
 
 
 def trusted(
-    report: SpecimenReport, found: SpecimenViscosity, laws: PassiveOptions, arms: MomentArmOptions
+    report: SpecimenReport,
+    found: SpecimenViscosity,
+    laws: PassiveOptions,
+    arms: MomentArmOptions,
+    compared: Mapping[str, PassiveComparison] = FrozenMap({}),
 ) -> SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
     for make in (
-        lambda one: with_laws(one, "without", found.without, laws),
-        lambda one: with_laws(one, "with", found.intact, laws),
+        lambda one: with_laws(one, "without", found.without, laws, compared.get("without")),
+        lambda one: with_laws(one, "with", found.intact, laws, compared.get("with")),
         lambda one: with_arms(one, found, arms),
     ):
         try:
@@ -72,14 +76,18 @@ def trusted(
 
 
 def with_laws(
-    report: SpecimenReport, name: str, condition: Condition | None, options: PassiveOptions
+    report: SpecimenReport,
+    name: str,
+    condition: Condition | None,
+    options: PassiveOptions,
+    compared: PassiveComparison | None = None,
 ) -> SpecimenReport:
     """The report with alternatives to plain viscosity for one condition."""
     if condition is None:
         return report
     if np.isnan(condition.mass.value):
         options = replace(options, tare="unknown")
-    compared = compare_passive_laws(condition.recordings, options)
+    compared = compared or compare_passive_laws(condition.recordings, options)
     models = tuple(
         PassiveModel(
             name,
@@ -233,21 +241,29 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     if not conditions:
         raise BadData("; ".join(lost))
     notes += lost
+    compared, conflicts = _compared(conditions, options.laws)
+    notes += conflicts
+    options = _with_law(options, compared)
     found = _identified(specimen, files, conditions, options.identification)
     by_swings = found
     found, shares = with_shared_errors(found, options.identification, options.errors)
     advance(IDENTIFYING)
     report, found = _judged(found, by_swings, conditions, notes)
-    report = trusted(report, found, options.laws, options.moment_arms)
+    report = trusted(report, found, options.laws, options.moment_arms, compared)
     tracked = {name: one.tracked for name, one in conditions.items()}
     hidden = [name for name, one in conditions.items() if one.hides_mass]
     report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
     report, model = _with_model(report, found, tracked, cutoff)
     residuals = (*residuals, *_marker_residuals(conditions))
-    known = replace(
-        report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans, errors=shares
-    )
+    known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
+    known = replace(known, errors=shares, shoulder=_is_shoulder(specimen))
     return Studied(found, known, model)
+
+
+def _is_shoulder(specimen: Specimen) -> bool:
+    """Whether the joint is that of the paper and of its literature, by the names of its bones."""
+    names = specimen.base.lower(), specimen.first.lower()
+    return "scapula" in names[0] and "humer" in names[1] and len(specimen.joint_coordinates) == 3
 
 
 def _tracked(
@@ -294,6 +310,34 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
         found[name] = replace(one, recordings=recordings, findings=findings)
     return found
+
+
+def _compared(
+    conditions: Mapping[str, Prepared], options: PassiveOptions
+) -> tuple[dict[str, PassiveComparison], list[str]]:
+    """Laws of the passive torque of every condition that can be compared, and where their criteria disagree."""
+    found, notes = {}, []
+    for name, one in conditions.items():
+        own = replace(options, tare="unknown") if one.hides_mass else options
+        try:
+            found[name] = compare_passive_laws(one.recordings, own)
+        except MyomorphError:
+            continue  # `with_laws` tries again and names it.
+        if found[name].conflict:
+            notes.append(f"{STATES[name]}: {found[name].conflict}")
+    return found, notes
+
+
+def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
+    """The options with a spring where it was asked for, or a condition's swings are predicted better with it."""
+    if options.identification.stiffness is not None:
+        return options
+    sprung = any("stiffness" in term for one in compared.values() for term in one.chosen.terms)
+    return replace(
+        options,
+        identification=replace(options.identification, stiffness=sprung),
+        moment_arms=replace(options.moment_arms, stiffness=sprung),
+    )
 
 
 def _identified(

@@ -62,10 +62,14 @@ def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
     return replace(wrenches, forces=forces, points=points, torques=torques)
 
 
-def carrying(wrenches: Wrenches, gravity: Array, name: str) -> tuple[Wrenches, tuple[str, ...]]:
+def carrying(wrenches: Wrenches, gravity: Array, name: str, up: str | None = None) -> tuple[Wrenches, tuple[str, ...]]:
     """The wrenches as what carries a hanging limb; reversed, and said so, where they are what the limb does.
 
     A plate that was set to zero with the limb on it tells nothing of the vertical.
+
+    Parameters
+    ----------
+    up : axis of the laboratory that the study file says points up
 
     Raises
     ------
@@ -78,12 +82,18 @@ def carrying(wrenches: Wrenches, gravity: Array, name: str) -> tuple[Wrenches, t
         return wrenches, ()
     mean = force.mean(axis=0)
     size, change = float(np.linalg.norm(mean)), float(np.linalg.norm(force.std(axis=0)))
-    up = -np.asarray(gravity) / np.linalg.norm(gravity)
+    vertical = -np.asarray(gravity) / np.linalg.norm(gravity)
     if size <= STEADY * change or size == 0.0:
         return wrenches, ()
-    cosine = float(mean @ up) / size
+    cosine = float(mean @ vertical) / size
     if abs(cosine) < ASLANT:
-        lab, own = AXES[int(np.argmax(np.abs(mean)))], AXES[int(np.argmax(np.abs(up)))]
+        lab, own = AXES[int(np.argmax(np.abs(mean)))], AXES[int(np.argmax(np.abs(vertical)))]
+        if up is not None:
+            was = AXES[int(np.argmax(np.abs(turn_to(up, gravity).T @ mean)))]
+            raise BadData(
+                f"recording '{name}': up = \"{up}\" is not the recording's vertical, its weight hangs "
+                f'along {was}: give up = "{was}", or leave it out'
+            )
         raise BadData(
             f"recording '{name}': the weight hangs along {lab}, but the model's vertical is {own}: give up = \"{lab}\" "
             "in the study file"
@@ -127,13 +137,29 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
         bones = files.bones or _marked(model, base, first, recorded.names)
         names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
         specimen = build_specimen(model, names)
+    lost = _unknown_markers(specimen, recorded.names)
     if scanned is None:
-        return OpenedSpecimen(specimen)
+        return OpenedSpecimen(specimen, lost)
     maps = [
         residual_map(bone.body, f"mm, root mean square {number(1e3 * bone.fit.rms)}", surface, bone.fit.distances)
         for bone, surface in zip(scanned.bones, (read_mesh(scan.surface) for scan in files.ct), strict=True)
     ]
-    return OpenedSpecimen(specimen, scanned.notes, _fits(scanned), tuple(Figure(one) for one in maps))
+    return OpenedSpecimen(specimen, (*lost, *scanned.notes), _fits(scanned), tuple(Figure(one) for one in maps))
+
+
+def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, ...]:
+    """A note for every bone that has fewer than three recorded markers, where others are unknown to the model."""
+    owner = {one.name: one.body for one in specimen.model.markers}
+    unknown = [name for name in recorded if name not in owner]
+    if not unknown:
+        return ()
+    counts = {bone: sum(owner.get(name) == bone for name in recorded) for bone in dict.fromkeys(owner.values())}
+    return tuple(
+        f"bone '{bone}' has {count} of its markers in the recording, which has {listing('', unknown)} that the model "
+        "does not know: name them alike"
+        for bone, count in counts.items()
+        if 0 < count < 3
+    )
 
 
 def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
@@ -228,7 +254,7 @@ def open_swing(
     turn = np.eye(3) if files.up is None else turn_to(files.up, model.gravity)
     turn = turn if trial is recorded else Z_UP_TO_Y_UP @ turn
     raw = turned(open_wrench(swing.loads, place), turn)
-    wrenches, carried_notes = carrying(raw, model.gravity, swing.name)
+    wrenches, carried_notes = carrying(raw, model.gravity, swing.name, files.up)
     empty = None
     if files.tare is not None:
         empty = turned(open_wrench(files.tare, place), turn)

@@ -1,0 +1,81 @@
+"""A study file with every key and what it means, to fill in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from myomorph.model.errors import BadFile
+from myomorph.store.settings import settings_of
+from myomorph.viscosity.study.plan import StudyOptions
+from myomorph.viscosity.study.results import write_whole
+
+NAME = "study.toml"
+
+SPECIMEN = (
+    ("measured_muscle_mass", "0.74", "of the removed muscles on a scale [kg]"),
+    ("base", '"scapula"', "body that is fixed to the plate; by default the one so named"),
+    ("first_body", '"humerus"', "first body that swings; by default the one so named"),
+    ("bones", '["ulna", "radius"]', "other bodies with markers; by default those with three recorded ones"),
+    ("joint", '"ball"', '"ball" or "hinge"'),
+    ("up", '"z"', "axis of the laboratory that points up; by default the model's vertical"),
+    ("muscles", '{ deltoid = ["delt1", "delt2"] }', "lines of action of the model that are one muscle"),
+    ("pcsa", "{ deltoid = 12.0 }", "cross-section of each muscle, any one unit"),
+    ("tare", '"empty.mot"', "forces of the plate with the fixture alone"),
+    (
+        "plate",
+        '{ placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], tip = 0.1 }',
+        "calibrate the plate from a marked weight (mass, shares) or rod (axis, tip)",
+    ),
+    (
+        "ct",
+        '[{ bone = "humerus", surface = "humerus.stl", cluster = "cluster.stl", markers = ["h1", "h2", "h3"] }]',
+        "scanned bones and clusters, from which the markers come",
+    ),
+    ("time", "[0.0, 20.0]", "part of every recording that is used [s]"),
+    ("truth", "{ joint_viscosity = 0.055 }", "values known from elsewhere, shown beside"),
+    ("paper", "{ joint_viscosity = 0.0761 }", "printed values, shown beside"),
+)
+"""Optional keys of a specimen: an example and what it is."""
+
+
+def study_template() -> str:
+    """The text of a study file: what must be given, and every other key commented out."""
+    lines = [
+        "# A study of swinging limbs: fill in, then  myomorph viscosity study.toml --out results",
+        "",
+        "[study]",
+        'name = "shoulder"',
+        '# real = ["sentence"]       # what was measured; stands first in the report',
+        '# simulated = ["sentence"]  # what was not',
+        '# assumed = ["sentence"]    # what else is assumed',
+        "",
+        "[[specimen]]               # once for each specimen",
+        'name = "01"',
+        'model = "arm.osim"         # OpenSim or MuJoCo model, its markers named as the recorded ones',
+        'removed = ["bare*.trc"]    # recordings with muscles removed; forces beside them by name, or in the C3D file',
+        'intact = ["full*.trc"]     # recordings with muscles intact',
+    ]
+    lines += [f"# {key} = {example}  # {words}" for key, example, words in SPECIMEN]
+    for table, options in vars(StudyOptions()).items():
+        lines += ["", f"[options.{table}]"]
+        for one in settings_of(type(options)):
+            value = "" if one.default is None else json.dumps(one.default)
+            lines.append(f"# {one.name} = {value}  # {' '.join(one.help.split())}{'' if value else ' (chosen)'}")
+    return "\n".join(lines) + "\n"
+
+
+def write_template(folder: Path) -> Path:
+    """Write `study.toml` into a folder, which is made; a file that is there is never replaced.
+
+    Raises
+    ------
+    BadFile
+        where there is one already
+    """
+    path = folder / NAME
+    if path.exists():
+        raise BadFile(path, "exists already", "give another folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(study_template(), path)
+    return path
