@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.determined import LINK_SD, NINETY, determined
-from myomorph.identify.mass_points import MassPointOptions, prior_variances
+from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.parts import parts_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, usable
@@ -248,3 +248,25 @@ def test_strength_can_be_given(walk):
         IdentificationOptions(mass_sd=0.0)
     with pytest.raises(BadData, match="mass points"):
         identify(model, [found], {})
+
+
+def test_the_weights_of_the_paper_can_be_asked_for(walk):
+    """[D] eq. 3.10 with W_phi = W_rho = 1: the same masses as from base parameters by hand."""
+    model, points, found = walk
+    options = IdentificationOptions(prior="paper", compare=False, if_worse="identified", motion_sd=0.0)
+    result = identify(model, [found], points, mass=MASS, options=options)
+    parts = parts_of(model, [found.recording], result.base.base)
+    # What the walk hardly shows is held at the model's, as weakly as in the base fit.
+    R, z = parts.factor(result.noise)
+    spread, mean = 100.0 * result.base.size, result.base.base.of(inertial_parameters(model))
+    R, z = np.vstack([R, np.diag(1.0 / spread)]), np.concatenate([z, mean / spread])
+    by_hand = solve_mass_points(
+        points["own"],
+        result.base.base.combination,
+        np.linalg.lstsq(R, z)[0],
+        mass=MASS,
+        options=MassPointOptions(prior="paper"),
+    )
+    np.testing.assert_allclose(result.parameters[result.chosen], by_hand.parameters, atol=1e-5)
+    with pytest.raises(BadData, match="method 'points'"):
+        IdentificationOptions(prior="paper", mass_sd=0.1)

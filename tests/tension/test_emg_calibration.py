@@ -15,6 +15,7 @@ from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_delay import EmgCalibration, shaped
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension import emg_calibration
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
 from myomorph.tension.emg_tracking import _bounded
@@ -103,6 +104,20 @@ def test_noise_widens_the_intervals_and_moves_the_gains_little(pair):
     )
     np.testing.assert_allclose(noisy.gains, 1.0, rtol=0.1)
     assert (np.ptp(noisy.intervals, axis=1) > 2.0 * np.ptp(clean.intervals, axis=1)).all()
+
+
+def test_noise_does_not_make_gains_small(pair, monkeypatch):
+    """Noise of a fifth of the activations: without the correction the gains are too small, with it nearer to 1."""
+    model, motion, torques, _, _ = pair
+    emg, rng = recorded(pair), np.random.default_rng(6)
+    rough = Emg(emg.time, emg.names, emg.values + 0.15 * rng.standard_normal(emg.values.shape))
+    options = EmgOptions(delay=DELAY, weight=1.0)
+    trials = [EmgTrial(motion, torques, rough)]
+    corrected = calibrate_emg(model, trials, PAIR, options, RIGID).gains
+    monkeypatch.setattr(emg_calibration, "_noise", lambda *_: np.zeros(2))
+    plain = calibrate_emg(model, trials, PAIR, options, RIGID).gains
+    assert (plain < 1.0).all()
+    assert (np.abs(corrected - 1.0) < np.abs(plain - 1.0)).all()
 
 
 def test_two_trials_share_one_gain(pair):

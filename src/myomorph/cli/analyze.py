@@ -47,10 +47,16 @@ def analyze_command(
     prepare: Annotated[
         bool, Parameter(negative=(), help="Only write the study file, so that it can be changed before it is run.")
     ] = False,
+    dry_run: Annotated[
+        bool,
+        Parameter(
+            negative=(), help="Only write the study file, and print what would be computed and how long it takes."
+        ),
+    ] = False,
 ) -> int:
     """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are found, and said."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.cli.study import run_plan
+    from myomorph.cli.study import dry_run_plan, run_plan
     from myomorph.model.errors import BadData
     from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
     from myomorph.study.analyze.own_protocols import read_protocols
@@ -80,4 +86,6 @@ def analyze_command(
     for text in prepared.assumed:
         said(f"  {text}")
     said(f"study file, to be changed and run again: {prepared.study}")
+    if dry_run:
+        return dry_run_plan(read_plan(prepared.study), out, workers=workers, threads=threads)
     return 0 if prepare else run_plan(read_plan(prepared.study), out, workers=workers, threads=threads)

@@ -90,6 +90,11 @@ def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     return BAD_INPUT if found.problems else 0
 
 
+def dry_run_plan(plan: Plan, out: Path, *, workers: int | None = None, threads: int | None = None) -> int:
+    """Print what a run of a plan on this machine would do; the exit status."""
+    return _dry_run(plan, out, False, _hands(plan, workers, None, threads).count)
+
+
 def _hands(plan: Plan, workers: int | None, memory: float | None, threads: int | None) -> Workers:
     """Workers of this machine for a study; raises `BadData` where there cannot be any."""
     # Imported by the command that needs it: --help and the others start without.

@@ -23,6 +23,7 @@ from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.model import morph_model
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
+from myomorph.report.morph.morph_summary import morph_lines
 from myomorph.report.page.parts import Figure, Grid, Note, Section
 from myomorph.simulate.deformed_leg import (
     AMPLITUDE,
@@ -293,4 +294,4 @@ def summary(found: MorphDemo) -> list[str]:
         f"  {name:<24} {1e3 * float(np.median(one)):5.1f} {1e3 * float(one.max()):5.1f}"
         for name, one in found.errors.distances.items()
     ]
-    return [*lines, f"{len(found.morphed.checks.warnings)} warnings of the checks stand first in the report"]
+    return [*lines, *morph_lines(found.morphed.morph, found.morphed.checks)]

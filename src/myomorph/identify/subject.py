@@ -22,7 +22,7 @@ from myomorph.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
-from myomorph.identify.unseen import Strength, Unseen, thinned, unseen_parts
+from myomorph.identify.unseen import Strength, Unseen, solve_as_paper, thinned, unseen_parts
 from myomorph.identify.validation import Consistency, Inside, consistency
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -44,6 +44,8 @@ class IdentificationOptions:
     method : "points" for masses of points, "pseudo-inertia" for possible parameters without points
     mass_sd : relative standard deviation of a link's mass before anything is measured, which says how
         much the data may change the shape's masses; by default what predicts unseen parts of the recordings best
+    prior : "relative" weighs data by their noise and each link's mass by `mass_sd`; "paper" is [D]'s own setting,
+        W_phi = W_rho = 1 in its units, for masses of points
     compare : also solve by the other method and the other weight maps, for the tables
     motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which intervals carry
         [rad or m]; 0 for a motion without noise. By default that of markers with 2 mm of noise
@@ -53,6 +55,7 @@ class IdentificationOptions:
 
     method: Literal["points", "pseudo-inertia"] = "points"
     mass_sd: float | None = None
+    prior: Literal["relative", "paper"] = "relative"
     compare: bool = True
     motion_sd: float = 0.002
     if_worse: Literal["generic", "identified"] = "generic"
@@ -60,6 +63,10 @@ class IdentificationOptions:
     def __post_init__(self) -> None:
         if self.mass_sd is not None and not self.mass_sd > 0.0:
             raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
+        if self.prior not in ("relative", "paper"):
+            raise BadData(f"prior is '{self.prior}': expected 'relative' or 'paper'")
+        if self.prior == "paper" and (self.method != "points" or self.mass_sd is not None):
+            raise BadData("prior 'paper' is of mass points and has no mass_sd: give it with method 'points' alone")
         if not 0.0 <= self.motion_sd < 0.2:
             raise BadData(f"motion_sd is {self.motion_sd:g}: expected radians and metres, 0 to below 0.2")
         if self.if_worse not in ("generic", "identified"):
@@ -206,10 +213,13 @@ def identify(
     parts = parts_of(generic, used, base)
     first = next(iter(points))
     few = thinned(points[first])
-    strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd)
+    paper = generic if options.prior == "paper" else None
+    strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
     noise, tried, best = strength.choose(parts)
     rows = parts.rows(noise)
     solved = _solved(points, rows, mass, best, options, advance)
+    if paper is not None:
+        solved[f"identified, {first}"] = solve_as_paper(paper, points[first], parts, noise, mass)
     shape = points[first].parameters(points[first].reference)
     identified = f"identified, {first}" if options.method == "points" else CONIC
     found = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}

@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
+from myomorph.identify.base_parameters import BaseParameters, base_sizes
 from myomorph.identify.body.points import MassPoints
-from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
+from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.identify.parts import Parts, held_out
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5)
 """Relative standard deviations of a link's mass to choose from where none is given.
@@ -30,6 +33,9 @@ POINTS_PER_LINK = 60
 
 ROUNDS = 5
 """Times that the noise is taken anew from what the fit leaves of unseen parts."""
+
+PAPER_SD = 0.2
+"""Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in intervals."""
 
 WORSE = 1.02
 """Ratio of misfits on unseen parts, identified over generic, from which one counts as worse."""
@@ -101,17 +107,21 @@ class Strength:
     generic : (bodies, 10) parameters of the scaled model
     method : "points" or "pseudo-inertia"
     mass_sd : the strength to use; None chooses
+    paper : model whose base parameters are met with [D]'s own weights; None weighs by noise and prior
     """
 
     points: MassPoints
     generic: Array
     method: str
     mass_sd: float | None
+    paper: Model | None = None
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """(bodies, 10) parameters by the given strength from some parts."""
-        A, b = parts.rows(noise, others)
         mass = float(self.generic[:, 0].sum())
+        if self.paper is not None:
+            return solve_as_paper(self.paper, self.points, parts, noise, mass, others).parameters
+        A, b = parts.rows(noise, others)
         if self.method == "points":
             return solve_mass_points(
                 self.points, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)
@@ -146,14 +156,29 @@ class Strength:
             own: Array = (found[sd] / before).mean(axis=1)
             return own
 
-        if self.mass_sd is not None:
-            best = self.mass_sd
+        if self.mass_sd is not None or self.paper is not None:
+            best = self.mass_sd or PAPER_SD
             scores(best)
         else:
             best = _walk(scores, parts.several)
         frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
         weights = frames / frames.sum()
         return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
+
+
+def solve_as_paper(
+    model: Model, points: MassPoints, parts: Parts, noise: Array, mass: float, others: np.ndarray | None = None
+) -> MassPointFit:
+    """Mass points with the weights of [D] eq. 3.10, W_phi = W_rho = 1, on base parameters by least squares.
+
+    What no frame shows is held at the model's by a weak prior of 100 times its size, as in `fit_base`.
+    """
+    base: BaseParameters = parts.base
+    mean, spread = base.of(inertial_parameters(model)), 100.0 * base_sizes(model, base)
+    chosen = parts if others is None else parts.only(others)
+    estimate = chosen.estimate(noise, mean, spread)
+    options = MassPointOptions(prior="paper", W_phi=1.0, W_rho=1.0)
+    return solve_mass_points(points, base.combination, estimate, mass=mass, options=options)
 
 
 def _walk(scores: Callable[[float], Array], several: bool) -> float:

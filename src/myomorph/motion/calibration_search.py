@@ -92,7 +92,8 @@ def search_minimum(
     start = point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
-    told, sides, usual, repeats = True, (), usual_shifts(problem.model, names, distances), 0
+    told, usual, repeats = True, usual_shifts(problem.model, names, distances), 0
+    sides: tuple[SideDifference, ...] = ()
     landmark = np.array([problem.model.marker(name).fixed for name in names])
     differing: frozenset[tuple[int, int]] = frozenset()
     if options.method == "joint":

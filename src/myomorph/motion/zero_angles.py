@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
@@ -22,7 +23,7 @@ WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
 
 
-def posterior(problem: SharedProblem, at: Point, variance: float, free: Array, H: Array) -> Array:
+def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
     """(unknowns, unknowns) covariance of what is searched for, of the noise, priors and mean posture; 0 elsewhere."""
     rows = _rows(problem, at)[:, free]
     found = np.zeros((len(free), len(free)))
@@ -38,7 +39,13 @@ def _rows(problem: SharedProblem, at: Point) -> Array:
 
 
 def zero_angles(
-    problem: SharedProblem, at: Point, start: Point, variance: float, free: Array, static: bool, zero_sd: float
+    problem: SharedProblem,
+    at: Point,
+    start: Point,
+    variance: float,
+    free: NDArray[np.bool_],
+    static: bool,
+    zero_sd: float,
 ) -> tuple[ZeroAngle, ...]:
     """The zeros of all angles that markers show, what fixes each, and its standard deviation.
 
@@ -63,7 +70,7 @@ def zero_angles(
     ]
     given_size = free.copy()
     given_size[-1] = False
-    S = slopes.mean[np.ix_(chosen, given_size)]
+    S = slopes.mean[chosen][:, given_size]
     rows = problem.prior.rows[:, given_size]
     information = rows.T @ rows
     precision = {GENERIC: _precision(S, information)}

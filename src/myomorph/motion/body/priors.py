@@ -116,8 +116,8 @@ def side_differences(
     pull = prior.rows[sides].T @ (prior.rows[sides] @ x - prior.right[sides])
     freed = x + covariance @ pull
     D = np.zeros((len(along), len(x)))
-    for row, k in enumerate(along):
-        D[row, pairs[k][0]], D[row, pairs[k][1]] = 1.0, -1.0
+    for row, pair in enumerate(along):
+        D[row, pairs[pair][0]], D[row, pairs[pair][1]] = 1.0, -1.0
     seen, spread = D @ freed, D @ covariance @ D.T
     sd = np.full(len(along), options.side_sd)
     gains = np.full(len(along), -np.inf)
@@ -127,7 +127,7 @@ def side_differences(
         share = 0.5 if (sd >= wide_sd).any() else ASYMMETRIC_SHARE
         odds = float(np.log(share / (1.0 - share)))
         now = _log_evidence(seen, spread, sd)
-        for k in np.flatnonzero(sd < wide_sd):
+        for k in map(int, np.flatnonzero(sd < wide_sd)):
             wide = sd.copy()
             wide[k] = wide_sd
             gains[k] = _log_evidence(seen, spread, wide) - now + odds
@@ -136,9 +136,9 @@ def side_differences(
             break
         sd[best] = wide_sd
     return tuple(
-        SideDifference(*pairs[k], float(seen[row]), float(np.sqrt(spread[row, row])), float(gains[row]),
+        SideDifference(*pairs[pair], float(seen[row]), float(np.sqrt(spread[row, row])), float(gains[row]),
                        bool(sd[row] > options.side_sd))
-        for row, k in enumerate(along)
+        for row, pair in enumerate(along)
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ def warning_section(checks: MorphChecks) -> Section:
 
 def body_section(morph: Morph) -> Section:
     """Source and target side by side."""
-    lead = "Both in their default pose with their bones and muscle paths, each to its own scale."
+    lead = "Both in their default pose with their bones and muscle paths."
     return Section("bodies", "Source and target", lead, (), (Figure(body_figure(morph), "full"),))
 
 

@@ -168,6 +168,11 @@ def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) 
     return ConditionSolution(sums, whole, tuple(lacking), stiffness)
 
 
+def solve_whole(sums: SwingSums, inertial: InertiaOptions, stiffness: bool, noise: Array) -> Solution:
+    """Inertia and joint viscosity of the sums with all blocks, without what their intervals need; `noise` (6,)."""
+    return _solve(sums, np.ones(len(sums)), inertial, stiffness, noise)
+
+
 def _solve(sums: SwingSums, counts: Array, inertial: InertiaOptions, stiffness: bool, noise: Array | None) -> Solution:
     inertia = limb_inertia(sums, counts, inertial, noise)
     products, frames = sums.torque_total(counts), float(counts @ sums.frames)

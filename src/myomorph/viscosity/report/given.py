@@ -12,6 +12,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
+from myomorph.viscosity.identification.budget import ErrorShare
 from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
 from myomorph.viscosity.swings.recording import SwingRecording
 
@@ -202,6 +203,7 @@ class SpecimenReport:
     paper : the printed values of the same specimen, by quantity
     scans : residual maps of scanned bones
     failure : why it could not be done, "" where it could
+    errors : what swings, instruments and model add to each result
     """
 
     name: str
@@ -219,6 +221,7 @@ class SpecimenReport:
     scans: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     failure: str = ""
+    errors: tuple[ErrorShare, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

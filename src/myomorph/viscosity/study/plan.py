@@ -26,6 +26,7 @@ from myomorph.store.study_file import (
 )
 from myomorph.study.plan.subject_trials import companion, plain_stem
 from myomorph.viscosity.cohort import QUANTITIES
+from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
 from myomorph.viscosity.tracking.track import TrackingOptions
@@ -47,6 +48,7 @@ class StudyOptions:
     identification: ViscosityOptions = field(default_factory=ViscosityOptions)
     laws: PassiveOptions = field(default_factory=PassiveOptions)
     moment_arms: MomentArmOptions = field(default_factory=MomentArmOptions)
+    errors: ErrorOptions = field(default_factory=ErrorOptions)
 
     @staticmethod
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:

@@ -29,7 +29,7 @@ from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.swings.recording import SwingRecording
 
 SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
-MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
+MUSCLES, MODELS, NOTES, ERRORS = "muscles.csv", "models.csv", "notes.csv", "errors.csv"
 WEIGHED = "measured_muscle_mass"
 """The one column that was not estimated and so has no interval."""
 
@@ -108,6 +108,16 @@ def notes_table(specimens: Sequence[SpecimenReport]) -> str:
     return _csv(("name", "kind", "text"), rows)
 
 
+def errors_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`errors.csv`: what swings and each error that all swings share add to each result."""
+    rows = (
+        (one.name, own.quantity, own.source, own.prior_sd, own.sd, own.share)
+        for one in specimens
+        for own in sorted(one.errors, key=lambda each: (each.quantity, -each.share))
+    )
+    return _csv(("name", "quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"), rows)
+
+
 def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
     """Write all tables of a cohort, each whole or not at all."""
     known = [(one.name, one.row) for one in specimens if one.row]
@@ -118,6 +128,7 @@ def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
         (MUSCLES, muscles_table(specimens)),
         (MODELS, models_table(specimens)),
         (NOTES, notes_table(specimens)),
+        (ERRORS, errors_table(specimens)),
     ):
         write_whole(text, folder / name)
 

@@ -25,6 +25,7 @@ from myomorph.viscosity.identification.identify import (
     ViscosityOptions,
     identify_specimen,
 )
+from myomorph.viscosity.identification.shared_errors import with_shared_errors
 from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.given import (
     ArmError,
@@ -233,15 +234,19 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         raise BadData("; ".join(lost))
     notes += lost
     found = _identified(specimen, files, conditions, options.identification)
+    by_swings = found
+    found, shares = with_shared_errors(found, options.identification, options.errors)
     advance(IDENTIFYING)
-    report, found = _judged(found, conditions, notes)
+    report, found = _judged(found, by_swings, conditions, notes)
     report = trusted(report, found, options.laws, options.moment_arms)
     tracked = {name: one.tracked for name, one in conditions.items()}
     hidden = [name for name, one in conditions.items() if one.hides_mass]
     report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
     report, model = _with_model(report, found, tracked, cutoff)
     residuals = (*residuals, *_marker_residuals(conditions))
-    known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
+    known = replace(
+        report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans, errors=shares
+    )
     return Studied(found, known, model)
 
 
@@ -317,11 +322,16 @@ def _identified(
 
 
 def _judged(
-    found: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
+    found: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
 ) -> tuple[SpecimenReport, SpecimenViscosity]:
-    """The specimen without what its recordings cannot tell, and every fault as a note."""
+    """The specimen without what its recordings cannot tell, and every fault as a note.
+
+    Parameters
+    ----------
+    by_swings : the same with intervals of swings alone, by which a swing is judged too small
+    """
     lacking: set[str] = set()
-    parts: dict[str, Condition | None] = {"without": found.without, "with": found.intact}
+    parts: dict[str, Condition | None] = {"without": by_swings.without, "with": by_swings.intact}
     for name, condition in parts.items():
         findings = list(conditions[name].findings) if name in conditions else []
         findings += [] if condition is None else condition_findings(condition)

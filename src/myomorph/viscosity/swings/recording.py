@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
@@ -59,6 +59,7 @@ class SwingRecording:
     gravity : (3,) in ground [m/s^2]
     swing : (frames,) number of the swing, from release to release or from one turn to the next but one;
         -1 where the limb was touched or something is missing: such frames are not used
+    origin : (3,) center of the plate from the joint's center, in ground, about which its gains work [m]
     """
 
     name: str
@@ -75,6 +76,7 @@ class SwingRecording:
     gravity: Array
     swing: np.ndarray
     strands: tuple[int, ...] = ()
+    origin: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         frames, axes = len(self.time), len(self.axes)
@@ -87,6 +89,7 @@ class SwingRecording:
             "lengthening": (frames, len(self.strands or self.muscles), axes),
             "rotations": (frames, 3, 3),
             "swing": (frames,),
+            "origin": (3,),
         }
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")

@@ -138,4 +138,5 @@ def _recording(
         gravity=np.array(specimen.model.gravity),
         swing=swing_numbers(*_swung(specimen, one, angles, free), free, MIN_ROTATION),
         strands=tuple(i for i, own in enumerate(specimen.muscles.values()) for _ in own) if muscles else (),
+        origin=trial.origin,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -95,6 +95,7 @@ class TrackedTrial:
     rms : (frames,) of the distances between markers and model [m]
     clock : of the plate against the markers, as it was taken
     notes : what was found odd, one line each
+    origin : (3,) mean point of the plate's wrench from the joint's center, in ground [m]
     """
 
     name: str
@@ -104,6 +105,7 @@ class TrackedTrial:
     rms: Array
     clock: Clock
     notes: tuple[str, ...] = ()
+    origin: Array = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +176,9 @@ def track(
         wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
         lines = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
-        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines))
+        tracked.append(
+            TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, _plate_origin(posed, trial))
+        )
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
     return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
@@ -294,6 +298,13 @@ def _joint_alone(
     values = fit.motion.values[:, columns].copy()
     values[np.isfinite(fit.errors).sum(axis=1) < 2] = np.nan
     return replace(fit, motion=on_one_branch(specimen, Motion(fit.motion.time, specimen.joint_coordinates, values)))
+
+
+def _plate_origin(specimen: Specimen, trial: SwingTrial) -> Array:
+    """(3,) mean point that the plate's wrench is about, from the joint's center [m]; zeros where it has none."""
+    points = trial.wrenches.points.reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    return points.mean(axis=0) - specimen.center_in_ground if len(points) else np.zeros(3)
 
 
 def _wrench(

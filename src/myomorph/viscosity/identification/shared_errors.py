@@ -1,0 +1,133 @@
+"""Intervals that also hold errors which all swings of a specimen share: plate, gains, clock, joint's center."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import MyomorphError
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, error_shares, thinned
+from myomorph.viscosity.identification.condition import Solution, solve_whole
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
+from myomorph.viscosity.identification.inertia import InertiaOptions
+from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.sums import SwingSums, swing_sums
+
+COLUMNS = {
+    "without": ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
+    "intact": ("mass_intact", "com_intact", "total_viscosity"),
+}
+"""What the first three of `Solution.estimates` are called in the tables."""
+
+
+def with_shared_errors(
+    found: SpecimenViscosity, options: ViscosityOptions, errors: ErrorOptions
+) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
+    """The specimen with intervals widened by errors that all its swings share, and what each source adds.
+
+    Every source is put into the recordings once with one standard deviation about or along each axis, and the whole
+    identification repeated; changes are added in squares, for the sources are independent, to what swings scatter.
+    Both conditions stand on one plate and have one center, so they share each error.
+    """
+    conditions = {name: one for name in COLUMNS if (one := getattr(found, name)) is not None}
+    given = {name: tuple(thinned(each) for each in one.recordings) for name, one in conditions.items()}
+    try:
+        exact = _values(given, conditions, options)
+        changes = []
+        for source, axis in errors.sources:
+            size = float(getattr(errors, source))
+            moved = {name: tuple(disturbed(one, source, axis, size) for one in own) for name, own in given.items()}
+            other = _values(moved, conditions, options)
+            changes.append((source, {name: other[name] - value for name, value in exact.items()}))
+    except MyomorphError as error:
+        return replace(found, notes=(*found.notes, f"intervals hold no errors of instruments: {error}")), ()
+    z = NormalDist().inv_cdf(0.5 + 0.5 * options.level)
+    sds = {name: float(np.sqrt(sum(change[name] ** 2 for _, change in changes))) for name in exact}
+
+    def wider(name: str, one: Estimate | None) -> Estimate | None:
+        return one if one is None else _wider(one, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
+
+    parts = {}
+    for key, one in conditions.items():
+        mass, com, viscosity = COLUMNS[key]
+        parts[key] = replace(
+            one,
+            mass=wider(mass, one.mass),
+            com=wider(com, one.com),
+            viscosity=wider(viscosity, one.viscosity),
+            plate_viscosity=wider(f"plate {viscosity}", one.plate_viscosity),
+            axis_viscosity=tuple(wider(f"{axis} {viscosity}", own) for axis, own in _axes(one)),
+        )
+    muscles = found.muscles
+    if muscles is not None:
+        muscles = replace(muscles, common=wider("muscle_viscosity", muscles.common))
+    swings = {
+        name: (own.high - own.low) / (2.0 * z) for name, own in _estimates(found).items() if np.isfinite(own.value)
+    }
+    widened = replace(found, **parts, muscles=muscles, muscle_mass=wider("estimated_muscle_mass", found.muscle_mass))
+    return widened, error_shares(swings, changes, errors)
+
+
+def _axes(one: Condition) -> list[tuple[str, Estimate]]:
+    return list(zip(one.recordings[0].axes, one.axis_viscosity, strict=True))
+
+
+def _estimates(found: SpecimenViscosity) -> dict[str, Estimate]:
+    """What the table of errors has a row for."""
+    known: dict[str, Estimate] = {}
+    for key, names in COLUMNS.items():
+        one = getattr(found, key)
+        if one is not None:
+            known |= dict(zip(names, (one.mass, one.com, one.viscosity), strict=True))
+    if found.muscles is not None:
+        known["muscle_viscosity"] = found.muscles.common
+    if found.muscle_mass is not None:
+        known["estimated_muscle_mass"] = found.muscle_mass
+    return known
+
+
+def _wider(one: Estimate, half: float, positive: bool) -> Estimate:
+    low = one.value - float(np.hypot(one.value - one.low, half))
+    high = one.value + float(np.hypot(one.high - one.value, half))
+    return Estimate(one.value, max(low, 0.0) if positive else low, high)
+
+
+def _values(
+    given: dict[str, tuple[SwingRecording, ...]], conditions: dict[str, Condition], options: ViscosityOptions
+) -> dict[str, float]:
+    """Every result of the specimen from recordings of its conditions."""
+    known: dict[str, float] = {}
+    solved: dict[str, tuple[SwingSums, Solution]] = {}
+    for key, own in given.items():
+        hidden = bool(np.isnan(conditions[key].mass.value))
+        inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
+        sums = swing_sums(own, options.block, options.min_relative_speed)
+        one = solve_whole(sums, inertial, options.stiffness, conditions[key].residual)
+        mass, com, viscosity, plate, *axes = one.estimates.tolist()
+        names = (*COLUMNS[key], f"plate {COLUMNS[key][2]}", *(f"{axis} {COLUMNS[key][2]}" for axis in sums.axes))
+        known |= dict(zip(names, (mass, com, viscosity, plate, *axes), strict=True))
+        solved[key] = sums, one
+    if len(solved) == len(COLUMNS):
+        known["estimated_muscle_mass"] = known["mass_intact"] - known["mass_muscles_removed"]
+        if solved["intact"][0].muscles:
+            known["muscle_viscosity"] = _common(*solved["intact"], solved["without"][1], options)
+    return known
+
+
+def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityOptions) -> float:
+    """d_M of all muscles alike [N s/m]."""
+    joint: Array = np.full(len(sums.axes), bare.joint.one) if options.subtract == "one" else bare.joint.axes
+    torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness)
+    return float(muscle_problem(torque, joint).along(np.ones(len(sums.muscles))))
+
+
+def helping_most(shares: Sequence[ErrorShare], quantity: str) -> ErrorShare | None:
+    """The source that adds most to a result: the measurement that would help most."""
+    own = [one for one in shares if one.quantity == quantity]
+    return max(own, key=lambda one: one.share, default=None)

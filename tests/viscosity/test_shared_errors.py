@@ -1,0 +1,62 @@
+"""Laws of the error budget: errors that all swings share are held by the intervals that know of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_swings import Made, eleven, three_releases
+
+from myomorph.model.errors import BadData
+from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
+from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.shared_errors import helping_most, with_shared_errors
+
+OPTIONS = ViscosityOptions(draws=50, stiffness=False)
+BARE = Made(damping=0.05)
+WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))
+NONE = ErrorOptions(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def swings():
+    return three_releases(BARE), three_releases(WHOLE)
+
+
+@pytest.mark.parametrize(("source", "axis", "size"), [("plate_position", 0, 0.005), ("moment_gain", 1, -0.02),
+                                                ("joint_center", 2, 0.008), ("plate_rotation", 1, 0.01)])  # fmt: skip
+def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(swings, source, axis, size):
+    off = [[disturbed(replace(one, origin=np.array([0.2, 0.0, -0.8])), source, axis, size) for one in own]
+           for own in swings]  # fmt: skip
+    found = identify_specimen("off", *off, options=OPTIONS)
+    wider, shares = with_shared_errors(found, OPTIONS, replace(NONE, **{source: abs(size)}))
+    for condition, truth in ((wider.without, BARE), (wider.intact, WHOLE)):
+        assert condition.com.holds(float(np.linalg.norm(truth.parameters[1:4]) / truth.mass))
+        assert condition.mass.holds(truth.mass) or condition.mass.value == pytest.approx(truth.mass, rel=1e-3)
+    assert wider.without.viscosity.holds(0.05)
+    assert wider.muscles.common.holds(120.0)
+    for quantity in ("joint_viscosity", "muscle_viscosity"):
+        assert sum(one.share for one in shares if one.quantity == quantity) == pytest.approx(1.0)
+    assert helping_most(shares, "joint_viscosity").source in (source, "swings")
+
+
+def test_sources_of_no_error_leave_intervals_as_they_are(swings):
+    found = identify_specimen("exact", *swings, options=OPTIONS)
+    same, shares = with_shared_errors(found, OPTIONS, NONE)
+    assert same.without.viscosity.high == pytest.approx(found.without.viscosity.high)
+    assert {one.source for one in shares} == {"swings"}
+
+
+def test_what_errors_add_grows_with_their_standard_deviation(swings):
+    found = identify_specimen("exact", *swings, options=OPTIONS)
+    sds = []
+    for size in (0.002, 0.004):
+        shares = with_shared_errors(found, OPTIONS, replace(NONE, plate_position=size))[1]
+        sds.append(next(s.sd for s in shares if (s.source, s.quantity) == ("plate_position", "com_intact")))
+    assert sds[1] == pytest.approx(2.0 * sds[0], rel=0.05)
+
+
+def test_a_negative_standard_deviation_is_refused():
+    with pytest.raises(BadData, match="plate_position"):
+        ErrorOptions(plate_position=-1.0)
