@@ -102,7 +102,7 @@ def scaled(folder: Path) -> Iterator[Scaled]:
         )
         for name in ("walking1", "STS1", "DJ1"):
             motion = recorded(opencap / "markers", f"{name}.trc")
-            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, name == "walking1")
+            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, True)
         if (folder / KNEE).is_dir():
             expert = implant_names(read_model(folder / KNEE / "scaled.osim"))
             static, motion = (implant_names(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
