@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import opensim
@@ -20,8 +19,6 @@ from myomorph.io.trc import write_trc
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
-
-_Named = TypeVar("_Named", Markers, Model)
 
 opensim.Logger.setLevelString("Off")
 
@@ -130,14 +127,17 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         errors = [1e3 * root_mean_square(fit) for fit in fits]
         lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
         expert = None if one.expert is None else implant_names(read_model(one.expert))
-        shared = () if expert is None else tuple(name for name in names if name in expert.marker_names)
+        of_expert = () if expert is None else tuple(name for name in names if name in expert.marker_names)
+        theirs_mm = "" if expert is None else 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
         yield {
             "subject": one.name,
             "settings chosen on it": one.chosen,
             "markers": len(names),
             "RMSE, ScaleTool [mm]": errors[0],
             "RMSE, calibrated [mm]": errors[1],
-            "RMSE, expert's model [mm]": 1e3 * root_mean_square(tracked(expert, one.motion, shared)) if expert else "",
+            "RMSE, expert's model [mm]": 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
+            if expert
+            else "",
             "ratio": errors[1] / errors[0],
             "ratio, pelvis and legs": lower[1] / lower[0],
             "at most 0.95": errors[1] <= 0.95 * errors[0],
@@ -211,7 +211,7 @@ def subjects(folder: Path) -> Iterator[Standing]:
             expert=opencap / "models/manually_scaled.osim",
         )
         if (folder / KNEE).is_dir():
-            static, walk = (implant_names(recorded(folder / KNEE, f"{name}.trc")) for name in ("static", "walk1"))
+            static, walk = (implant_markers(recorded(folder / KNEE, f"{name}.trc")) for name in ("static", "walk1"))
             yield Standing(
                 "knee implant",
                 file,
@@ -246,10 +246,13 @@ def _part(markers: Markers, count: int = 200) -> Markers:
     return Markers(markers.time[rows], markers.names, markers.values[rows])
 
 
-def implant_names(given: _Named) -> _Named:
-    """A recording or a model of the implant wearer with the markers' names of the generic model."""
-    if isinstance(given, Markers):
-        return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
+def implant_markers(given: Markers) -> Markers:
+    """A recording of the implant wearer with the markers' names of the generic model."""
+    return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
+
+
+def implant_names(given: Model) -> Model:
+    """The implant wearer's model with the markers' names of the generic model."""
     return given.with_markers(tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers))
 
 
