@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import opensim
@@ -20,8 +19,6 @@ from myomorph.io.trc import write_trc
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
-
-_Named = TypeVar("_Named", Markers, Model)
 
 opensim.Logger.setLevelString("Off")
 
@@ -103,6 +100,7 @@ class Standing:
     roles : marker of each role of `MEASURED`
     chosen : whether settings were chosen with this subject in view
     weights : of markers in ScaleTool's pose, where no marker is called fixed
+    expert : model of the same person that an expert scaled
     """
 
     name: str
@@ -113,6 +111,7 @@ class Standing:
     roles: Mapping[str, str]
     chosen: bool
     weights: Mapping[str, float] = field(default_factory=dict)
+    expert: Path | None = None
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
@@ -127,12 +126,16 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         fits = [tracked(model, one.motion, names) for model in (theirs, found.model)]
         errors = [1e3 * root_mean_square(fit) for fit in fits]
         lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
+        expert = None if one.expert is None else implant_names(read_model(one.expert))
+        of_expert = () if expert is None else tuple(name for name in names if name in expert.marker_names)
+        theirs_mm = "" if expert is None else 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
         yield {
             "subject": one.name,
             "settings chosen on it": one.chosen,
             "markers": len(names),
             "RMSE, ScaleTool [mm]": errors[0],
             "RMSE, calibrated [mm]": errors[1],
+            "RMSE, expert's model [mm]": theirs_mm,
             "ratio": errors[1] / errors[0],
             "ratio, pelvis and legs": lower[1] / lower[0],
             "at most 0.95": errors[1] <= 0.95 * errors[0],
@@ -179,21 +182,58 @@ def subjects(folder: Path) -> Iterator[Standing]:
         model = _with_set(file, gait / "experiment/gait2354_Scale_MarkerSet.xml")
         weights = read_ik_tasks(gait / "ref_scale/gait2354_Scale_Tasks.xml").marker_weights
         static, walk = (recorded(gait / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
-        yield Standing("gait2354", file, model, _part(static, 20), _part(walk), GAIT_ROLES, True, weights)
+        yield Standing(
+            "gait2354",
+            file,
+            model,
+            _part(static, 20),
+            _part(walk),
+            GAIT_ROLES,
+            True,
+            weights,
+            gait / "ref_scale/std_subject01_simbody.osim",
+        )
     file = opencap / "models/unscaled_generic.osim"
     if opencap.is_dir():
         model, markers = read_model(file), opencap / "markers"
         static = recorded(markers, "static1.trc")
         walk = recorded(markers, "walking1.trc")
-        yield Standing("OpenCap subject 4", file, model, _part(static, 20), _part(walk), OPENCAP_ROLES, True)
+        yield Standing(
+            "OpenCap subject 4",
+            file,
+            model,
+            _part(static, 20),
+            _part(walk),
+            OPENCAP_ROLES,
+            True,
+            expert=opencap / "models/manually_scaled.osim",
+        )
         if (folder / KNEE).is_dir():
-            static, walk = (implant_names(recorded(folder / KNEE, f"{name}.trc")) for name in ("static", "walk1"))
-            yield Standing("knee implant", file, model, _part(static, 20), _part(walk), OPENCAP_ROLES, False)
+            static, walk = (implant_markers(recorded(folder / KNEE, f"{name}.trc")) for name in ("static", "walk1"))
+            yield Standing(
+                "knee implant",
+                file,
+                model,
+                _part(static, 20),
+                _part(walk),
+                OPENCAP_ROLES,
+                False,
+                expert=folder / KNEE / "scaled.osim",
+            )
     if rajagopal.is_dir():
         file = rajagopal / "raw/Rajagopal2016.osim"
         model = _with_set(file, rajagopal / "raw/markerset_walk_preScale.xml")
         static, walk = recorded(rajagopal / "raw", "static_walk_1.trc"), recorded(rajagopal, "markers_walk.trc")
-        yield Standing("Rajagopal", file, model, _part(static, 20), _part(walk), STANFORD, False)
+        yield Standing(
+            "Rajagopal",
+            file,
+            model,
+            _part(static, 20),
+            _part(walk),
+            STANFORD,
+            True,
+            expert=rajagopal / "subject_walk_scaled.osim",
+        )
         if (folder / LENHART).is_dir():
             static, walk = (recorded(folder / LENHART / "motion", f"{one}.trc") for one in ("static1", "overground_17"))
             yield Standing("Lenhart", file, model, _part(static, 20), _part(walk), STANFORD, False)
@@ -204,10 +244,13 @@ def _part(markers: Markers, count: int = 200) -> Markers:
     return Markers(markers.time[rows], markers.names, markers.values[rows])
 
 
-def implant_names(given: _Named) -> _Named:
-    """A recording or a model of the implant wearer with the markers' names of the generic model."""
-    if isinstance(given, Markers):
-        return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
+def implant_markers(given: Markers) -> Markers:
+    """A recording of the implant wearer with the markers' names of the generic model."""
+    return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
+
+
+def implant_names(given: Model) -> Model:
+    """The implant wearer's model with the markers' names of the generic model."""
     return given.with_markers(tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
-from benchmarks.accuracy.calibration_static import KNEE, implant_names
+from benchmarks.accuracy.calibration_static import KNEE, implant_markers, implant_names
 from myomorph.io.formats import read_model
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.arrays import Array
@@ -102,10 +102,10 @@ def scaled(folder: Path) -> Iterator[Scaled]:
         )
         for name in ("walking1", "STS1", "DJ1"):
             motion = recorded(opencap / "markers", f"{name}.trc")
-            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, name == "walking1")
+            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, True)
         if (folder / KNEE).is_dir():
             expert = implant_names(read_model(folder / KNEE / "scaled.osim"))
-            static, motion = (implant_names(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
+            static, motion = (implant_markers(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
             yield Scaled("knee implant walk1", generic, expert, motion, static, False)
     if gait.is_dir():
         generic = _with_set(gait / "experiment/gait2354_simbody.osim", gait / "experiment/gait2354_Scale_MarkerSet.xml")

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from accuracy.identification import SPACING, SUBJECTS, opened
 from threadpoolctl import threadpool_limits
 
+from benchmarks.accuracy.identification import SPACING, SUBJECTS, opened
 from myomorph.identify.determined import LINK_SD, NINETY
 from myomorph.identify.motion_noise import noisy
 from myomorph.identify.recordings import Usable

@@ -31,8 +31,6 @@ def test_a_walk_is_refined(command, data, tmp_path):
         *("--loads", folder / "grf" / "walking1_external_forces.xml", "--out", out),
     )
     assert told.status == 0, told.err
-    warnings = [line for line in told.err.splitlines() if line.startswith("warning:")]
-    assert "not converged after 3 steps" in warnings[0]
     assert "1 trial: markers" in told.out
     model = read_osim(out)
     assert model.mass == pytest.approx(62.6, rel=1e-6)

@@ -27,11 +27,11 @@ ARRAY = re.compile(r"\b(Array|Ints|Flags|NDArray|ndarray)\b")
 KERNELS = "kernels take its arrays as they are, and would be compiled anew for read-only ones"
 EXCEPTIONS: dict[str, str] = {
     "myomorph.motion.calibration.Calibration": KERNELS,
-    "myomorph.motion.shared_fit.FrameSet": KERNELS,
-    "myomorph.motion.shared_fit.Point": KERNELS,
-    "myomorph.motion.shared_fit.Prior": KERNELS,
-    "myomorph.motion.shared_fit.Reduced": KERNELS,
-    "myomorph.motion.shared_fit.SharedProblem": KERNELS,
+    "myomorph.motion.body.shared_problem.FrameSet": KERNELS,
+    "myomorph.motion.body.shared_problem.Point": KERNELS,
+    "myomorph.motion.body.shared_problem.Prior": KERNELS,
+    "myomorph.motion.body.shared_problem.Reduced": KERNELS,
+    "myomorph.motion.body.shared_problem.SharedProblem": KERNELS,
     "myomorph.muscles.coupled_arms.LoopGroup": KERNELS,
     "myomorph.muscles.fiber_equations.Fibers": KERNELS,
     "myomorph.muscles.fiber_states.FiberStates": KERNELS,

@@ -69,3 +69,17 @@ def test_the_skeleton_plays(browser: Browser) -> None:
 
 def test_nothing_went_wrong(browser: Browser) -> None:
     assert browser.errors == []
+
+
+def test_a_narrow_page_needs_no_sideways_scrolling(browser: Browser, tmp_path: Path) -> None:
+    """Also where a model has a long name without spaces, which stands in the heading and among the facts."""
+    given = everything(20)
+    long = "Rajagopal_no_arms-scaled_x0.6_knee" * 2
+    text = report_page(given).replace(f"<h1>{given.head.title}", f"<h1>{long}")
+    assert long in text
+    (tmp_path / "narrow.html").write_text(text, encoding="utf-8")
+    browser.call("Emulation.setDeviceMetricsOverride", width=400, height=900, deviceScaleFactor=1, mobile=False)
+    browser.open((tmp_path / "narrow.html").as_uri())
+    browser.until(f"document.readyState === 'complete' && document.querySelector('h1').textContent.includes('{long}')")
+    width = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert browser.run(width) <= 0

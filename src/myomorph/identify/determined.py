@@ -92,12 +92,12 @@ def determined(
     gain = _gain(prior, A)
     left = np.eye(10 * links) - gain @ A
     error = left @ truth @ left.T + samples * gain @ gain.T
-    variance = np.diag(error).copy()
+    variance: Array = np.array(np.diag(error), float)
     center = points.parameters(points.reference).ravel()
     moved = [_gain(prior, more) @ (value - more @ center) for more, value in noisy]
     if moved and b is not None:
         steps = np.array(moved) - gain @ (b - A @ center)
-        variance += np.square(steps).mean(axis=0)
+        variance = variance + np.asarray(np.square(steps).mean(axis=0), float)
     table = (links, 10)
     return Determined(
         shares.reshape(table),
@@ -111,7 +111,7 @@ def determined(
 def _gain(prior: Array, A: Array) -> Array:
     """(parameters, rows) from what rows of unit noise miss to the change of the parameters."""
     crossed = A @ prior
-    gain: Array = np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T
+    gain: Array = np.array(np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T, float)
     return gain
 
 

@@ -17,6 +17,7 @@ from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.parts import parts_of
 from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
@@ -55,7 +56,12 @@ def noisy_rows(
 
 
 def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:
-    """A motion with low-passed noise of a given standard deviation on every coordinate that moves."""
+    """A motion with low-passed noise of a given standard deviation on every coordinate that moves.
+
+    Raises
+    ------
+    BadData : the motion has no derivatives
+    """
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     white = random.normal(size=motion.values.shape)
     if 2.0 * cutoff < 0.95 * rate and len(white) > 30:
@@ -65,9 +71,11 @@ def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator)
     added = white * (sd * moving / white.std(axis=0))
     # The noise is differentiated by itself: derivatives of the motion stay those of its own filter.
     extra = differentiate(Motion(motion.time, motion.names, added), None)
+    if motion.velocities is None or motion.accelerations is None:
+        raise BadData("noise can be added to a motion with derivatives only: differentiate it first")
     return replace(
         motion,
         values=motion.values + extra.values,
-        velocities=motion.velocities + extra.velocities,
-        accelerations=motion.accelerations + extra.accelerations,
+        velocities=motion.velocities + np.asarray(extra.velocities, float),
+        accelerations=motion.accelerations + np.asarray(extra.accelerations, float),
     )

@@ -296,7 +296,8 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
     for bodies in segments_that_stretch(model):
         here = [one.name for one in model.markers if one.body in bodies]
         shown = [name for name in here if name in seen]
-        if 0 < len(shown) < THIN:
+        # Two that the model was made with show a segment together with its joint; two that are left over may not.
+        if len(shown) == 1 or 0 < len(shown) < min(THIN, len(here)):
             thin.append(f"{bodies[0]} ({', '.join(shown)})")
             missing += [name for name in here if name not in seen]
     if not thin:

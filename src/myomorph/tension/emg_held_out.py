@@ -170,7 +170,7 @@ class HeldOut:
             )
         weight, others = WEIGHTS[best]
         if weight < 1.0:
-            beside = f", synergies with {others:g}" if others < 1.0 else ""
+            beside = f", muscles that act alike with {others:g}" if others < 1.0 else ""
             lines.append(
                 f"EMG takes part with a weight of {weight:g} only{beside}: with more, channels that are left out come "
                 "out worse than without EMG"

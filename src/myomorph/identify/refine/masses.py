@@ -34,7 +34,7 @@ class MassPrior:
         """Prior about parameters (links, 10) with the relative SD of a mass."""
         reference = possible_reference(parameters)
         moved = np.flatnonzero(reference[:, 0] > SMALLEST_SHARE * reference[:, 0].sum())
-        rows = np.linalg.inv(tangents(reference[moved])) / sd
+        rows: Array = np.asarray(np.linalg.inv(tangents(reference[moved])) / sd, dtype=np.float64)
         return cls(reference, moved, rows)
 
     def misses(self, parameters: Array) -> Array:

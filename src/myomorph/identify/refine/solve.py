@@ -90,4 +90,4 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
 
 def _covariance(equations: Equations) -> Array:
     H = _reduce(equations, 0.0)[0]
-    return np.linalg.inv(H) if len(H) else H
+    return np.asarray(np.linalg.inv(H), dtype=np.float64) if len(H) else H

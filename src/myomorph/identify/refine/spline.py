@@ -57,7 +57,7 @@ class Basis:
 
     def fitted(self, values: Array) -> Array:
         """(count, columns) whose splines are nearest to values (frames, columns), NaN left out; little bent in gaps."""
-        known = np.isfinite(values).all(axis=1)
+        known: np.ndarray = np.asarray(np.isfinite(values).all(axis=1))
         band, right = np.zeros((WIDTH, self.count)), np.zeros((self.count, values.shape[1]))
         bent = self.weights[2] / np.abs(self.weights[2]).max()
         for f in range(len(values)):
