@@ -97,6 +97,7 @@ class Unseen:
         return tuple(found)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Strength:
     """The problem of choosing how far data may move masses.

@@ -14,7 +14,7 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData, Unknowns, generic_parameters, motion_of
 from myomorph.identify.refine.solve import Solution, settle
 from myomorph.identify.refine.spline import Basis
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
@@ -109,6 +109,7 @@ class Prediction:
         return float(np.sqrt(np.mean(np.square(ratios))))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """A subject's model and motions that agree with markers and plates.

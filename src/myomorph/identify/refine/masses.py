@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import parameters_of, pseudo_inertias
 from myomorph.rigid.coordinates import Ints
 
 _ROWS, _COLUMNS = np.tril_indices(4)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MassPrior:
     """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`.

@@ -11,7 +11,7 @@ from myomorph.identify.refine.frame_kernels import difference_frames, predict_fr
 from myomorph.identify.refine.masses import MassPrior, changed, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.spline import WIDTH, Basis
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertia_matrices, inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
@@ -43,6 +43,7 @@ UNEXPLAINED = 2.0
 that no plate measures, as a chair, carries a part of the body there."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TrialData:
     """One recording on the markers' clock.
@@ -68,6 +69,7 @@ class TrialData:
     basis: Basis
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """A point of the problem.
@@ -86,6 +88,7 @@ class Unknowns:
     parameters: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What stays the same while it is solved.
@@ -198,6 +201,7 @@ class Problem:
         return np.nan_to_num(places - trial.observed), residual
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class TrialEquations:
     """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared unknowns."""
@@ -207,6 +211,7 @@ class TrialEquations:
     cross: Array
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Equations:
     """Normal equations of all unknowns: H step = -g.
@@ -253,6 +258,7 @@ def cost(problem: Problem, at: Unknowns) -> float:
     return total
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Weights:
     """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
@@ -372,6 +378,7 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
     return found
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class _Slopes:
     """Derivatives of a trial's frames.

@@ -9,12 +9,13 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
 from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved, with_trust
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 
 LEAST_GAIN = 1e-3
 """A step that lowers the cost by a smaller share is the last."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Where the search ended.

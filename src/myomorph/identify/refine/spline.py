@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.coordinates import Ints
 
 DEGREE = 5
@@ -18,6 +18,7 @@ WIDTH = DEGREE + 1
 """Knots that a frame depends on."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Basis:
     """Values and derivatives at frames of splines with even knots.

@@ -11,7 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from myomorph.io.loads import loads_table
 from myomorph.io.sto import table_from_motion
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
@@ -42,6 +42,7 @@ POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """A table of the chain.
