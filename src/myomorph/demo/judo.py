@@ -23,7 +23,7 @@ from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import large_variables
-from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.step_table import usual_steps
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.tension import TensionOptions
@@ -38,7 +38,7 @@ def run_judo_demo(out: Path) -> Outcome:
     """Simulate a bout, run the whole chain on it into a folder, and write `ERRORS` beside its tables and report."""
     pair = virtual_pair(BOUT, CUTOFF)
     trial = judo_trial(pair)
-    outcome = run_trial(trial, (*STEPS, REPORT), out, fresh=True)
+    outcome = run_trial(trial, usual_steps(), out, fresh=True)
     if not outcome.error:
         found = get_contact_forces(read_result(out / f"{file_name(trial.name)}{STORED}", leave_out=large_variables()))
         assert found is not None

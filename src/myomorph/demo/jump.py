@@ -17,11 +17,11 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
 from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.step_table import usual_steps
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
 
 DemoName = Literal["jump", "simulated", "judo"]
-DEMO_STEPS = (*STEPS, REPORT)
+DEMO_STEPS = usual_steps()
 
 
 def run_demo(name: str, out: Path) -> Outcome:

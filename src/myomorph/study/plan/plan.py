@@ -27,7 +27,6 @@ from myomorph.study.plan.plan_checks import (
 from myomorph.study.plan.subject_tables import (
     Named,
     check_settings,
-    default_steps,
     given_options,
     lacking,
     merged,
@@ -37,6 +36,7 @@ from myomorph.study.plan.subject_tables import (
 )
 from myomorph.study.plan.subject_trials import Notes, contacts_file, measured, subject_files, subject_trials
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
+from myomorph.study.trial.step_table import usual_steps
 from myomorph.study.trial.together import Together, together_of
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.uncertainty_file import with_uncertainty
@@ -134,7 +134,7 @@ def read_plan(path: str | Path) -> Plan:
     raw, notices, twice = read_tables(path, "study file")
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
-    found, problems = checked(study_tables(), with_uncertainty(raw, default_steps()))
+    found, problems = checked(study_tables(), with_uncertainty(raw, usual_steps()))
     problems = [*twice, *problems]
     problems += [one for one in lacking(raw) if one not in problems]
     if found is None or problems:

@@ -18,7 +18,7 @@ from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
 from myomorph.study.trial.laboratory import Up
 from myomorph.study.trial.step import StepHead, step_head
-from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.trial.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.trial.together import TogetherTable
 
 FIRST = ("morph", "calibrate", "ik", "refine", "identify", "personalize", "emg")
@@ -32,12 +32,6 @@ PLACE = "{subject}"
 def study_steps() -> tuple[str, ...]:
     """Names of all steps in the order in which they run."""
     return (*FIRST, *(step for step in STEPS if step not in FIRST), REPORT)
-
-
-def default_steps() -> tuple[str, ...]:
-    """Steps of trials that say nothing of steps."""
-    own = (step for step in study_steps() if step not in SUBJECT_STEPS)
-    return tuple(step for step in own if declared(step).by_default)
 
 
 def declared(name: str) -> StepHead:
@@ -128,7 +122,7 @@ class SubjectTable(Strict):
     model_of: str | None = None
     mass: float | None = Field(default=None, gt=0.0)
     trials: list[str | TrialTable]
-    steps: list[str] = Field(default_factory=lambda: list(default_steps()))
+    steps: list[str] = Field(default_factory=lambda: list(usual_steps()))
     conditions: dict[str, Patterns] = Field(default_factory=dict)
     static: str | None = None
     skin: str | None = None

@@ -41,7 +41,6 @@ class StepHead:
     options : option dataclasses; their fields are the step's settings in study files and on the command line
     not_settings : fields that come from elsewhere
     grows_with : what its time grows with, "coordinates" or "muscles"
-    by_default : whether a study runs it where nothing is said of steps
     """
 
     name: str
@@ -49,7 +48,6 @@ class StepHead:
     options: tuple[type, ...] = ()
     not_settings: tuple[str, ...] = ()
     grows_with: Literal["coordinates", "muscles"] = "coordinates"
-    by_default: bool = True
 
     @property
     def settings(self) -> tuple[Setting, ...]:

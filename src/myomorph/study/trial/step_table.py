@@ -11,5 +11,13 @@ STEPS: dict[str, str] = {
 }
 """In the order in which they run: a step's name, and the module whose `STEP` it is, imported when first needed."""
 
+ON_REQUEST = ("uncertainty",)
+"""Steps that run only where somebody names them."""
+
 REPORT = "report"
 """The last step of a trial; it reads what the others stored, and its page is no result."""
+
+
+def usual_steps() -> tuple[str, ...]:
+    """Steps that run where nobody says which, the report as the last."""
+    return (*(step for step in STEPS if step not in ON_REQUEST), REPORT)

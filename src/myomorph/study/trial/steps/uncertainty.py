@@ -190,5 +190,4 @@ STEP = Step(
     run=_run,
     read=_read,
     show=_show,
-    by_default=False,
 )
