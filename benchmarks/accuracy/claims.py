@@ -156,6 +156,13 @@ def _of_persons() -> tuple[Claim, ...]:
             "measured EMG",
         ),
         Claim(
+            "Limits of 90 %: share of samples of a measured knee force inside [%]",
+            "uncertainty_knee",
+            _span("total, inside [%]"),
+            "85 to 95",
+            "measured force",
+        ),
+        Claim(
             "Raw recordings by one command: correlation of flexion moments of the hip, where a set has its own",
             "analyze",
             _span("hip, r"),
@@ -175,6 +182,20 @@ def _of_known_truths() -> tuple[Claim, ...]:
             _span("within the 90 % interval [%]", {"identifiable": "all"}),
             "87 to 95",
             "simulated people",
+        ),
+        Claim(
+            "Limits of 90 %: joint torques of simulated persons inside [%]",
+            "uncertainty_assumed",
+            _span("torques"),
+            "87 to 93",
+            "simulated recordings",
+        ),
+        Claim(
+            "The same with errors that the limits do not assume [%]",
+            "uncertainty_other",
+            _span("torques"),
+            "80 to 95",
+            "simulated recordings",
         ),
         Claim(
             "Viscosity of a joint: runs within 3 %",
