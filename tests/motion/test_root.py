@@ -14,7 +14,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import Axis
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.root import floating_coordinates, of_one_turn
 from myomorph.motion.starts import nearest_turns
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -105,3 +105,16 @@ def test_a_walk_along_another_axis_has_the_same_joint_angles(data, degrees):
     turned = inverse_kinematics(model, replace(markers, values=markers.values @ turn.T)).motion
     inner = [i for i, name in enumerate(straight.names) if not name.startswith("pelvis")]
     np.testing.assert_allclose(turned.values[:, inner], straight.values[:, inner], atol=np.radians(0.01))
+
+
+def test_floating_angles_go_on_on_the_nearest_turn_after_a_gap():
+    model = walker()
+    name = next(one for one in floating_coordinates(model) if model.coordinate(one).motion == "rotational")
+    k = model.coordinate_names.index(name)
+    angle = np.array([0.1, 0.2, np.nan, 0.3, 0.4, 3.0, 3.5, 6.0])
+    given = np.zeros((8, len(model.coordinates)))
+    given[:, k] = angle + 2.0 * np.pi * np.array([1, 1, 0, -2, -2, -2, -3, -3])
+    found = of_one_turn(model, given)
+    np.testing.assert_allclose(found[:, k], angle, atol=1e-12)
+    others = np.delete(np.arange(len(model.coordinates)), k)
+    np.testing.assert_array_equal(found[:, others], 0.0)

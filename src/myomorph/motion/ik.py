@@ -16,7 +16,7 @@ from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.marker_cost import MarkerArrays
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.root import floating_coordinates, of_one_turn
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
@@ -206,6 +206,8 @@ def inverse_kinematics(
     over_frames(part, frames, progress)
     blank = ~np.isfinite(errors).any(axis=1)
     values[blank], converged[blank] = np.nan, False
+    if not options.root_bounds:
+        values = of_one_turn(model, values)
     return KinematicsFit(
         motion=Motion(markers.time, model.coordinate_names, values),
         marker_names=names,

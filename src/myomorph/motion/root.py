@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from myomorph.model.arrays import Array, runs
 from myomorph.model.model import GROUND, Joint, Model
 
+SLACK = 1e-9
+"""Of an angle, that counts as none [rad]."""
 MASSLESS = 1e-6
 """A body lighter than this share of the whole is a link on the way from the ground."""
 
@@ -25,6 +30,39 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
         if len(slides) >= 2 and turns:
             found += dict.fromkeys(name for _, name in axes)
     return tuple(found)
+
+
+def of_one_turn(model: Model, values: Array) -> Array:
+    """Coordinates whose floating angles begin, and go on after every gap, on the turn that is nearest.
+
+    Parameters
+    ----------
+    values : (frames, coordinates) [rad or m], NaN in gaps; from frame to frame angles change by less than half a turn
+
+    Returns
+    -------
+    the same poses
+    """
+    values = values.copy()
+    for name in _whole_turns(model):
+        k, last = model.coordinate_names.index(name), model.coordinate(name).default
+        for start, stop in runs(np.isfinite(values[:, k])):
+            values[start:stop, k] = np.unwrap(values[start:stop, k])
+            values[start:stop, k] -= 2.0 * np.pi * np.round((values[start, k] - last) / (2.0 * np.pi))
+            last = values[stop - 1, k]
+    return values
+
+
+def _whole_turns(model: Model) -> Iterator[str]:
+    """Floating angles that give the same pose a turn later: those that an axis turns by, one to one."""
+    axes = [axis for joint in model.joints for axis in joint.axes]
+    for name in floating_coordinates(model):
+        own = [axis for axis in axes if name in axis.coordinates]
+        if len(own) != 1 or own[0].kind != "rotation" or own[0].function.arity != 1:
+            continue
+        turned = float(own[0].function(np.array(2.0 * np.pi))) - float(own[0].function(np.array(0.0)))
+        if abs(abs(turned) - 2.0 * np.pi) < SLACK:
+            yield name
 
 
 def _root_chains(model: Model) -> Iterator[list[Joint]]:
