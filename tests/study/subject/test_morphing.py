@@ -94,7 +94,7 @@ def test_the_summary_tells_each_bone_in_a_line(morphed):
     told = next(line for line in lines if "femur_r" in line)
     assert f"size {bone.whole.scale:.3f}" in told
     assert f"{1e3 * bone.measures['residual [m]']:.3g} mm apart" in told
-    assert "1 muscles, 3 points" in lines[-2]
+    assert any("1 muscles, 3 points" in line for line in lines)
 
 
 def test_model_bones_tables_and_report_are_written_together(morphed, leg, tmp_path):
