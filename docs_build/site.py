@@ -30,6 +30,7 @@ ROOMS = (
     "io",
     "tension",
     "analysis",
+    "uncertainty",
     "identify",
     "morph",
     "contact",

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import GROUND, Joint, Model
+from myomorph.model.paths import Muscle, TendonWrap
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
@@ -120,7 +121,7 @@ def right_leg(whole: Model) -> Model:
     root = Joint("ground_pelvis", "WeldJoint", GROUND, "pelvis", stands, Transform.identity())
     joints = [joint for joint in whole.joints if joint.child in kept and joint.child != "pelvis"]
     moved = {name for joint in joints for name in joint.coordinates}
-    muscles = tuple(one for one in whole.muscles if {point.body for point in one.path.points} <= kept)
+    muscles = tuple(_led(one) for one in whole.muscles if {point.body for point in one.path.points} <= kept)
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     return replace(
         whole,
@@ -137,6 +138,15 @@ def right_leg(whole: Model) -> Model:
         kept=(),
         ground_meshes=(),
     )
+
+
+def _led(muscle: Muscle) -> Muscle:
+    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed.
+
+    By the rule before, the iliacus changes the side of its surface in bones that are bent a little.
+    """
+    wraps = tuple(replace(one, version=4) for one in muscle.path.wraps if isinstance(one, TendonWrap))
+    return replace(muscle, path=replace(muscle.path, wraps=wraps)) if wraps else muscle
 
 
 def truths(model: Model) -> dict[str, BodyTruth]:
