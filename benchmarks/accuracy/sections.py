@@ -60,6 +60,7 @@ from benchmarks.accuracy import (
     tension_defaults,
     transfer,
     uncertainty,
+    unseen_faults,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -307,6 +308,8 @@ def _faults(folder: Path) -> Page:
             "force_faults": lambda: faults.injected_force_faults(folder),
             "force_faults_clean": lambda: faults.clean_forces(folder),
             "force_faults_mended": lambda: faults.mended_torques(folder),
+            "force_faults_unseen": lambda: unseen_faults.injected_unseen(folder),
+            "force_faults_unseen_clean": lambda: unseen_faults.clean_unseen(folder),
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
