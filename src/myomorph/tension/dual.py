@@ -154,6 +154,15 @@ def _step(S, targets, penalty, s, ds, constant, linear):
 
 
 @inner
+def _pull(S, A, y, s):
+    """A^T y."""
+    for i in range(s.shape[0]):
+        s[i] = 0.0
+        for a in range(S.start[i], S.start[i + 1]):
+            s[i] += A[a] * y[S.row[a]]
+
+
+@inner
 def _free_stiffness(S, values, slope, diagonal):
     """Diagonal of A D A^T with no variable on a bound, at |x| = 1; `slope` gets that D."""
     for j in range(diagonal.shape[0]):
@@ -173,7 +182,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
 
     Returns
     -------
-    worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took
+    worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite and NaN
+        where the multipliers have left the numbers
     """
     n, variables = b.shape[0], x.shape[0]
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
@@ -186,11 +196,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         slack[j] = relative * max(slack[j], 1.0)
         floor[j] = 10.0 * slack[j]
         scale = max(scale, 1.0 + abs(b[j]))
-    for i in range(variables):
-        s[i] = 0.0
-        for a in range(S.start[i], S.start[i + 1]):
-            s[i] += A[a] * y[S.row[a]]
-    iteration = 0
+    _pull(S, A, y, s)
+    iteration, fresh = 0, True
     while True:
         for j in range(n):
             residual[j] = b[j]
@@ -207,9 +214,18 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         for j in range(n):
             worst = max(worst, abs(residual[j]))
             z[j] = residual[j] - slack[j] * y[j]
+            if not abs(z[j]) < np.inf:
+                # Multipliers beyond all numbers; `max` passes over what is not a number.
+                return np.inf, np.nan, iteration
             left = max(left, abs(z[j]))
         if left <= TOLERANCE * scale or iteration == most:
-            return worst, left, iteration
+            if fresh or worst <= TOLERANCE * scale:
+                return worst, left, iteration
+            # Multipliers that were large for a while leave their rounding in s, and x balances what nobody asked for.
+            fresh = True
+            _pull(S, A, y, s)
+            continue
+        fresh = False
         iteration += 1
         _assemble(S, A, slope, slack, M)
         if S.peak > 0.0:
@@ -220,10 +236,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         for j in range(n):
             constant += (b[j] - slack[j] * y[j]) * z[j]
             linear += slack[j] * z[j] * z[j]
-        for i in range(variables):
-            ds[i] = 0.0
-            for a in range(S.start[i], S.start[i + 1]):
-                ds[i] += A[a] * z[S.row[a]]
+        _pull(S, A, z, ds)
         t = _step(S, targets, penalty, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
@@ -278,9 +291,9 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
                 y[j] = by_row[4, j]
             continue
         for j in range(b.shape[0]):
-            by_row[4, j] = y[j]
-            if k == 0:
+            if k == 0 or not worst < np.inf:
                 y[j] = 0.0
+            by_row[4, j] = y[j]
         if k > 0:
             # Less slack, but the same residual: nothing is left that could take it.
             stuck = settled and worst > 0.5 * before
