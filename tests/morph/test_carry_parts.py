@@ -43,6 +43,50 @@ FUNCTIONS = {
 STILL = Transform.identity()
 
 
+def test_what_slides_goes_further_and_what_turns_does_not():
+    """A slider that also turns, on bones half as large again: 1.5 of the slide and equal turns put all 1.5 as far."""
+    axes = (
+        Axis("rotation", np.array([0.0, 0.6, 0.8]), linear(1.0), ("turn",)),
+        Axis("translation", np.array([1.0, 0.0, 0.0]), linear(1.0), ("slide",)),
+    )
+    at = Transform(rotation_from_euler_xyz((0.3, 0.2, 0.1)), np.array([0.1, -0.2, 0.05]))
+    joints = (
+        Joint("base", "WeldJoint", "ground", "thigh", STILL, STILL),
+        Joint("knee", "CustomJoint", "thigh", "shank", at, STILL, axes, ("turn", "slide")),
+    )
+    bodies = tuple(Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("thigh", "shank"))
+    coordinates = (Coordinate("turn", range=(-1.0, 2.0)), Coordinate("slide", "translational", range=(-0.1, 0.2)))
+    model = Model("slider", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]))
+    bones = {"ground": given("ground", 1.5 * np.eye(3), np.zeros(3)), **similar(model, 1.5)}
+    carriers = {name: Carrier(bone, name) for name, bone in bones.items()}
+    found = transferred_joints(model, carriers, CenterFinder(carriers, fitted=False, together=True))
+    assert dict(found.travel) == {"slide": pytest.approx(1.5)}
+    turn, slide = found.skeleton.coordinates
+    assert turn.range == (-1.0, 2.0)
+    assert slide.range == pytest.approx((-0.15, 0.3))
+    before, after = (
+        forward_kinematics(compile_tree(one), np.array([values])).origins[0]
+        for one, values in ((model, (0.7, 0.1)), (found.skeleton, (0.7, 0.15)))
+    )
+    np.testing.assert_allclose(after, 1.5 * before, atol=1e-12)
+
+
+def test_sizes_of_bodies_without_bones_are_positive_numbers():
+    np.testing.assert_array_equal(scaled_map("link", 0.5).apply(np.ones((1, 3))), [[0.5, 0.5, 0.5]])
+    for size in (-1.0, 0.0, np.inf, np.nan):
+        with pytest.raises(BadData, match="the size of 'link' would be"):
+            scaled_map("link", size)
+
+
+def test_a_virtual_link_needs_two_bones_that_have_maps():
+    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.2, np.zeros(3)), np.zeros(3))
+    ours = {"pelvis": bones["pelvis"]}
+    assert bones_around(model, bones, {"femur": ("pelvis", "femur")}) == {"femur": ("pelvis", "femur")}
+    for around, known in ((("pelvis",), bones), ((), bones), (("pelvis", "femur"), ours)):
+        with pytest.raises(BadData, match="virtual link 'femur' needs at least two bones"):
+            bones_around(model, known, {"femur": around})
+
+
 def test_functions_of_one_coordinate_add_up():
     rng = np.random.default_rng(0)
     names = list(FUNCTIONS)
@@ -285,50 +329,6 @@ def test_a_hinge_follows_a_twisted_end_and_a_ball_joint_the_whole_bone():
 def test_a_joint_away_from_the_sources_head_is_mapped():
     model, bones = hip(femur(1.0, np.array([0.0, 0.015, 0.0])), femur(1.2, np.array([0.0, 0.018, 0.0])), np.zeros(3))
     assert morph_model(model, bones).joints[1].method == "mapped"
-
-
-def test_what_slides_goes_further_and_what_turns_does_not():
-    """A slider that also turns, on bones half as large again: 1.5 of the slide and equal turns put all 1.5 as far."""
-    axes = (
-        Axis("rotation", np.array([0.0, 0.6, 0.8]), linear(1.0), ("turn",)),
-        Axis("translation", np.array([1.0, 0.0, 0.0]), linear(1.0), ("slide",)),
-    )
-    at = Transform(rotation_from_euler_xyz((0.3, 0.2, 0.1)), np.array([0.1, -0.2, 0.05]))
-    joints = (
-        Joint("base", "WeldJoint", "ground", "thigh", STILL, STILL),
-        Joint("knee", "CustomJoint", "thigh", "shank", at, STILL, axes, ("turn", "slide")),
-    )
-    bodies = tuple(Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("thigh", "shank"))
-    coordinates = (Coordinate("turn", range=(-1.0, 2.0)), Coordinate("slide", "translational", range=(-0.1, 0.2)))
-    model = Model("slider", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]))
-    bones = {"ground": given("ground", 1.5 * np.eye(3), np.zeros(3)), **similar(model, 1.5)}
-    carriers = {name: Carrier(bone, name) for name, bone in bones.items()}
-    found = transferred_joints(model, carriers, CenterFinder(carriers, fitted=False, together=True))
-    assert dict(found.travel) == {"slide": pytest.approx(1.5)}
-    turn, slide = found.skeleton.coordinates
-    assert turn.range == (-1.0, 2.0)
-    assert slide.range == pytest.approx((-0.15, 0.3))
-    before, after = (
-        forward_kinematics(compile_tree(one), np.array([values])).origins[0]
-        for one, values in ((model, (0.7, 0.1)), (found.skeleton, (0.7, 0.15)))
-    )
-    np.testing.assert_allclose(after, 1.5 * before, atol=1e-12)
-
-
-def test_sizes_of_bodies_without_bones_are_positive_numbers():
-    np.testing.assert_array_equal(scaled_map("link", 0.5).apply(np.ones((1, 3))), [[0.5, 0.5, 0.5]])
-    for size in (-1.0, 0.0, np.inf, np.nan):
-        with pytest.raises(BadData, match="the size of 'link' would be"):
-            scaled_map("link", size)
-
-
-def test_a_virtual_link_needs_two_bones_that_have_maps():
-    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.2, np.zeros(3)), np.zeros(3))
-    ours = {"pelvis": bones["pelvis"]}
-    assert bones_around(model, bones, {"femur": ("pelvis", "femur")}) == {"femur": ("pelvis", "femur")}
-    for around, known in ((("pelvis",), bones), ((), bones), (("pelvis", "femur"), ours)):
-        with pytest.raises(BadData, match="virtual link 'femur' needs at least two bones"):
-            bones_around(model, known, {"femur": around})
 
 
 def test_declared_virtual_links_of_a_real_model(data):

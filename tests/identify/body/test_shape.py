@@ -26,6 +26,32 @@ def subject():
     return body_shape(1.822, 0.870, 66.8, "male")
 
 
+def test_joint_centers_are_where_bones_begin():
+    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's top is a vertex."""
+    rng = np.random.default_rng(0)
+    paired = (
+        "upperleg01",
+        "lowerleg01",
+        "foot",
+        "upperarm01",
+        "lowerarm01",
+        "wrist",
+        *(f"toe{i}-1" for i in range(1, 6)),
+    )
+    bones = ("spine03", "neck01", *(f"{name}.{side}" for name in paired for side in "RL"))
+    heads, vertices = rng.normal(size=(len(bones), 3)), np.array([[0.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])
+    rig = SimpleNamespace(bones=bones, faces=np.array([[1, 2, 1]]))
+    found = _centers(rig, vertices, heads)
+    hips = heads[bones.index("upperleg01.R")], heads[bones.index("upperleg01.L")]
+    np.testing.assert_array_equal(found["right hip"], hips[0])
+    np.testing.assert_allclose(found["pelvis"], np.mean(hips, axis=0), atol=1e-15)
+    toes = [heads[bones.index(f"toe{i}-1.L")] for i in range(1, 6)]
+    np.testing.assert_allclose(found["left toes"], np.mean(toes, axis=0), atol=1e-15)
+    np.testing.assert_array_equal(found["left wrist"], heads[bones.index("wrist.L")])
+    np.testing.assert_array_equal(found["neck"], heads[1])
+    np.testing.assert_array_equal(found["head top"], vertices[2])
+
+
 @needs_anny
 def test_the_measurements_are_reached(subject):
     assert subject.reached["height"] == pytest.approx(1.822, abs=1e-3)
@@ -55,32 +81,6 @@ def test_the_skeleton_is_inside_and_the_landmarks_are_on_the_skin(subject):
         np.testing.assert_allclose(subject.centers[left] * [1, 1, -1], subject.centers[right], atol=2e-3)
     assert subject.landmarks["right lateral knee"][2] > subject.centers["right knee"][2] + 0.03
     assert subject.landmarks["left heel"][0] < subject.centers["left ankle"][0]
-
-
-def test_joint_centers_are_where_bones_begin():
-    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's top is a vertex."""
-    rng = np.random.default_rng(0)
-    paired = (
-        "upperleg01",
-        "lowerleg01",
-        "foot",
-        "upperarm01",
-        "lowerarm01",
-        "wrist",
-        *(f"toe{i}-1" for i in range(1, 6)),
-    )
-    bones = ("spine03", "neck01", *(f"{name}.{side}" for name in paired for side in "RL"))
-    heads, vertices = rng.normal(size=(len(bones), 3)), np.array([[0.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])
-    rig = SimpleNamespace(bones=bones, faces=np.array([[1, 2, 1]]))
-    found = _centers(rig, vertices, heads)
-    hips = heads[bones.index("upperleg01.R")], heads[bones.index("upperleg01.L")]
-    np.testing.assert_array_equal(found["right hip"], hips[0])
-    np.testing.assert_allclose(found["pelvis"], np.mean(hips, axis=0), atol=1e-15)
-    toes = [heads[bones.index(f"toe{i}-1.L")] for i in range(1, 6)]
-    np.testing.assert_allclose(found["left toes"], np.mean(toes, axis=0), atol=1e-15)
-    np.testing.assert_array_equal(found["left wrist"], heads[bones.index("wrist.L")])
-    np.testing.assert_array_equal(found["neck"], heads[1])
-    np.testing.assert_array_equal(found["head top"], vertices[2])
 
 
 @needs_anny
