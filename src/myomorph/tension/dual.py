@@ -183,7 +183,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
     Returns
     -------
     worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite and NaN
-        where the multipliers have left the numbers
+        where the multipliers have overflowed
     """
     n, variables = b.shape[0], x.shape[0]
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
@@ -215,13 +215,13 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
             worst = max(worst, abs(residual[j]))
             z[j] = residual[j] - slack[j] * y[j]
             if not abs(z[j]) < np.inf:
-                # Multipliers beyond all numbers; `max` passes over what is not a number.
+                # The multipliers have overflowed; `max` ignores NaN.
                 return np.inf, np.nan, iteration
             left = max(left, abs(z[j]))
         if left <= TOLERANCE * scale or iteration == most:
             if fresh or worst <= TOLERANCE * scale:
                 return worst, left, iteration
-            # Multipliers that were large for a while leave their rounding in s, and x balances what nobody asked for.
+            # s is updated step by step: multipliers that were huge for a while leave rounding errors in it.
             fresh = True
             _pull(S, A, y, s)
             continue
