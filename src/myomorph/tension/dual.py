@@ -28,6 +28,9 @@ STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 TOLERANCE = 1e-9
 """Equilibrium residual, relative to 1 + max |b|, at which a frame is solved."""
 
+SETTLED = 1e-3
+"""The same of a frame that cannot balance, relative to what it misses."""
+
 PATIENCE = 25
 """Passes over linked frames without a new least change, after which they are no longer over-relaxed."""
 
@@ -197,7 +200,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         floor[j] = 10.0 * slack[j]
         scale = max(scale, 1.0 + abs(b[j]))
     _pull(S, A, y, s)
-    iteration, fresh = 0, True
+    iteration, checked, before = 0, False, 0.0
     while True:
         for j in range(n):
             residual[j] = b[j]
@@ -218,14 +221,16 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
                 # The multipliers have overflowed; `max` ignores NaN.
                 return np.inf, np.nan, iteration
             left = max(left, abs(z[j]))
+        if checked and left <= SETTLED * worst:
+            return worst, before, iteration
         if left <= TOLERANCE * scale or iteration == most:
-            if fresh or worst <= TOLERANCE * scale:
+            if checked or iteration == 0 or worst <= TOLERANCE * scale:
                 return worst, left, iteration
             # s is updated step by step: multipliers that were huge for a while leave rounding errors in it.
-            fresh = True
+            checked, before = True, left
             _pull(S, A, y, s)
             continue
-        fresh = False
+        checked = False
         iteration += 1
         _assemble(S, A, slope, slack, M)
         if S.peak > 0.0:
@@ -282,7 +287,7 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
         if k == 0 and left <= TOLERANCE * scale:
             stuck = True
             break
-        settled = left <= TOLERANCE * scale or left <= 1e-3 * worst
+        settled = left <= TOLERANCE * scale or left <= SETTLED * worst
         cold = k == 0
         if k > 1 and not settled:
             # The last slack that could be solved for is the answer: x again, without a step.
