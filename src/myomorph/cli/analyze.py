@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import DrawCount, EmgMuscles, Threads, use_threads
+from myomorph.cli.options import DrawCount, EmgMuscles, Threads, Time, use_threads
 from myomorph.cli.output import said
 
 
@@ -33,6 +33,7 @@ def analyze_command(
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
+    time: Time = None,
     draws: DrawCount = None,
     emg_muscles: EmgMuscles = (),
     emg_side: Annotated[
@@ -80,6 +81,7 @@ def analyze_command(
         emg_mvc,
         shlex.join(["myomorph", *sys.argv[1:]]),
         draws,
+        time,
     )
     prepared = prepare_study(request, out)
     said("assumed:")
