@@ -16,6 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import ProtocolTable, labels_between
+from myomorph.motion.sync import cut
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
 from myomorph.study.analyze.recordings import (
@@ -34,6 +35,8 @@ from myomorph.study.trial.inputs import cut_to, open_model
 from myomorph.study.trial.laboratory import AS_RECORDED
 
 STUDY, GENERIC = "study.toml", "generic.osim"
+MIN_FRAMES = 6
+"""Frames in a row that derivatives need."""
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")
@@ -180,8 +183,15 @@ def _check_markers(one: Recording) -> None:
 
 
 def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None) -> None:
-    """Raise `BadData` where the part of a recording that is asked for shows too few of the body's markers."""
-    if cut_to(time, markers, path) is None or time is None:
+    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of the markers."""
+    used = cut_to(time, markers, path)
+    count = len(markers if used is None else cut(markers, *used))
+    if count < MIN_FRAMES:
+        raise BadData(
+            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''}, derivatives need "
+            f"{MIN_FRAMES} in a row: give a longer recording, and this one as --static where nobody moves in it"
+        )
+    if time is None:
         return
     places = np.stack([markers[label] for label in labels], axis=1)
     seen = np.isfinite(places).all(axis=2).sum(axis=1) >= MIN_MARKERS
