@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, listing
+from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import ProtocolTable, labels_between
 from myomorph.motion.sync import cut
+from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
 from myomorph.study.analyze.recordings import (
@@ -31,6 +32,7 @@ from myomorph.study.analyze.recordings import (
 from myomorph.study.analyze.study_text import STEPS, StudyEntries, TrialEntry, is_unchanged, study_text
 from myomorph.study.analyze.unfit_markers import unfit_markers
 from myomorph.study.trial.emg_names import muscles_of_channels
+from myomorph.study.trial.external_forces import TABLES, force_table
 from myomorph.study.trial.inputs import cut_to, open_model
 from myomorph.study.trial.laboratory import AS_RECORDED
 
@@ -66,6 +68,8 @@ class AnalyzeRequest:
     command : as typed, for the study file
     draws : with errors in all inputs, None for none
     time : the part of every recording that is used [s], None for all
+    loads : file of forces of the one recording, None for its plates or what lies beside it
+    forces : how a table of forces is laid out, and its clock
     """
 
     recordings: tuple[Path, ...]
@@ -80,6 +84,8 @@ class AnalyzeRequest:
     command: str = "myomorph analyze"
     draws: int | None = None
     time: tuple[float, float] | None = None
+    loads: Path | None = None
+    forces: ForceOptions = field(default_factory=ForceOptions)
 
 
 @dataclass(frozen=True)
@@ -109,12 +115,14 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     static, moving, text = _static(looked, request)
     if text:
         assumed.append(text)
+    if request.loads is not None:
+        moving = [_with_loads(moving, request.loads)]
     for one in moving:
         if request.model is None:
             _check_markers(one)
         assert one.trial.markers is not None
-        labels = one.found.sites if request.model is None else one.trial.markers.names
-        _check_time(one.path, one.trial.markers, tuple(labels), request.time)
+        body = one.found.sites if request.model is None else one.trial.markers.names
+        _check_time(one.path, one.trial.markers, tuple(body), request.time)
     everyone = [*moving, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
     model, path, labels, of_model = _model(everyone, request, out)
@@ -135,6 +143,7 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         request.emg_muscles,
         request.emg_side,
         request.emg_mvc,
+        forces=request.forces,
         steps=STEPS if model.muscles else tuple(one for one in STEPS if one not in OF_MUSCLES),
         draws=request.draws,
         assumed=tuple(assumed),
@@ -143,6 +152,21 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     target.write_text(study_text(study, out), encoding="utf-8")
     own = [f"{one.name}: {text}" for one in trials for text in one.assumed]
     return Prepared(target, (*assumed, *own))
+
+
+def _with_loads(moving: Sequence[Recording], loads: Path) -> Recording:
+    """The one recording with a file of forces that is named.
+
+    Raises
+    ------
+    BadData, BadFile
+        where there are several recordings, or no such file
+    """
+    if len(moving) != 1:
+        raise BadData(f"--loads {loads}: {len(moving)} recordings; name the forces of one recording at a time")
+    if not loads.is_file():
+        raise BadFile(loads, "does not exist", "give the forces of the recording (--loads FILE)")
+    return replace(moving[0], loads=loads)
 
 
 def _refuse_changed(path: Path) -> None:
@@ -294,6 +318,9 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     contacts, loads = "", one.loads
     if one.loads is not None:
         texts.append(f"External forces from {one.loads.name}.")
+        if one.loads.suffix.lower() in TABLES:
+            notes = force_table(one.loads, None, request.forces).notes
+            texts += [f"{one.loads.name}: {text}." for text in notes]
     elif plates and feet_of(model):
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
         # Named, so that a file of forces beside the recording is not taken for them.
@@ -302,7 +329,8 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
     if loads is not None and feet_of(model):
-        bare_share = uncovered_share(one, request.mass * float(np.linalg.norm(model.gravity)))
+        weight = request.mass * float(np.linalg.norm(model.gravity))
+        bare_share = uncovered_share(one, weight, request.forces)
         if bare_share > LASTS:
             contacts = "auto"
             texts.append(
