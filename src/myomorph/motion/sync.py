@@ -136,15 +136,17 @@ def clock_shift(time: Array, other: Array) -> float | None:
 
     Returns
     -------
-    0 where they share most of the time of the shorter and nothing says otherwise; the shift where both last equally
-    long and begin apart; None where they share no time and nothing says by how much they are apart
+    0 where they share time; the shift where both last equally long and share less than half of it; None where they
+    share no time and nothing says by how much they are apart
     """
     step = max((float(np.median(np.diff(one))) for one in (time, other) if len(one) > 1), default=0.0)
     apart = float(time[0] - other[0])
     lasts = float(time[-1] - time[0]), float(other[-1] - other[0])
-    if abs(lasts[0] - lasts[1]) <= SAME_LENGTH * step and min(lasts) > MIN_SAMPLES * step:
-        return apart if abs(apart) > SAME_LENGTH * step else 0.0
     common = min(time[-1], other[-1]) - max(time[0], other[0])
+    alike = abs(lasts[0] - lasts[1]) <= SAME_LENGTH * step and min(lasts) > MIN_SAMPLES * step
+    # Less is left to the checks of forces, which see what the body needs.
+    if alike and common < 0.5 * min(lasts):
+        return apart
     return 0.0 if common > 0.0 else None
 
 
