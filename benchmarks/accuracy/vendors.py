@@ -23,7 +23,7 @@ WINDOW = 0.4
 """Part of a recording, about its middle, that is analyzed [s]."""
 LIMIT = 300.0
 """Longest time of a command [s]."""
-OPTION = re.compile(r"--[a-z][a-z-]*|: give |; give |is empty|expected ")
+OPTION = re.compile(r"--[a-z][a-z-]*|: give |; give |expected ")
 """What a line has that names what to do: an option, or the file that is needed."""
 
 
