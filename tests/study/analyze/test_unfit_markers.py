@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from made_standing import standing
 from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import recognize
+from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.unfit_markers import is_arm
+from myomorph.study.plan.plan import read_plan
 
 KINDS = {
     "an arm": ("IJ", "PX", "C7", "RACR", "R.Epi.Lat", "R.Epi.Med", "R.Wrist.Rad", "R.Wrist.Ulna"),
@@ -74,3 +77,20 @@ def test_a_model_of_the_arm_takes_a_recording_of_the_arm(data, tmp_path) -> None
     assert not any("not used" in text for text in prepared.assumed)
     subject = tomllib.loads(prepared.study.read_text())["subject"][0]
     assert subject["steps"] == ["calibrate", "ik", "id", "report"]
+
+
+def test_forces_of_a_named_table_and_its_layout_go_into_the_study(tmp_path) -> None:
+    """A table that only its owner can read: named, laid out, and read again by the plan."""
+    body = standing(0.3)
+    write_trc(body, tmp_path / "x.trc")
+    rows = np.column_stack([np.zeros(20), *[np.full(20, value) for value in (0.0, 700.0, 0.0, 0.1, 0.0, 0.1)]])
+    np.savetxt(tmp_path / "plates.txt", rows)
+    layout = ForceOptions(force_columns="-,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1", force_rate=100.0)
+    request = AnalyzeRequest((tmp_path / "x.trc",), 70.0, loads=tmp_path / "plates.txt", forces=layout)
+    prepared = prepare_study(request, tmp_path / "out")
+    assert any("rows at 100 Hz" in text for text in prepared.assumed)
+    plan = read_plan(prepared.study)
+    assert plan.trials[0].loads.name == "plates.txt"
+    assert plan.settings["id"] == {"force_columns": layout.force_columns, "force_rate": 100.0}
+    with pytest.raises(BadFile, match="--force-columns"):
+        prepare_study(replace(request, forces=ForceOptions()), tmp_path / "other")
