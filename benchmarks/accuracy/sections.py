@@ -61,6 +61,7 @@ from benchmarks.accuracy import (
     transfer,
     uncertainty,
     unseen_faults,
+    vendors,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
 from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
@@ -157,7 +158,7 @@ def _raw_recordings(folder: Path) -> Page:
         "raw-recordings",
         "From raw recordings to a report",
         "One command on recordings of many laboratories, beside each one's own joint moments.",
-        {"analyze": lambda: analyze.measure(folder)},
+        {"analyze": lambda: analyze.measure(folder), "vendors": lambda: vendors.measure(folder)},
     )
 
 
