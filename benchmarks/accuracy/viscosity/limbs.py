@@ -1,0 +1,210 @@
+"""Limbs whose instruments and models are in error: what is found of them, and how often intervals hold it.
+
+Every limb is simulated by MuJoCo with a part of its mass loose on it, seen by a plate and markers whose errors are
+drawn, and identified as a study does, from a model whose joint's center is off.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.provenance import Estimate
+
+Row = dict[str, object]
+
+LIMBS = 100
+LEVEL = 0.9
+SECONDS, TRIALS = 6.0, 2
+EVERY = 2
+"""Of the markers' frames and the plate's samples, which are used: 100 and 1000 Hz."""
+WORKERS = 2
+QUANTITIES = {
+    "joint_viscosity": "d_J",
+    "muscle_viscosity": "d_M",
+    "mass_muscles_removed": "mass, muscles removed",
+    "mass_intact": "mass, intact",
+    "com_muscles_removed": "mass center, muscles removed",
+    "com_intact": "mass center, intact",
+}
+"""What is judged, by the names of `cohort.QUANTITIES`."""
+ARM = 0.02
+"""A moment arm of a shoulder muscle [m]."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What is wrong with instruments and model of one limb; all zero where nothing is.
+
+    Attributes
+    ----------
+    plate, turn : error of the plate's place [m] and of its axes [rad], (3,) each
+    force, moment : relative errors of the gains (3,) each
+    clock, drift : of the plate [s], [s/s]
+    center : of the joint in the model, along ground's axes while the limb hangs (3,) [m]
+    clusters : (2, 3) of base and limb against their bones [m]
+    tissue : share of the limb's mass that is loose, muscles removed and intact; 0 for none
+    frequency, damping : of the loose mass
+    """
+
+    plate: Sequence[float] = (0.0, 0.0, 0.0)
+    turn: Sequence[float] = (0.0, 0.0, 0.0)
+    force: Sequence[float] = (0.0, 0.0, 0.0)
+    moment: Sequence[float] = (0.0, 0.0, 0.0)
+    clock: float = 0.0
+    drift: float = 0.0
+    center: Sequence[float] = (0.0, 0.0, 0.0)
+    clusters: Sequence[Sequence[float]] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    tissue: tuple[float, float] = (0.0, 0.0)
+    frequency: float = 8.0
+    damping: float = 0.2
+
+
+class LimbRun(NamedTuple):
+    """One limb, its truth and what was found, by the names of `QUANTITIES`.
+
+    Attributes
+    ----------
+    laws : chosen of the conditions, muscles removed first
+    refused : whether a viscosity was withheld, with the reason
+    """
+
+    seed: int
+    truth: dict[str, float]
+    found: dict[str, Estimate]
+    laws: tuple[str, ...]
+    refused: tuple[str, ...]
+
+
+def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
+    """Faults drawn with the standard deviations that `ErrorOptions` assumes by default, times `scale`."""
+    from myomorph.viscosity.identification.budget import ErrorOptions
+
+    sds = ErrorOptions()
+
+    def three(sd: float) -> Array:
+        return scale * sd * random.standard_normal(3)
+
+    return Faults(
+        three(sds.plate_position),
+        three(sds.plate_rotation),
+        three(sds.force_gain),
+        three(sds.moment_gain),
+        random.uniform(-0.03, 0.03),
+        random.uniform(-5e-5, 5e-5),
+        three(sds.joint_center),
+        scale * 5e-4 * random.standard_normal((2, 3)),
+        (random.uniform(0.0, 0.05), random.uniform(0.05, 0.15)),
+        random.uniform(6.0, 12.0),
+        random.uniform(0.1, 0.4),
+    )
+
+
+def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
+    """A limb of one of the six published sizes, drawn viscosities unless the joint's is given, as a study finds it."""
+    import mujoco
+    from scipy.spatial.transform import Rotation
+
+    from myomorph.simulate.laboratory import Noise, measured_markers, measured_wrench, simulate
+    from myomorph.simulate.limb import HeldLimb, SoftTissue, swing_mjcf
+    from myomorph.simulate.shoulder import HELD, PLATE, STEP, _hanging, _mounted, _release, arm_specimen
+    from myomorph.viscosity.cohort import SPECIMENS, specimen_row
+    from myomorph.viscosity.specimen.model import SwingTrial
+    from myomorph.viscosity.study.conditions import Prepared, identify_conditions
+    from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
+    from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.trust.checks import condition_findings
+
+    seed, faults, damping = given
+    random = np.random.default_rng(seed)
+    row = SPECIMENS[seed % len(SPECIMENS)]
+    noise = Noise(offset=faults.clock, drift=faults.drift)
+    specimen = arm_specimen()
+    specimen = specimen.standing(_mounted(specimen.stand, random))
+    limb = HeldLimb(specimen, HELD)
+    bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
+    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
+    muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
+    center = specimen.stand.apply(specimen.center)
+    on_base, on_limb = limb.markers()
+    at_base = {name: center + specimen.stand.rotation @ place for name, place in on_base.items()}
+    hand = limb.poses[specimen.limb[-1]].translation
+    elbow = limb.poses[specimen.limb[1]].translation
+    starts = [_release(random) for _ in range(TRIALS)]
+    conditions = {}
+    for name, parameters, own, share, place in (
+        ("without", bare, 0.0, faults.tissue[0], 0.8 * hand),
+        ("with", whole, muscle, faults.tissue[1], 0.5 * elbow),
+    ):
+        rest = _hanging(limb, parameters)
+        tissue = None
+        if share > 0.0:
+            tissue = SoftTissue(tuple(place), share * float(parameters[0]), faults.frequency, faults.damping)
+        compiled = mujoco.MjModel.from_xml_string(
+            swing_mjcf(limb, parameters, specimen.stand, rest, damping, own, tissue)
+        )
+        loose = np.zeros(0 if tissue is None else 3)
+        trials = []
+        for number, (axis, rates) in enumerate(starts, 1):
+            turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
+            exact = simulate(compiled, np.append(turn, loose), np.append(rest.T @ rates, loose), SECONDS, STEP)
+            markers = measured_markers(exact, center, at_base, on_limb, noise, random)
+            wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
+            markers = replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY])
+            trials.append(SwingTrial(f"{name} {number}", markers, _faulty(wrenches, faults)))
+        conditions[name] = trials
+        shift = rest.T @ np.array(faults.center), specimen.stand.rotation.T @ np.array(faults.center)
+    known = specimen.centered(
+        specimen.center + shift[1] + np.array(faults.clusters[0]),
+        specimen.center_in_limb + shift[0] + np.array(faults.clusters[1]),
+    )
+    options = StudyOptions.of({"identification": {"level": LEVEL, "seed": seed}})
+    tracked = {}
+    for name, trials in conditions.items():
+        one = track(known, trials, options.tracking)
+        tracked[name] = Prepared(one, one.notes)
+    result = identify_conditions(known, SpecimenFiles(str(seed), Path()), tracked, options)
+    refused = [
+        finding.line
+        for one in (result.by_swings.without, result.by_swings.intact)
+        for finding in (() if one is None else condition_findings(one))
+        if finding.fatal
+    ]
+    truth = {
+        "joint_viscosity": damping,
+        "muscle_viscosity": muscle,
+        "mass_muscles_removed": float(bare[0]),
+        "mass_intact": float(whole[0]),
+        "com_muscles_removed": float(np.linalg.norm(bare[1:4]) / bare[0]),
+        "com_intact": float(np.linalg.norm(whole[1:4]) / whole[0]),
+    }
+    found = dict(specimen_row(result.found))
+    laws = tuple(one.chosen.name for one in result.compared.values())
+    return LimbRun(seed, truth, {name: found[name] for name in truth if name in found}, laws, (*refused, *result.lost))
+
+
+def _faulty(wrenches, faults: Faults):
+    """The wrench as instruments with faults measure it, every other sample."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_rotvec(faults.turn).as_matrix()
+    return replace(
+        wrenches,
+        time=wrenches.time[::EVERY],
+        forces=(wrenches.forces * (1.0 + np.array(faults.force)) @ turn.T)[::EVERY],
+        torques=(wrenches.torques * (1.0 + np.array(faults.moment)) @ turn.T)[::EVERY],
+        points=(wrenches.points + np.array(faults.plate))[::EVERY],
+    )
+
+
+def limb_runs(given: Sequence[tuple[int, Faults, float | None]]) -> list[LimbRun]:
+    """Runs on both cores, a process each."""
+    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+        return list(pool.imap(limb_run, given, chunksize=4))
