@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from myomorph.model.errors import BadData, MyomorphError
-from myomorph.viscosity.identification.budget import ErrorShare
+from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
 from myomorph.viscosity.identification.identify import (
     STATES,
     SpecimenViscosity,
     ViscosityOptions,
     identify_specimen,
 )
+from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
 from myomorph.viscosity.identification.shared_errors import with_shared_errors
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
@@ -47,7 +48,8 @@ class Identified:
     ----------
     found : with intervals that hold errors which all swings share
     by_swings : with intervals of swings alone, by which a swing is judged too small
-    conditions : with their equations and faults
+    instruments : what the swings tell of errors that they share
+    conditions : with their equations, rid of those errors, and faults
     options : with the law of the passive torque decided
     reason : why the cut-off is what it is
     lost : conditions that could not be used, a line each
@@ -57,6 +59,7 @@ class Identified:
     found: SpecimenViscosity
     by_swings: SpecimenViscosity
     shares: tuple[ErrorShare, ...]
+    instruments: Instruments
     conditions: Mapping[str, Prepared]
     options: StudyOptions
     compared: Mapping[str, PassiveComparison]
@@ -80,12 +83,23 @@ def identify_conditions(
     conditions = _equations(tracked, cutoff, options.identification.tare == "known", lost)
     if not conditions:
         raise BadData("; ".join(lost))
+    conditions, instruments = _corrected(conditions, options.errors)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
     by_swings = _identified(specimen, files, conditions, options.identification)
-    found, shares = with_shared_errors(by_swings, options.identification, options.errors)
+    found, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     return Identified(
-        found, by_swings, shares, conditions, options, compared, cutoff, reason, tuple(lost), tuple(conflicts)
+        found,
+        by_swings,
+        shares,
+        instruments,
+        conditions,
+        options,
+        compared,
+        cutoff,
+        reason,
+        tuple(lost),
+        tuple(conflicts),
     )
 
 
@@ -112,6 +126,19 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
         found[name] = replace(one, recordings=recordings, findings=findings)
     return found
+
+
+def _corrected(conditions: Mapping[str, Prepared], options: ErrorOptions) -> tuple[dict[str, Prepared], Instruments]:
+    """The conditions without the errors of instruments that their swings tell, and what is known of these."""
+    if not options.estimate:
+        return dict(conditions), Instruments.assumed(options)
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    found = estimate_instruments({name: one.recordings for name, one in conditions.items()}, options, hidden)
+    corrected = {
+        name: replace(one, recordings=tuple(found.corrected(each) for each in one.recordings))
+        for name, one in conditions.items()
+    }
+    return corrected, found
 
 
 def _compared(

@@ -69,7 +69,7 @@ class TrackingOptions:
     cluster: float = 0.006
     slip: float = 0.035
     shift: float = 0.002
-    center: Literal["model", "motion"] = "model"
+    center: Literal["model", "motion"] = "motion"
     max_center_distance: float = 0.005
     clock: bool = True
     find_contact: bool = True

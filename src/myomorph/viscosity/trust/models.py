@@ -15,8 +15,9 @@ from myomorph.viscosity.identification.condition import Influences
 from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
 from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
 from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.samples import effective_samples
 from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
-from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, effective_samples, law_columns
+from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
 
 UNITS: Mapping[str, str] = {
     "viscosity": "N m s/rad",
