@@ -21,9 +21,9 @@ Row = dict[str, object]
 
 LIMBS = 100
 LEVEL = 0.9
-SECONDS, TRIALS = 6.0, 2
-EVERY = 2
-"""Of the markers' frames and the plate's samples, which are used: 100 and 1000 Hz."""
+SECONDS, TRIALS = 8.0, 3
+EVERY = 4
+"""Of the markers' frames and the plate's samples, which are used: 50 and 500 Hz."""
 WORKERS = 2
 QUANTITIES = {
     "joint_viscosity": "d_J",
@@ -191,7 +191,7 @@ def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
 
 
 def _faulty(wrenches, faults: Faults):
-    """The wrench as instruments with faults measure it, every other sample."""
+    """The wrench as instruments with faults measure it, every `EVERY`-th sample."""
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
