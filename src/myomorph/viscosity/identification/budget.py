@@ -13,6 +13,9 @@ from myomorph.viscosity.swings.recording import SwingRecording
 MAX_FRAMES = 600
 """Frames of a trial from which changes are found: an error that all frames share needs no more."""
 
+AXES = {"plate_clock": 1, "soft_tissue": 2}
+"""How many errors there are of a source that is not one of three axes."""
+
 
 @dataclass(frozen=True)
 class ErrorOptions:
@@ -26,6 +29,9 @@ class ErrorOptions:
     moment_gain : of each moment channel, about the plate's center, relative
     plate_clock : of the plate's clock against the markers', after it was estimated [s]
     joint_center : of the joint's center on the fixed bone, each axis [m]
+    soft_tissue : how far the mass center gives way on the bones, over the limb's acceleration: share of the mass that
+        is loose over the square of its angular frequency [s^2]; by default 4 % at 8 Hz, for a dissected limb. Of limbs
+        without their muscles and with them (axis 0 and 1) each by itself; never estimated
     estimate : find these errors from the swings themselves and take them off; without, they only widen intervals
     """
 
@@ -35,6 +41,7 @@ class ErrorOptions:
     moment_gain: float = 0.01
     plate_clock: float = 0.0005
     joint_center: float = 0.003
+    soft_tissue: float = 1.5e-5
     estimate: bool = True
 
     def __post_init__(self) -> None:
@@ -51,7 +58,7 @@ class ErrorOptions:
     @property
     def sources(self) -> tuple[tuple[str, int], ...]:
         """Name and axis of every error whose standard deviation is above 0."""
-        named = ((name, 1 if name == "plate_clock" else 3) for name in self.names)
+        named = ((name, AXES.get(name, 3)) for name in self.names)
         return tuple((name, axis) for name, count in named if getattr(self, name) > 0.0 for axis in range(count))
 
 
@@ -107,6 +114,11 @@ def disturbed(one: SwingRecording, source: str, axis: int, size: float) -> Swing
     elif source == "moment_gain":
         about = moment - np.cross(one.origin, force)
         moment += size * about[:, axis, None] * along
+    elif source == "soft_tissue":
+        # The mass center lags by size * force / mass, which the joint feels as force alone: it passes on no moment.
+        if bool(one.muscles) == (axis == 1):
+            change = np.gradient(np.gradient(force, one.time, axis=0), one.time, axis=0)
+            force -= size * np.where(np.isfinite(change), change, 0.0)
     else:
         wrench = one.wrench + size * np.gradient(one.wrench, one.time, axis=0)
         return replace(one, wrench=np.where(np.isfinite(wrench), wrench, one.wrench))

@@ -20,6 +20,8 @@ from myomorph.viscosity.swings.sums import free_directions, predicted_rows
 
 ROUNDS = 3
 """How often the errors are found again from recordings that are rid of the last ones."""
+UNTOLD = "soft_tissue"
+"""A source that is not estimated: it changes the force by as little as filters and rounded accelerations do."""
 MASS_AND_MOMENT = 4
 """Columns of the force's rows: mass and first moment."""
 
@@ -129,7 +131,7 @@ def _condition(recordings: Sequence[SwingRecording], found: Instruments, free_ze
         smooth = replace(one, wrench=expected)
         changes = np.stack(
             [
-                (disturbed(smooth, *source, size).wrench - expected)[use] / size
+                (disturbed(smooth, *source, 0.0 if source[0] == UNTOLD else size).wrench - expected)[use] / size
                 for source, size in zip(found.sources, found.prior, strict=True)
             ],
             axis=2,
