@@ -7,7 +7,7 @@ drawn, and identified as a study does, from a model whose joint's center is off.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -208,3 +208,75 @@ def limb_runs(given: Sequence[tuple[int, Faults, float | None]]) -> list[LimbRun
     """Runs on both cores, a process each."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         return list(pool.imap(limb_run, given, chunksize=4))
+
+
+SYSTEMATIC: dict[str, Faults] = {
+    "nothing": Faults(),
+    "plate 5 mm off along x": Faults(plate=(0.005, 0.0, 0.0)),
+    "plate 5 mm off along y": Faults(plate=(0.0, 0.005, 0.0)),
+    "plate 5 mm off upwards": Faults(plate=(0.0, 0.0, 0.005)),
+    "plate turned by 1 degree about each axis": Faults(turn=(0.0175, 0.0175, 0.0175)),
+    "moment gains +2, -1, +2 %": Faults(moment=(0.02, -0.01, 0.02)),
+    "force gains +0.5, -0.5, +0.5 %": Faults(force=(0.005, -0.005, 0.005)),
+    "model's joint center 8 mm off": Faults(center=(0.0046, 0.0046, 0.0046)),
+    "model's joint center 3 mm off": Faults(center=(0.0, 0.003, 0.0)),
+    "clusters 1 mm off their bones": Faults(clusters=((0.001, 0.0, 0.0), (0.0, 0.001, 0.0))),
+    "clock 20 ms and 50 millionths off": Faults(clock=0.02, drift=5e-5),
+    "3 and 10 % of the mass loose at 8 Hz": Faults(tissue=(0.03, 0.1)),
+    "all of these at once": Faults(
+        (0.003, -0.003, 0.003),
+        (0.005, -0.005, 0.005),
+        (0.005, -0.005, 0.005),
+        (0.02, -0.01, 0.02),
+        0.02,
+        5e-5,
+        (0.0046, 0.0046, 0.0046),
+        ((0.001, 0.0, 0.0), (0.0, 0.001, 0.0)),
+        (0.03, 0.1),
+    ),
+}
+"""What may be wrong with one limb; the limb and its releases are the same in every row."""
+FIXED, DAMPING = 3, 0.055
+"""Seed of that limb, and its viscosity [N m s/rad]."""
+
+
+def measure_systematic() -> Iterable[Row]:
+    """A row a fault: errors of what is found, their intervals, and whether these hold the truth."""
+    runs = limb_runs([(FIXED, faults, DAMPING) for faults in SYSTEMATIC.values()])
+    for name, one in zip(SYSTEMATIC, runs, strict=True):
+        row: Row = {"wrong": name}
+        for quantity in ("joint_viscosity", "muscle_viscosity", "mass_muscles_removed", "com_muscles_removed"):
+            row[f"{QUANTITIES[quantity]}: error (90 % interval)"] = _told(one, quantity)
+        yield row | {"laws chosen": "; ".join(one.laws), "withheld": len(one.refused)}
+
+
+def _told(one: LimbRun, quantity: str) -> str:
+    if quantity not in one.found:
+        return "withheld"
+    found, truth = one.found[quantity], one.truth[quantity]
+    error, low, high = (100.0 * (value / truth - 1.0) for value in (found.value, found.low, found.high))
+    return f"{error:+.2f} % ({low:+.2f} to {high:+.2f}{'' if found.holds(truth) else ', misses'})"
+
+
+def measure_coverage() -> Iterable[Row]:
+    """A row a quantity over `LIMBS` limbs with random faults, then what laws were chosen and what was withheld."""
+    runs = limb_runs([(seed, random_faults(np.random.default_rng(1000 + seed)), None) for seed in range(LIMBS)])
+    for quantity, label in QUANTITIES.items():
+        own = [(one.found[quantity], one.truth[quantity]) for one in runs if quantity in one.found]
+        errors = np.array([100.0 * (found.value / truth - 1.0) for found, truth in own])
+        widths = np.array([50.0 * (found.high - found.low) / truth for found, truth in own])
+        held = sum(found.holds(truth) for found, truth in own)
+        yield {
+            "quantity": label,
+            "of limbs": len(own),
+            "error RMS": f"{np.sqrt(np.mean(errors**2)):.2f} %",
+            "mean": f"{errors.mean():+.2f} %",
+            "largest": f"{np.abs(errors).max():.2f} %",
+            "median half-width": f"{np.median(widths):.2f} %",
+            "90 % intervals that hold": f"{held} ({100.0 * held / max(len(own), 1):.0f} %)",
+        }
+    plain = {"viscosity", "muscles"}
+    wrong = sum(any(set(law.split(" + ")) - plain for law in one.laws) for one in runs)
+    refused = sum(bool(one.refused) for one in runs)
+    for label, count in (("a law with more than equations 1 to 3 chosen", wrong), ("a viscosity withheld", refused)):
+        yield {"quantity": f"{label}: {count} limbs", "of limbs": len(runs)}

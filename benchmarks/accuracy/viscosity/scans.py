@@ -36,12 +36,19 @@ SHOWN = {
 
 
 class ScanRun(NamedTuple):
-    """A specimen, and what was found by the names of `SHOWN`."""
+    """A specimen, and what was found by the names of `SHOWN`.
+
+    Attributes
+    ----------
+    fit : mean root mean square of scans on the model's bones [mm]
+    arms : 95 % of d_M under errors of attachments as the report assumes them [N s/m]
+    """
 
     name: str
     truth: dict[str, float]
     found: dict[str, Estimate]
     fit: float
+    arms: tuple[float, float]
 
 
 def modelled(points: Array) -> Array:
@@ -65,8 +72,10 @@ def scan_run(number: int) -> ScanRun:
         plan = read_viscosity_plan(path)
         options = StudyOptions.of(dict(plan.settings))
         report = study_specimen(plan.specimens[0], options, lambda part: None).report
+    kinds = () if report.arms is None else report.arms.kinds
+    arms = next(((one.low, one.high) for one in kinds if one.kind.startswith("offset")), (float("nan"), float("nan")))
     fits = [one.value for one in report.calibration if one.what.startswith("CT of")]
-    return ScanRun(report.name, dict(report.truth), dict(report.row), float(np.mean(fits)))
+    return ScanRun(report.name, dict(report.truth), dict(report.row), float(np.mean(fits)), arms)
 
 
 def measure() -> Iterable[Row]:
@@ -85,4 +94,5 @@ def measure() -> Iterable[Row]:
             row[f"{label}: error, 95 % interval"] = (
                 f"{100.0 * (found.value / truth - 1.0):+.2f} % ({low:+.2f} to {high:+.2f}, {holds})"
             )
-        yield row
+        low, high = (100.0 * (end / one.truth["muscle_viscosity"] - 1.0) for end in one.arms)
+        yield row | {"d_M with attachments in error, 95 %": f"{low:+.0f} to {high:+.0f} %"}
