@@ -12,10 +12,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.provenance import Estimate
+from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
+from myomorph.simulate.limb import HeldLimb, SoftTissue, swing_mjcf
+from myomorph.simulate.shoulder import HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
+from myomorph.viscosity.cohort import SPECIMENS, specimen_row
+from myomorph.viscosity.identification.budget import ErrorOptions
+from myomorph.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.viscosity.study.conditions import Prepared, identify_conditions
+from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.checks import condition_findings
 
 Row = dict[str, object]
 
@@ -84,8 +96,6 @@ class LimbRun(NamedTuple):
 
 def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
     """Faults drawn with the standard deviations that `ErrorOptions` assumes by default, times `scale`."""
-    from myomorph.viscosity.identification.budget import ErrorOptions
-
     sds = ErrorOptions()
 
     def three(sd: float) -> Array:
@@ -106,102 +116,116 @@ def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
     )
 
 
-def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
-    """A limb of one of the six published sizes, drawn viscosities unless the joint's is given, as a study finds it."""
-    import mujoco
-    from scipy.spatial.transform import Rotation
+@dataclass(frozen=True, eq=False)
+class FaultyLimb:
+    """A limb as a laboratory hands it over, and its truth.
 
-    from myomorph.simulate.laboratory import Noise, measured_markers, measured_wrench, simulate
-    from myomorph.simulate.limb import HeldLimb, SoftTissue, swing_mjcf
-    from myomorph.simulate.shoulder import HELD, PLATE, STEP, _hanging, _mounted, _release, arm_specimen
-    from myomorph.viscosity.cohort import SPECIMENS, specimen_row
-    from myomorph.viscosity.specimen.model import SwingTrial
-    from myomorph.viscosity.study.conditions import Prepared, identify_conditions
-    from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
-    from myomorph.viscosity.tracking.track import track
-    from myomorph.viscosity.trust.checks import condition_findings
+    Attributes
+    ----------
+    known : the specimen out of the laboratory's model
+    trials : by condition
+    truth : by the names of `QUANTITIES`
+    """
 
-    seed, faults, damping = given
+    known: Specimen
+    trials: dict[str, list[SwingTrial]]
+    truth: dict[str, float]
+
+
+def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
+    """A limb of one of the six published sizes; viscosities are drawn unless the joint's is given."""
     random = np.random.default_rng(seed)
     row = SPECIMENS[seed % len(SPECIMENS)]
-    noise = Noise(offset=faults.clock, drift=faults.drift)
     specimen = arm_specimen()
-    specimen = specimen.standing(_mounted(specimen.stand, random))
+    specimen = specimen.standing(mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
     whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
     damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
     muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
-    center = specimen.stand.apply(specimen.center)
-    on_base, on_limb = limb.markers()
-    at_base = {name: center + specimen.stand.rotation @ place for name, place in on_base.items()}
-    hand = limb.poses[specimen.limb[-1]].translation
-    elbow = limb.poses[specimen.limb[1]].translation
-    starts = [_release(random) for _ in range(TRIALS)]
-    conditions = {}
+    hand, elbow = (limb.poses[specimen.limb[i]].translation for i in (-1, 1))
+    starts = [released(random) for _ in range(TRIALS)]
+    trials = {}
     for name, parameters, own, share, place in (
         ("without", bare, 0.0, faults.tissue[0], 0.8 * hand),
         ("with", whole, muscle, faults.tissue[1], 0.5 * elbow),
     ):
-        rest = _hanging(limb, parameters)
         tissue = None
         if share > 0.0:
             tissue = SoftTissue(tuple(place), share * float(parameters[0]), faults.frequency, faults.damping)
-        compiled = mujoco.MjModel.from_xml_string(
-            swing_mjcf(limb, parameters, specimen.stand, rest, damping, own, tissue)
-        )
-        loose = np.zeros(0 if tissue is None else 3)
-        trials = []
-        for number, (axis, rates) in enumerate(starts, 1):
-            turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
-            exact = simulate(compiled, np.append(turn, loose), np.append(rest.T @ rates, loose), SECONDS, STEP)
-            markers = measured_markers(exact, center, at_base, on_limb, noise, random)
-            wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
-            markers = replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY])
-            trials.append(SwingTrial(f"{name} {number}", markers, _faulty(wrenches, faults)))
-        conditions[name] = trials
-        shift = rest.T @ np.array(faults.center), specimen.stand.rotation.T @ np.array(faults.center)
+        swings = _swings(limb, parameters, damping, own, tissue, starts)
+        trials[name] = [
+            _measured(limb, exact, f"{name} {number}", faults, random) for number, exact in enumerate(swings, 1)
+        ]
     known = specimen.centered(
-        specimen.center + shift[1] + np.array(faults.clusters[0]),
-        specimen.center_in_limb + shift[0] + np.array(faults.clusters[1]),
+        specimen.center + specimen.stand.rotation.T @ np.array(faults.center) + np.array(faults.clusters[0]),
+        specimen.center_in_limb + hanging(limb, whole).T @ np.array(faults.center) + np.array(faults.clusters[1]),
     )
-    options = StudyOptions.of({"identification": {"level": LEVEL, "seed": seed}})
-    tracked = {}
-    for name, trials in conditions.items():
-        one = track(known, trials, options.tracking)
-        tracked[name] = Prepared(one, one.notes)
-    result = identify_conditions(known, SpecimenFiles(str(seed), Path()), tracked, options)
-    refused = [
-        finding.line
-        for one in (result.by_swings.without, result.by_swings.intact)
-        for finding in (() if one is None else condition_findings(one))
-        if finding.fatal
-    ]
-    truth = {
-        "joint_viscosity": damping,
-        "muscle_viscosity": muscle,
-        "mass_muscles_removed": float(bare[0]),
-        "mass_intact": float(whole[0]),
-        "com_muscles_removed": float(np.linalg.norm(bare[1:4]) / bare[0]),
-        "com_intact": float(np.linalg.norm(whole[1:4]) / whole[0]),
-    }
-    found = dict(specimen_row(result.found))
-    laws = tuple(one.chosen.name for one in result.compared.values())
-    return LimbRun(seed, truth, {name: found[name] for name in truth if name in found}, laws, (*refused, *result.lost))
+    truth = {"joint_viscosity": damping, "muscle_viscosity": muscle}
+    for name, one in (("muscles_removed", bare), ("intact", whole)):
+        truth |= {f"mass_{name}": float(one[0]), f"com_{name}": float(np.linalg.norm(one[1:4]) / one[0])}
+    return FaultyLimb(known, trials, truth)
 
 
-def _faulty(wrenches, faults: Faults):
-    """The wrench as instruments with faults measure it, every `EVERY`-th sample."""
-    from scipy.spatial.transform import Rotation
+def _swings(
+    limb: HeldLimb,
+    parameters: Array,
+    damping: float,
+    muscle: float,
+    tissue: SoftTissue | None,
+    starts: Sequence[tuple[Array, Array]],
+) -> list[Sampled]:
+    rest = hanging(limb, parameters)
+    text = swing_mjcf(limb, parameters, limb.specimen.stand, rest, damping, muscle, tissue)
+    compiled = mujoco.MjModel.from_xml_string(text)
+    loose = np.zeros(0 if tissue is None else 3)
+    found = []
+    for axis, rates in starts:
+        turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
+        found.append(simulate(compiled, np.append(turn, loose), np.append(rest.T @ rates, loose), SECONDS, STEP))
+    return found
 
+
+def _measured(limb: HeldLimb, exact: Sampled, name: str, faults: Faults, random: np.random.Generator) -> SwingTrial:
+    """A swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
+    specimen = limb.specimen
+    noise = Noise(offset=faults.clock, drift=faults.drift)
+    center = specimen.center_in_ground
+    on_base, on_limb = limb.markers()
+    at_base = {marker: center + specimen.stand.rotation @ place for marker, place in on_base.items()}
+    markers = measured_markers(exact, center, at_base, on_limb, noise, random)
+    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
-    return replace(
+    wrenches = replace(
         wrenches,
         time=wrenches.time[::EVERY],
         forces=(wrenches.forces * (1.0 + np.array(faults.force)) @ turn.T)[::EVERY],
         torques=(wrenches.torques * (1.0 + np.array(faults.moment)) @ turn.T)[::EVERY],
         points=(wrenches.points + np.array(faults.plate))[::EVERY],
     )
+    return SwingTrial(name, replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY]), wrenches)
+
+
+def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
+    """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
+    seed = given[0]
+    limb = faulty_limb(*given)
+    options = StudyOptions.of({"identification": {"level": LEVEL, "seed": seed}})
+    tracked = {}
+    for name, trials in limb.trials.items():
+        one = track(limb.known, trials, options.tracking)
+        tracked[name] = Prepared(one, one.notes)
+    result = identify_conditions(limb.known, SpecimenFiles(str(seed), Path()), tracked, options)
+    refused = [
+        finding.line
+        for one in (result.by_swings.without, result.by_swings.intact)
+        for finding in (() if one is None else condition_findings(one))
+        if finding.fatal
+    ]
+    row = dict(specimen_row(result.found))
+    laws = tuple(one.chosen.name for one in result.compared.values())
+    found = {name: row[name] for name in limb.truth if name in row}
+    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost))
 
 
 def limb_runs(given: Sequence[tuple[int, Faults, float | None]]) -> list[LimbRun]:
