@@ -13,13 +13,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.viscosity.identification.budget import ErrorOptions, disturbed, thinned
+from myomorph.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.samples import effective_samples
 from myomorph.viscosity.swings.sums import free_directions, predicted_rows
 
 ROUNDS = 3
 """How often the errors are found again from recordings that are rid of the last ones."""
+SURPRISING, LEAST_GAIN = 4.0, 0.05
+"""Standard deviations that an error lies off what is assumed from which it is named (by chance 1 in 16,000), if the
+swings take this share off its variance."""
+SHOWN_IN = {
+    "plate_position": (1e3, "mm"),
+    "plate_rotation": (1e3, "mrad"),
+    "force_gain": (1e2, "%"),
+    "moment_gain": (1e2, "%"),
+    "plate_clock": (1e3, "ms"),
+    "joint_center": (1e3, "mm"),
+    "soft_tissue": (1e6, "ms^2"),
+}
+"""Of each source, in tables."""
 UNTOLD = "soft_tissue"
 """A source that is not estimated: it changes the force by as little as filters and rounded accelerations do."""
 MASS_AND_MOMENT = 4
@@ -56,12 +69,45 @@ class Instruments:
             one = disturbed(one, source, axis, -float(size))
         return one
 
+    @property
+    def rows(self) -> tuple[tuple[str, str, float, float, float], ...]:
+        """Source, axis in words, standard deviation assumed, error estimated and standard deviation left, of each."""
+        left = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        named = ((source, _axis(source, axis)) for source, axis in self.sources)
+        columns = (column.tolist() for column in (self.prior, self.errors, left))
+        return tuple((*name, *row) for name, row in zip(named, zip(*columns, strict=True), strict=True))
+
+    @property
+    def surprises(self) -> tuple[str, ...]:
+        """A line for every error that the swings put farther from zero than its assumed standard deviation explains.
+
+        An estimate from a prior that is right scatters with the variance that the swings take off the prior's.
+        """
+        found = []
+        for source, axis, prior, size, left in self.rows:
+            gain = prior**2 - left**2
+            if gain > LEAST_GAIN * prior**2 and abs(size) > SURPRISING * np.sqrt(gain):
+                factor, unit = SHOWN_IN[source]
+                which = " ".join((source.replace("_", " "), axis)).strip()
+                found.append(
+                    f"{which}: the swings say {factor * size:+.2f} ± {factor * left:.2f} {unit}, but a standard "
+                    f"deviation of {factor * prior:.2g} {unit} is assumed: corrected; check it, or state a larger "
+                    f"{source} in [options.errors]"
+                )
+        return tuple(found)
+
     def known(self, source: str) -> Array:
         """(sources, sources) covariance of what is left where all axes of a source are known."""
         own = np.array([name == source for name, _ in self.sources])
         inner = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
         across = self.covariance[:, own]
         return self.covariance - across @ inner @ across.T
+
+
+def _axis(source: str, axis: int) -> str:
+    if source == UNTOLD:
+        return ("muscles removed", "muscles intact")[axis]
+    return "" if AXES.get(source) == 1 else "xyz"[axis]
 
 
 def estimate_instruments(

@@ -53,7 +53,7 @@ class Identified:
     options : with the law of the passive torque decided
     reason : why the cut-off is what it is
     lost : conditions that could not be used, a line each
-    conflicts : where the criteria of a law disagree, a line each
+    conflicts : where instruments are not what is assumed of them, and criteria of a law disagree, a line each
     """
 
     found: SpecimenViscosity

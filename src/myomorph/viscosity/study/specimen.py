@@ -233,7 +233,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     report, model = _with_model(report, found, tracked, one.cutoff)
     residuals = (*residuals, *_marker_residuals(one.conditions))
     known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
-    known = replace(known, errors=one.shares, shoulder=_is_shoulder(specimen))
+    known = replace(known, errors=one.shares, instruments=one.instruments, shoulder=_is_shoulder(specimen))
     return Studied(found, known, model)
 
 
