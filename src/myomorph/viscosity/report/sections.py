@@ -15,6 +15,7 @@ from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identified import COMPONENTS, UNITS
+from myomorph.viscosity.identification.instruments import SHOWN_IN
 from myomorph.viscosity.report.given import (
     ArmSpread,
     CutoffScan,
@@ -338,15 +339,9 @@ def _instrument_grid(one: SpecimenReport) -> list[Grid]:
         return []
     rows = []
     for source, axis, prior, error, left in one.instruments.rows:
-        factor, unit = UNITS[source]
-        rows.append(
-            (
-                source.replace("_", " "),
-                axis,
-                unit,
-                *(f"{factor * value:.2f}".replace("-", "−") for value in (prior, error, left)),
-            )
-        )
+        factor, unit = SHOWN_IN[source]
+        shown = (f"{factor * value:.2f}".replace("-", "−") for value in (prior, error, left))
+        rows.append((source.replace("_", " "), axis, unit, *shown))
     head = ("Source", "Axis", "Unit", "SD assumed", "From the swings, taken off", "SD left")
     return [Grid(head, tuple(rows), "Errors of instruments, and what the swings tell of them")]
 
