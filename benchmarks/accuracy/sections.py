@@ -64,7 +64,7 @@ from benchmarks.accuracy import (
     vendors,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
-from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
+from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
 
 Row = dict[str, object]
@@ -410,6 +410,9 @@ def _viscosity(folder: Path) -> Page:
             "pendulum_damping": lambda: pendulum.measure_decay(folder / "pendulum-swing-inertia"),
             "pendulum_period": lambda: pendulum.measure_periods(folder / "pendulum-swing-inertia"),
             "cohort": cohort.measure,
+            "limbs_systematic": limbs.measure_systematic,
+            "limbs_coverage": limbs.measure_coverage,
+            "scans_of_other_bones": scans.measure,
             "virtual_joints": virtual.measure_joints,
             "virtual_cohort": virtual.measure_cohort,
             "virtual_muscles": virtual.measure_muscles,
