@@ -59,7 +59,7 @@ BENT = 1000.0
 """Squares of a deformation's coefficients that make a way as unlikely as a distance e times as large."""
 
 UNLIKE = 0.01
-"""Share of the bone's length that remains between shapes whose hulls do not say how they lie."""
+"""Share of the bone's length that a deformation leaves where the hulls do not say how the bones lie."""
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 
@@ -146,31 +146,45 @@ def _tried(
     options: MatchOptions,
     most: int = WAYS,
 ) -> list[Tried]:
-    """Ways to lie, the similarities nearest to them and the distances that a deformation leaves, the nearest first."""
+    """Ways to lie, the similarities nearest to them and the distances that a deformation leaves, the nearest first.
+
+    Where a whole bone's hull does not lead to a good one, similarities are tried as for a part.
+    """
+    ways = [] if goal.is_open else affine_ways(ours, goal)
+    tried = _deformed(ours, goal, ways, start, landmarks, options, most)
+    if not tried or (most == WAYS and tried[0][2] > UNLIKE):
+        ways += _similar_ways(ours, goal)
+        tried = _deformed(ours, goal, ways, start, landmarks, options, most)
+    return tried
+
+
+def _deformed(
+    ours: Shape,
+    goal: Shape,
+    ways: list[Way],
+    start: Similarity | None,
+    landmarks: FeaturePoints | None,
+    options: MatchOptions,
+    most: int,
+) -> list[Tried]:
+    """The likeliest ways after a deformation, the nearest first."""
     points = ours.samples(ASKED).points
     quick = replace(options, match_points=min(QUICK, options.match_points))
-
-    def turned(way: Way) -> Similarity:
-        return procrustes(points, way.affine.apply(points), scale=True)
-
-    ways = [] if goal.is_open else affine_ways(ours, goal)
-    if goal.is_open or min(way.distance for way in ways) > UNLIKE:
-        ways += _similar_ways(ours, goal)
+    laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
     if start is not None:
-        ways = [way for way in ways if turn_between(turned(way), start) < TURNED]
-        ways.append(lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks))
-    ways = sorted(ways, key=lambda way: way.cost)
-    least = ways[0].cost
+        laid = [one for one in laid if turn_between(one[1], start) < TURNED]
+        near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
+        laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
+    laid.sort(key=lambda one: one[0].cost)
     tried: list[Tried] = []
-    for way in ways:
-        similarity = turned(way)
-        if len(tried) == most or way.cost > HOPELESS * least:
+    for way, similarity in laid:
+        if len(tried) == most or way.cost > HOPELESS * laid[0][0].cost:
             break
         if any(turn_between(similarity, other[1]) < APART for other in tried):
             continue
         fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
-        distance = _distance(ours, goal, fit) * float(np.exp(fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2))
-        tried.append((way.affine, similarity, distance))
+        unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
+        tried.append((way.affine, similarity, _distance(ours, goal, fit) * float(np.exp(unlikely))))
     return sorted(tried, key=lambda one: one[2])
 
 

@@ -1,6 +1,7 @@
 """Dense correspondence of two bones: which point of the target each point of the source becomes.
 
-An affine map first (by the moments of both hulls, from many starts, of which a deformation chooses), then a smooth displacement, then the nearest point of the target's surface that faces the same way.
+An affine map first (by the moments of both hulls, from many starts, of which a deformation chooses), then a smooth
+displacement, then the nearest point of the target's surface that faces the same way.
 All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
 """
 
