@@ -55,6 +55,10 @@ DAMPED = 1e-4
 LANDMARK = 0.3
 """Weight of all landmarks together, each as exact as the surfaces, against the surfaces."""
 
+INDEPENDENT = 10.0
+"""Distances that shapes of other kinds leave go together over the bone: so many of all of them tell something of their
+own."""
+
 STRAIN = 0.2
 """Standard deviation of the logarithms of the stretches between two bones of one kind, over that of their mean."""
 
@@ -201,7 +205,11 @@ def lay_affinely(ours: Shape, goal: Shape, start: AffineMap, landmarks: FeatureP
                 pulled = np.hstack([np.kron(np.eye(3), point - middle), np.eye(3)]) / units
                 gram += share * pulled.T @ pulled
                 right += share * pulled.T @ (to - matrix @ point - offset)
-        gram[np.diag_indices(12)] += DAMPED * len(rows)
+        u, stretches, vt = np.linalg.svd(matrix)
+        size = float(stretches.mean())
+        held = len(rows) * max(distance, SETTLED) ** 2 / (INDEPENDENT * (STRAIN * size) ** 2) / spread**2
+        gram[np.diag_indices(12)] += DAMPED * len(rows) + np.repeat([held, 0.0], [9, 3])
+        right[:9] += held * spread * (size * u @ vt - matrix).ravel()
         step = np.linalg.solve(gram, right) / units
         grown = matrix + step[:9].reshape(3, 3)
         if np.linalg.det(grown) * np.linalg.det(matrix) <= 0.0:
