@@ -8,6 +8,7 @@ exact affine copy of a bone comes back to rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,9 +114,9 @@ def affine_ways(ours: Shape, goal: Shape, mirrored: bool = False) -> list[Way]:
     (middle, root), (goal_middle, goal_root) = (_root_moments(one) for one in (ours, goal))
     given, theirs = _normal(ours.samples(MANY), middle, root), _normal(goal.samples(TARGET), goal_middle, goal_root)
     given = Samples(given.points @ sign, given.normals @ sign, given.rim)
-    ways = []
-    for rotation in _rotations(given, theirs):
-        matrix = goal_root @ rotation @ sign @ np.linalg.inv(root)
+    back, ways = sign @ np.linalg.inv(root), []
+    for rotation in _rotations(given, theirs, lambda turned: _unlikely(goal_root @ turned @ back)):
+        matrix = goal_root @ rotation @ back
         ways.append(lay_affinely(ours, goal, AffineMap(matrix, goal_middle - matrix @ middle)))
     return sorted(ways, key=lambda way: way.cost)
 
@@ -132,7 +133,14 @@ def _normal(samples: Samples, middle: Array, root: Array) -> Samples:
     return Samples((samples.points - middle) @ np.linalg.inv(root), unit(samples.normals @ root), samples.rim)
 
 
-def _rotations(given: Samples, theirs: Samples) -> list[Array]:
+def _unlikely(matrices: Array) -> Array:
+    """Factors (n,) on distances in unit moments by how the maps (n, 3, 3) stretch."""
+    logs = np.log(np.linalg.svd(matrices, compute_uv=False))
+    strains = np.linalg.norm(logs - logs.mean(axis=1, keepdims=True), axis=1)
+    return np.asarray(np.exp(0.5 * (strains / (2.0 * STRAIN)) ** 2))
+
+
+def _rotations(given: Samples, theirs: Samples, unlikely: Callable[[Array], Array]) -> list[Array]:
     """The few rotations (3, 3) that lay samples of unit moments on others, the best first."""
     tree = cKDTree(theirs.points)
 
@@ -143,7 +151,7 @@ def _rotations(given: Samples, theirs: Samples) -> list[Array]:
         return (np.minimum(away, FURTHEST) ** 2 + NORMAL * (1.0 - facing)).mean(axis=1), index, facing
 
     grid = rotation_grid(GRID)
-    turned = grid[_distinct(grid, found(grid, MANY // FEW)[0], APART, 16)]
+    turned = grid[_distinct(grid, found(grid, MANY // FEW)[0] * unlikely(grid), APART, 16)]
     for _ in range(ROUNDS):
         _, index, facing = found(turned, 1)
         pulls = theirs.points[index] * (facing > 0.0)[:, :, None]
@@ -153,7 +161,7 @@ def _rotations(given: Samples, theirs: Samples) -> list[Array]:
         signs = np.ones((len(turned), 3))
         signs[:, 2] = np.linalg.det(u @ vt)
         turned = (u * signs[:, None]) @ vt
-    return list(turned[_distinct(turned, found(turned, 1)[0], SAME, WAYS)])
+    return list(turned[_distinct(turned, found(turned, 1)[0] * unlikely(turned), SAME, WAYS)])
 
 
 def _distinct(rotations: Array, cost: Array, same: float, count: int) -> list[int]:
