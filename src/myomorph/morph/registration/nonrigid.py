@@ -17,6 +17,7 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.registration.affine import lay_affinely
 from myomorph.morph.registration.alignment import align_bones, mirrored_share
+from myomorph.morph.registration.certainty import match_radii
 from myomorph.morph.registration.smooth import FACING, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
@@ -242,7 +243,7 @@ def match_surfaces(
     quality = match_quality(ours.shape, deformed, goal.shape, found, options.match_tolerance)
     return SurfaceMatch(
         points=frozen_array(found.points * goal.length),
-        pairs=_pairs(ours, goal, smooth, deformed, options),
+        pairs=_pairs(ours, goal, smooth, deformed, pulls, options),
         placed=placed,
         length=goal.length,
         quality=quality,
@@ -283,8 +284,15 @@ def _grown(affine: AffineMap, ours: float, theirs: float) -> AffineMap:
     return AffineMap(theirs * ours * affine.matrix, theirs * affine.offset)
 
 
-def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: MatchOptions) -> FeaturePoints:
-    """The evenly spread points of the source that have a place on the target."""
+def _pairs(
+    ours: _Unit,
+    goal: _Unit,
+    fit: SmoothFit,
+    deformed: Shape,
+    pulls: FeaturePoints | None,
+    options: MatchOptions,
+) -> FeaturePoints:
+    """The evenly spread points of the source that have a place on the target, and how surely."""
     samples = spread_points(ours.shape, options.match_points)
     smooth = fit.apply(samples)
     normals = deformed.nearest(smooth, fine=True).normals
@@ -294,4 +302,5 @@ def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: M
     if goal.shape.is_open:
         kept &= ~found.rim
     names = tuple(f"surface {k + 1}" for k in np.flatnonzero(kept))
-    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length)
+    radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
+    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length, None, radii)
