@@ -148,11 +148,11 @@ def _tried(
 ) -> list[Tried]:
     """Ways to lie, the similarities nearest to them and the distances that a deformation leaves, the nearest first.
 
-    Where a whole bone's hull does not lead to a good one, similarities are tried as for a part.
+    Where hulls do not lead to a good one, as those of a part, similarities are tried.
     """
-    ways = [] if goal.is_open else affine_ways(ours, goal)
+    ways = affine_ways(ours, goal)
     tried = _deformed(ours, goal, ways, start, landmarks, options, most)
-    if not tried or (most == WAYS and tried[0][2] > UNLIKE):
+    if most == WAYS and (not tried or tried[0][2] > UNLIKE):
         ways += _similar_ways(ours, goal)
         tried = _deformed(ours, goal, ways, start, landmarks, options, most)
     return tried
@@ -173,8 +173,9 @@ def _deformed(
     laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
     if start is not None:
         laid = [one for one in laid if turn_between(one[1], start) < TURNED]
-        near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
-        laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
+        if not laid:
+            near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
+            laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
     laid.sort(key=lambda one: one[0].cost)
     tried: list[Tried] = []
     for way, similarity in laid:

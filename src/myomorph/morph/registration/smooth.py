@@ -64,7 +64,7 @@ class MatchOptions:
     match_points: int = 2000
     stiffness: float = 1.0
     match_kernel_width: float = 2.0
-    landmark_error: float = 0.01
+    landmark_error: float = 0.005
     match_tolerance: float = 0.02
 
     def __post_init__(self) -> None:
