@@ -26,6 +26,7 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.species.architecture import ArchitectureTable
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -180,6 +181,7 @@ class SpeciesTable:
     posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
+    architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
     warnings : of its file, one line each
     """
 
@@ -193,6 +195,7 @@ class SpeciesTable:
     target_posture: Mapping[str, float] = field(default_factory=_none)
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
+    architecture: tuple[ArchitectureTable, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

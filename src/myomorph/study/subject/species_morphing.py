@@ -16,6 +16,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
@@ -34,8 +35,10 @@ from myomorph.study.trial import inputs
 
 Table = Mapping[str, Any]
 KEYS = frozenset(
-    ("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle"),
+    ("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle", "architecture"),
 )
+TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
+ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
 BONE_KEYS = frozenset(
     ("sources", "targets", "source_frame", "target_frame", "transferred", "spread", "half", "match", "landmarks")
 )
@@ -93,7 +96,25 @@ def _table(given: Table, name: str) -> SpeciesTable:
         posture.get("target", {}),
         given.get("missing", {}),
         given.get("extra", {}),
+        tuple(_architecture(one) for one in given.get("architecture", ())),
     )
+
+
+def _architecture(given: Table) -> ArchitectureTable:
+    _known(given, TABLE_KEYS, "a table of architecture")
+    kept = {key: value for key, value in given.items() if key != "muscles"}
+    return ArchitectureTable(rows=tuple(_row(one) for one in given["muscles"]), **kept)
+
+
+def _row(given: Table) -> MuscleRow:
+    """A muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
+    _known(given, ROW_KEYS, "a muscle of the architecture")
+    if ("force" in given) == ("mass" in given):
+        raise BadData(f"architecture of '{given['name']}': expected either force or mass")
+    fiber = float(given["fiber"])
+    strength = given["force"] * fiber if "force" in given else given["mass"] / DENSITY * SPECIFIC_TENSION
+    pennation = float(np.deg2rad(given["pennation"])) if "pennation" in given else None
+    return MuscleRow(given["name"], tuple(given["sources"]), fiber, float(strength), pennation)
 
 
 def _known(given: Table, keys: frozenset[str], what: str) -> None:
