@@ -113,6 +113,29 @@ class LandmarkRule:
             raise BadData(f"landmark '{self.name}': the rule '{self.rule}' needs {wants[self.rule]}")
 
 
+@dataclass(frozen=True)
+class Ray:
+    """A digit of the target, and the muscles whose tendons go to it.
+
+    Attributes
+    ----------
+    toe, metatarsal : bodies of the target
+    extensors, flexors : muscles of the source, dorsal and plantar of the joint between the two
+    """
+
+    toe: str
+    metatarsal: str
+    extensors: tuple[str, ...] = ()
+    flexors: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        both = set(self.extensors) & set(self.flexors)
+        if both or not (self.extensors or self.flexors):
+            raise BadData(
+                f"ray {self.toe}: expected extensors or flexors, none of them both: {', '.join(sorted(both))}"
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class BoneHomology:
     """Bones that correspond.
@@ -125,7 +148,8 @@ class BoneHomology:
         target's posture
     source_frame, target_frame : where they differ from the species'
     transferred : bodies of the source that have no bone of their own in the target and ride on this one
-    spread : muscle points go to the nearest of the targets; otherwise all to the first
+    spread : muscles go to the nearest of the targets, all points of one to the same; otherwise all to the first
+    rays : digits of the target and their muscles, which go there whatever is nearest
     half : only what lies to the right of the body's origin counts
     match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
         alone; "similarity" lays the bones on each other by them and no more, where too little is alike
@@ -140,6 +164,7 @@ class BoneHomology:
     spread: bool = False
     half: bool = False
     match: Literal["dense", "landmarks", "similarity"] = "dense"
+    rays: tuple[Ray, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.sources or not self.targets:
@@ -336,21 +361,24 @@ def spread_over_targets(
         if name in surfaces
     }
 
-    def nearest(body: str, place: Array) -> str:
+    def nearest(body: str, places: list[Array]) -> str:
+        """The target nearest to all of a muscle's points on a body: a tendon does not change its digit."""
         targets = parts[body]
-        mapped = bones[body].map.apply(place)[None]
+        mapped = bones[body].map.apply(np.array(places))
         known = [name for name in targets if (targets[0], name) in shapes]
         apart = [
-            float(np.linalg.norm(shapes[targets[0], name].nearest(mapped, True).points - mapped)) for name in known
+            float(np.linalg.norm(shapes[targets[0], name].nearest(mapped, True).points - mapped, axis=1).sum())
+            for name in known
         ]
         best = known[int(np.argmin(apart))]
         return body if best == targets[0] else part_name(body, best)
 
     def carried(muscle: Muscle) -> Muscle:
+        fixed = [one for one in muscle.path.points if isinstance(one, PathPoint) and one.body in parts]
+        bodies = dict.fromkeys(one.body for one in fixed)
+        goes = {body: nearest(body, [one.location for one in fixed if one.body == body]) for body in bodies}
         points = tuple(
-            replace(one, body=nearest(one.body, one.location))
-            if isinstance(one, PathPoint) and one.body in parts
-            else one
+            replace(one, body=goes[one.body]) if isinstance(one, PathPoint) and one.body in goes else one
             for one in muscle.path.points
         )
         return replace(muscle, path=replace(muscle.path, points=points))

@@ -31,6 +31,7 @@ from myomorph.morph.species.counterparts import (
     spread_over_targets,
 )
 from myomorph.morph.species.landmarks import landmarks_by_rules
+from myomorph.morph.species.rays import put_on_rays
 from myomorph.morph.transfer.model import graft_muscles
 
 MEASURED_IN_METERS = "[m]"
@@ -108,6 +109,10 @@ def species_bones(
                         for body, one in riders(first, bone, here).items()
                     }
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
+    for bone in table.bones:
+        if bone.rays and bone.sources[0] in bones:
+            rays = put_on_rays(source, bone, table, (here, there), (source_surfaces, target_surfaces))
+            source, bones = rays.source, {**bones, **rays.bones}
     spread = spread_over_targets(source, parts, bones, there, target_surfaces) if parts else source
     return SpeciesBones(spread, bones, tuple(notes))
 

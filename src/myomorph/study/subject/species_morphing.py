@@ -24,6 +24,7 @@ from myomorph.morph.species.counterparts import (
     CoordinateHomology,
     LandmarkRule,
     MuscleHomology,
+    Ray,
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
@@ -40,7 +41,18 @@ KEYS = frozenset(
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
 ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
 BONE_KEYS = frozenset(
-    ("sources", "targets", "source_frame", "target_frame", "transferred", "spread", "half", "match", "landmarks")
+    (
+        "sources",
+        "targets",
+        "source_frame",
+        "target_frame",
+        "transferred",
+        "spread",
+        "half",
+        "match",
+        "landmarks",
+        "rays",
+    )
 )
 
 
@@ -132,8 +144,15 @@ def _bone(given: Table) -> BoneHomology:
     for several in ("sources", "targets", "transferred"):
         if several in kept:
             kept[several] = tuple(kept[several])
+    if "rays" in kept:
+        kept["rays"] = tuple(_ray(one) for one in kept["rays"])
     kept["landmarks"] = tuple(_rule(one) for one in given["landmarks"])
     return BoneHomology(**kept)
+
+
+def _ray(given: Table) -> Ray:
+    _known(given, frozenset(("toe", "metatarsal", "extensors", "flexors")), "a ray")
+    return Ray(given["toe"], given["metatarsal"], tuple(given.get("extensors", ())), tuple(given.get("flexors", ())))
 
 
 def _rule(given: Table) -> LandmarkRule:
