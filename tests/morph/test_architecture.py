@@ -40,9 +40,9 @@ def rows(factor: float, only: tuple[str, ...] = NAMES, noise: float = 0.0) -> tu
 
 
 def test_bones_and_body_give_fibers_and_strength():
-    """Twice the length: fibers twice, strength by the body's mass or else the cube."""
+    """Twice the length: fibers twice, force by the body's mass or else the square."""
     table = ArchitectureTable("mouse", "x", rows(1.0))
-    for size, strength in ((Size(2.0), 8.0), (Size(2.0, 5.0), 5.0)):
+    for size, strength in ((Size(2.0), 8.0), (Size(2.0, 27.0), 18.0)):
         found = architectures(source(), [table], [size], NAMES)
         for row in table.rows:
             one = found[row.sources[0]]

@@ -1,9 +1,9 @@
 """Strength and fiber length of a target species' muscles, from tables of anatomists ([D] chapter 6 has only paths).
 
-A table holds what was measured on animals of one species: optimal fiber length l, and strength W = F l, maximum force
-times fiber length, which is a muscle's volume times its specific tension. To another animal l goes by the length of its
-bones, W by its body mass (or the cube of the length where the table's body mass is not known), and F = W / l. The first
-table is the target species' own. Where it lacks a muscle, tables of relatives follow and then the source model itself,
+A table holds what was measured on animals of one species: optimal fiber length l and maximum force F, or the muscle's
+mass, which is its strength W = F l over specific tension, times density. To another animal l goes by the length of its
+bones, F by its body mass to the power 2/3 (or the length squared where the table's body mass is not known): a cross-section
+that a skeleton of long legs does not change. The first table is the target species' own. Where it lacks a muscle, tables of relatives follow and then the source model itself,
 each at the level that the muscles in common with the first give it (the median ratio): so a relative tells how muscles
 compare with each other, not how strong the animal is. Intervals are what left-out muscles show: the spread of the
 ratios to the first table.
@@ -109,7 +109,7 @@ class Size:
     @property
     def strength(self) -> float:
         """By which force times fiber length grows."""
-        return self.length**3 if self.mass is None else self.mass
+        return self.length * (self.length**2 if self.mass is None else self.mass ** (2.0 / 3.0))
 
 
 @dataclass(frozen=True)

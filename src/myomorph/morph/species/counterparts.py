@@ -27,6 +27,8 @@ from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable
+from myomorph.morph.species.markers import MarkerTable
+from myomorph.morph.species.masses import SegmentShare
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -207,6 +209,8 @@ class SpeciesTable:
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
     architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
+    masses : shares of segments of the target in its mass
+    markers : tables of labels of recordings of the target, see `MarkerTable`
     warnings : of its file, one line each
     """
 
@@ -221,6 +225,8 @@ class SpeciesTable:
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
     architecture: tuple[ArchitectureTable, ...] = ()
+    masses: tuple[SegmentShare, ...] = ()
+    markers: tuple[MarkerTable, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
