@@ -1,12 +1,12 @@
 """Strength and fiber length of a target species' muscles, from tables of anatomists ([D] chapter 6 has only paths).
 
 A table holds what was measured on animals of one species: optimal fiber length l and maximum force F, or the muscle's
-mass, which is its strength W = F l over specific tension, times density. To another animal l goes by the length of its
-bones, F by its body mass to the power 2/3 (or the length squared where the table's body mass is not known): a cross-section
-that a skeleton of long legs does not change. The first table is the target species' own. Where it lacks a muscle, tables of relatives follow and then the source model itself,
-each at the level that the muscles in common with the first give it (the median ratio): so a relative tells how muscles
-compare with each other, not how strong the animal is. Intervals are what left-out muscles show: the spread of the
-ratios to the first table.
+mass, which is its strength W = F l over specific tension, times density. To another animal l goes by the length of
+its bones, F by its body mass to the power 2/3 (or the length squared where the table's body mass is not known): a
+cross-section that a skeleton of long legs does not change. The first table is the target species' own. Where it lacks
+a muscle, tables of relatives follow and then the source model itself, each at the level that the muscles in common
+with the first give it (the median ratio): so a relative tells how muscles compare with each other, not how strong the
+animal is. Intervals are what left-out muscles show: the spread of the ratios to the first table.
 """
 
 from __future__ import annotations
