@@ -1,6 +1,6 @@
 """The morphed mouse on recordings of mice: a man's leg muscles on both sides of the skeleton, with its marker tables.
 
-The model is what `myomorph morph --species human-mouse --mirror --mass 0.025 --markers TABLE` makes, from maps that the
+The model is what `myomorph morph --species human-mouse --mirror --mass 0.025 --protocol NAME` makes, from maps that the
 sections of another species share.
 """
 

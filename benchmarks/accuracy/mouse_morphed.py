@@ -11,10 +11,12 @@ from scipy.stats import spearmanr
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from benchmarks.mouse_morphed import JOINTS, followed, lengths_of, on_one_paw, recordings
 from benchmarks.mouse_motion import rms
-from benchmarks.species_cases import MAN, MOUSE, man, mouse, sized_architecture
+from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
 from myomorph.model.model import Model
+from myomorph.model.series import Motion
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
+from myomorph.muscles.path import muscle_kinematics
 from myomorph.study.subject.species_morphing import read_species
 
 Row = dict[str, object]
@@ -139,3 +141,34 @@ def measure_tension(folder: Path) -> Iterator[Row]:
             "strongest": f"{found.tension.muscles[strongest]}: {found.tension.forces[:, strongest].max():.2g} N",
             "fully active (fiber length)": ", ".join(found.full(one.model)),
         }
+
+
+TOES = {"edl_r": ("EDL", 3), "fdl_r": ("FDL", 3), "ehl_r": ("EHL", 5), "fhl_r": ("FDL", 5)}
+"""Muscles of the toes: the anatomist's, and the ray of the skeleton, which counts from the outer side."""
+
+
+def measure_toes(folder: Path) -> Iterator[Row]:
+    """Moment arms of the toes' muscles about the joint of their own ray and about the ankle."""
+    if not _there(folder):
+        return
+    model, truth = from_man(folder, "SSD").model, mouse_hindlimb_model(folder / FILE)
+    for name, (theirs, ray) in TOES.items():
+        own = _arms(model, name, f"mouse__RBPhalange{ray}_flexion")
+        yield {
+            "of man": name,
+            "of the mouse": theirs,
+            "on": ", ".join(dict.fromkeys(p.body[7:] for p in model.muscle(name).path.points if "Tibia" not in p.body)),
+            "toe, least and greatest [mm]": f"{1e3 * own.min():.2f} to {1e3 * own.max():.2f}",
+            "the anatomist's [mm]": f"{1e3 * _arms(truth, theirs, 'MTP_flexion_r').mean():.2f}",
+            "ankle [mm]": 1e3 * float(_arms(model, name, "mouse__RAnkle_flexion").mean()),
+            "the anatomist's at the ankle [mm]": 1e3 * float(_arms(truth, theirs, "Ankle_flexion_r").mean()),
+        }
+
+
+def _arms(model: Model, muscle: str, coordinate: str, count: int = 9) -> np.ndarray:
+    """(count,) moment arms over a coordinate's range [m]; positive lifts the toes or the foot."""
+    low, high = model.coordinate(coordinate).range
+    motion = Motion(np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None])
+    found = muscle_kinematics(model, motion, velocities=False)
+    arms: np.ndarray = found.moment_arms[:, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)]
+    return arms

@@ -59,7 +59,7 @@ def morph_command(
         Path | None, Parameter(help="Folder of the skeleton's meshes, where they do not lie beside it.")
     ] = None,
     beside: Annotated[bool, Parameter(negative=(), help="Keep the muscles that the skeleton has.")] = False,
-    markers: Annotated[
+    protocol: Annotated[
         str, Parameter(help="With --target, whose recordings the model shall follow: a marker table of the species.")
     ] = "",
     options: MorphSettings | None = None,  # type: ignore[valid-type]
@@ -84,13 +84,13 @@ def morph_command(
         from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
         files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
-        files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, markers=markers)
+        files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
         morphed, drawn = species_files(files, settings)
     elif bones is None:
         raise BadData("expected --bones FOLDER of the target's bones, or --target with the skeleton of another species")
     else:
         _not_given(
-            (("target-geometry", target_geometry), ("beside", beside), ("markers", markers or None)),
+            (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
             "goes with --target",
         )
         told = (landmarks, geometry, skin, unit, mass, together, mirror, across)

@@ -227,7 +227,7 @@ class SpeciesFiles:
     mass : of the target [kg]; segments then have the species table's shares
     skin : closed surface of the target in the skeleton's default pose, which masses are taken from
     unit : of the skin
-    markers : a table of markers of the species, whose recordings the model shall follow
+    protocol : a table of markers of the species, whose recordings the model shall follow
     """
 
     source: Path
@@ -240,7 +240,7 @@ class SpeciesFiles:
     mass: float | None = None
     skin: Path | None = None
     unit: Unit = "m"
-    markers: str = ""
+    protocol: str = ""
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -287,7 +287,7 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
             progress=lambda _: advance(1.0),
         )
     fields = {"species": table.name, "beside": files.beside, "mirror": files.mirror, "unit": files.unit}
-    fields |= {"mass": files.mass, "markers": files.markers}
+    fields |= {"mass": files.mass, "protocol": files.protocol}
     made = provenance_of("morph", files.sources(), settings.plain() | fields)
     checks = check_morph(morph, coordinates=coordinate_table(table, source, target))
     morph = _whole_animal(morph, files, table)
@@ -307,7 +307,7 @@ def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Mor
         notes += [*added, *share_notes(model, table.masses)]
     else:
         notes += share_notes(model, table.masses)
-    if files.markers:
-        model, added = with_markers_of(model, table.markers, files.markers)
+    if files.protocol:
+        model, added = with_markers_of(model, table.markers, files.protocol)
         notes += added
     return replace(morph, model=model, notes=tuple(notes))
