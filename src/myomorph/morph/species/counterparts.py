@@ -150,7 +150,8 @@ class BoneHomology:
         target's posture
     source_frame, target_frame : where they differ from the species'
     transferred : bodies of the source that have no bone of their own in the target and ride on this one
-    spread : muscles go to the nearest of the targets, all points of one to the same; otherwise all to the first
+    spread : muscle points go to the nearest of the targets, with `rays` all of a muscle's to the same; otherwise all to
+        the first
     rays : digits of the target and their muscles, which go there whatever is nearest
     half : only what lies to the right of the body's origin counts
     match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
@@ -358,8 +359,14 @@ def spread_over_targets(
     bones: Mapping[str, BoneMap],
     there: Posed,
     surfaces: Surfaces,
+    digits: frozenset[str] = frozenset(),
 ) -> Model:
-    """The source with a body for every target that a body's muscle points go to."""
+    """The source with a body for every target that a body's muscle points go to.
+
+    Parameters
+    ----------
+    digits : bodies whose targets lie side by side: all of a muscle's points there go to the same
+    """
     shapes = {
         (targets[0], name): Shape(there.surface((targets[0], name), {name: surfaces[name]}))
         for targets in parts.values()
@@ -368,7 +375,7 @@ def spread_over_targets(
     }
 
     def nearest(body: str, places: list[Array]) -> str:
-        """The target nearest to all of a muscle's points on a body: a tendon does not change its digit."""
+        """The target nearest to points of a muscle on a body."""
         targets = parts[body]
         mapped = bones[body].map.apply(np.array(places))
         known = [name for name in targets if (targets[0], name) in shapes]
@@ -381,10 +388,15 @@ def spread_over_targets(
 
     def carried(muscle: Muscle) -> Muscle:
         fixed = [one for one in muscle.path.points if isinstance(one, PathPoint) and one.body in parts]
-        bodies = dict.fromkeys(one.body for one in fixed)
-        goes = {body: nearest(body, [one.location for one in fixed if one.body == body]) for body in bodies}
+        goes = {
+            id(one): nearest(
+                one.body,
+                [each.location for each in fixed if each.body == one.body] if one.body in digits else [one.location],
+            )
+            for one in fixed
+        }
         points = tuple(
-            replace(one, body=goes[one.body]) if isinstance(one, PathPoint) and one.body in goes else one
+            replace(one, body=goes[id(one)]) if isinstance(one, PathPoint) and one.body in parts else one
             for one in muscle.path.points
         )
         return replace(muscle, path=replace(muscle.path, points=points))

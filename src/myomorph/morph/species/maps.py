@@ -113,7 +113,8 @@ def species_bones(
         if bone.rays and bone.sources[0] in bones:
             rays = put_on_rays(source, bone, table, (here, there), (source_surfaces, target_surfaces))
             source, bones = rays.source, {**bones, **rays.bones}
-    spread = spread_over_targets(source, parts, bones, there, target_surfaces) if parts else source
+    digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
+    spread = spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
     return SpeciesBones(spread, bones, tuple(notes))
 
 
