@@ -80,7 +80,8 @@ def mouse(data: Path) -> Bodies:
 def scaling_table(table: SpeciesTable) -> SpeciesTable:
     """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
     box = (LandmarkRule("extent", "box"),)
-    return replace(table, bones=tuple(replace(one, landmarks=box, match="landmarks") for one in table.bones))
+    bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
+    return replace(table, bones=bones, attachments=())
 
 
 METHODS: Mapping[str, tuple[MapKind, str]] = {

@@ -29,6 +29,7 @@ from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable
 from myomorph.morph.species.markers import MarkerTable
 from myomorph.morph.species.masses import SegmentShare
+from myomorph.morph.species.table_rows import Attachment, Ray
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -115,29 +116,6 @@ class LandmarkRule:
             raise BadData(f"landmark '{self.name}': the rule '{self.rule}' needs {wants[self.rule]}")
 
 
-@dataclass(frozen=True)
-class Ray:
-    """A digit of the target, and the muscles whose tendons go to it.
-
-    Attributes
-    ----------
-    toe, metatarsal : bodies of the target
-    extensors, flexors : muscles of the source, dorsal and plantar of the joint between the two
-    """
-
-    toe: str
-    metatarsal: str
-    extensors: tuple[str, ...] = ()
-    flexors: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        both = set(self.extensors) & set(self.flexors)
-        if both or not (self.extensors or self.flexors):
-            raise BadData(
-                f"ray {self.toe}: expected extensors or flexors, none of them both: {', '.join(sorted(both))}"
-            )
-
-
 @dataclass(frozen=True, eq=False)
 class BoneHomology:
     """Bones that correspond.
@@ -211,6 +189,7 @@ class SpeciesTable:
     extra : bodies of the target without a counterpart, and why
     architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
     masses : shares of segments of the target in its mass
+    attachments : where muscles begin or end along a bone in the target or its relatives, see `Attachment`
     markers : tables of labels of recordings of the target, see `MarkerTable`
     warnings : of its file, one line each
     """
@@ -228,6 +207,7 @@ class SpeciesTable:
     architecture: tuple[ArchitectureTable, ...] = ()
     masses: tuple[SegmentShare, ...] = ()
     markers: tuple[MarkerTable, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

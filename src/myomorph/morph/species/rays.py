@@ -24,7 +24,8 @@ from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.species.counterparts import BoneHomology, Posed, Ray, SpeciesTable, Surfaces, part_name
+from myomorph.morph.species.counterparts import BoneHomology, Posed, SpeciesTable, Surfaces, part_name
+from myomorph.morph.species.table_rows import Ray
 
 BESIDE = 0.2
 """A toe of the source is what lies within this share of the bone's width beside the muscles' points."""

@@ -27,12 +27,12 @@ from myomorph.morph.species.counterparts import (
     CoordinateHomology,
     LandmarkRule,
     MuscleHomology,
-    Ray,
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
 from myomorph.morph.species.masses import SegmentShare, share_notes, with_segment_shares
+from myomorph.morph.species.table_rows import Attachment, Ray
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.morph_files import Unit, resized, source_bones
@@ -54,6 +54,7 @@ KEYS = frozenset(
         "architecture",
         "mass",
         "markers",
+        "attachment",
     ),
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
@@ -129,6 +130,7 @@ def _table(given: Table, name: str) -> SpeciesTable:
         tuple(_architecture(one) for one in given.get("architecture", ())),
         tuple(_share(one) for one in given.get("mass", ())),
         tuple(_markers(one) for one in given.get("markers", ())),
+        tuple(_attachment(one) for one in given.get("attachment", ())),
     )
 
 
@@ -142,6 +144,12 @@ def _share(given: Table) -> SegmentShare:
     _known(given, frozenset(("name", "bodies", "share", "interval")), "a mass")
     low, high = given["interval"]
     return SegmentShare(given["name"], tuple(given["bodies"]), float(given["share"]), (float(low), float(high)))
+
+
+def _attachment(given: Table) -> Attachment:
+    _known(given, frozenset(("muscles", "end", "body", "along", "citation")), "an attachment")
+    along, citation = float(given["along"]), given.get("citation", "")
+    return Attachment(tuple(given["muscles"]), given["end"], given["body"], along, citation)
 
 
 def _markers(given: Table) -> MarkerTable:
