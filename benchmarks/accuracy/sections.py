@@ -39,6 +39,7 @@ from benchmarks.accuracy import (
     masspoints,
     models,
     mouse,
+    mouse_morphed,
     muscles,
     pair,
     passive,
@@ -466,6 +467,10 @@ def _species(folder: Path) -> Page:
             "species_muscles": lambda: species.measure_muscles(folder),
             "species_arms": lambda: species.measure_arms(folder),
             "species_alignment": lambda: species.measure_alignment(folder),
+            "species_architecture": lambda: mouse_morphed.measure_architecture(folder),
+            "species_toes": lambda: mouse_morphed.measure_toes(folder),
+            "species_follows": lambda: mouse_morphed.measure_follows(folder),
+            "species_tension": lambda: mouse_morphed.measure_tension(folder),
             "species_arm": lambda: species_arm.measure(folder),
         },
     )
