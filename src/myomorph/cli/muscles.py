@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
+    DrawProcesses,
     EmgMuscles,
     ForceBodies,
     LoadsFile,
@@ -127,6 +128,7 @@ def tension_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
+    workers: DrawProcesses = None,
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -161,7 +163,7 @@ def tension_command(
         contact_points=contact_points,
         time=time,
     )
-    drawn = drawn_settings(draws, uncertainty)
+    drawn = drawn_settings(draws, uncertainty, workers)
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options), **drawn})
     with folder_with(out, "tension") as (folder, writer):
         output = StepOutput(writer, folder)

@@ -65,6 +65,13 @@ DrawCount = Annotated[
         "limits of 90 % (NAME_low, NAME_high), and uncertainty.csv says what contributes.",
     ),
 ]
+DrawProcesses = Annotated[
+    int | None,
+    Parameter(
+        name="--workers",
+        help="Processes that share the draws; by default as many as threads, where that is worth their start.",
+    ),
+]
 UncertaintyFile = Annotated[
     Path | None,
     Parameter(

@@ -14,6 +14,8 @@ from myomorph.model.errors import BadFile
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.trial import draw_workers
+from myomorph.study.trial.draw_workers import attempts
 from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.drawn_trials import chain_of
 from myomorph.study.trial.steps.id import solve_dynamics
@@ -86,6 +88,23 @@ def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
     jacobian = np.concatenate(rows)
     expected = 0.002 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     np.testing.assert_allclose(values.std(axis=0), expected, rtol=0.12)
+
+
+def test_processes_that_share_the_draws_come_to_the_same(arm, monkeypatch):
+    chain, _, sources = opened(arm, True, placement=0.002, plate_gain=0.02)
+    draws = [Draw(k, sources, Normals(9)) for k in range(9)]
+    alone, begun = list(attempts(chain, draws, 1)), []
+    begin = draw_workers._begin
+    monkeypatch.setattr(draw_workers, "_begin", lambda: begun.append(begin()) or begun[-1])
+    together = attempts(chain, draws, 3)
+    found = [next(together) for _ in range(3)]
+    # One of them is lost: the others take what it had.
+    begun[0].kill()
+    found += together
+    assert [one.poll() is not None for one in begun] == [True, True]
+    for one, other in zip(alone, found, strict=True):
+        for name, values in one.items():
+            np.testing.assert_array_equal(other[name], values)
 
 
 def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):

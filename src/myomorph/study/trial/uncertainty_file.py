@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadData, BadFile
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
 from myomorph.study.trial.step import step_head
@@ -36,12 +36,23 @@ def read_sizes(path: Path) -> dict[str, Any]:
     return {name: known[name].kind(value) for name, value in given.items()}
 
 
-def drawn_settings(draws: int | None, path: Path | None) -> dict[str, dict[str, Any]]:
-    """Settings of the step 'uncertainty' from `--draws` and `--uncertainty`; none where neither is given."""
+def drawn_settings(draws: int | None, path: Path | None, workers: int | None = None) -> dict[str, dict[str, Any]]:
+    """Settings of the step 'uncertainty' from `--draws`, `--uncertainty` and `--workers`; none without the first two.
+
+    Raises
+    ------
+    BadData
+        workers for nothing, or fewer than one
+    """
     if draws is None and path is None:
+        if workers is not None:
+            raise BadData("--workers without --draws: processes share the draws; say how many there are to be")
         return {}
+    if workers is not None and workers < 1:
+        raise BadData(f"--workers {workers}: expected 1 or more")
     given = {} if path is None else read_sizes(path)
-    return {STEP: given | ({} if draws is None else {"draws": draws})}
+    options = {"draws": draws, "workers": workers}
+    return {STEP: given | {name: value for name, value in options.items() if value is not None}}
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:

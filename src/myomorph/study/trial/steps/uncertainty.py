@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,9 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
+from myomorph.study.trial.draw_workers import Tables, attempts
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.steps.drawn_trials import FAILURES, Chain, Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
@@ -59,6 +60,22 @@ class DrawOptions:
             raise BadData(f"contributions from {self.contributions} draws: expected 0 or more")
 
 
+@dataclass(frozen=True)
+class DrawWorkers:
+    """Who draws; results do not depend on it.
+
+    Attributes
+    ----------
+    workers : processes that share the draws; 0 for as many as there are threads to use, where that is worth their start
+    """
+
+    workers: int = 0
+
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise BadData(f"{self.workers} workers: expected 1 or more, or 0 to leave it open")
+
+
 def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
@@ -67,14 +84,19 @@ def _run(
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
-    runs = chosen.draws + 2 * len(groups) * min(chosen.contributions, chosen.draws)
+    jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
+    for group in groups:
+        for number in range(min(chosen.contributions, chosen.draws)):
+            jobs += [Draw(number, one, normals) for one in (alone(sources, group), frozen(sources, group))]
     shapes = {one.name: one.values.shape for one in quantities}
-    with progress(f"{trial.name}: uncertainty", runs, "draws") as advance, Draws(chosen.draws, shapes) as draws:
-        for number in range(chosen.draws):
-            try:
-                draws.put(number, chain.drawn(Draw(number, sources, normals)))
-            except FAILURES:
+    workers = trial.options[DrawWorkers].workers or None
+    with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
+        results = attempts(chain, jobs, workers)
+        for number, tables in enumerate(islice(results, chosen.draws)):
+            if tables is None:
                 failed += 1
+            else:
+                draws.put(number, tables)
             advance(1)
         if len(draws.done) < 2:
             raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
@@ -82,7 +104,7 @@ def _run(
             one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
             for one, part in zip(whole, quantities, strict=True)
         }
-        shares = _shares(chain, quantities, draws, groups, advance) if groups else {}
+        shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
     found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws))
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
@@ -92,40 +114,46 @@ def _run(
 
 
 def _shares(
-    chain: Chain,
     quantities: tuple[Quantity, ...],
     draws: Draws,
     groups: tuple[str, ...],
+    jobs: Sequence[Draw],
+    results: Iterator[Tables | None],
     advance: Callable[[int], None],
 ) -> dict[str, Shares]:
     """What groups of sources contribute to the variance: Jansen's estimator, on numbers that all draws share.
 
     Source: Jansen 1999; Saltelli et al. 2010.
+
+    Parameters
+    ----------
+    jobs, results : of each group and number, with the group alone and with all but it; and what they come to
     """
-    chosen, sources = chain.trial.options[DrawOptions], chain.trial.options[Sources]
-    normals = Normals(chosen.draws, chosen.draw_seed)
-    numbers = [one for one in draws.done if one < chosen.contributions]
-    # By table: squares alone and in total of each group, and of all groups together.
+    done = set(draws.done)
+    numbers = sorted({one.number for one in jobs} & done)
+    whole = {
+        one.name: sum(_mean_square(draws.at(one.name, number) - one.values) for number in numbers)
+        / max(len(numbers), 1)
+        for one in quantities
+    }
+    # By table: squares alone and in total of each group, and how many they are of.
     squares = {one.name: np.zeros((2, len(groups), len(one.names))) for one in quantities}
-    whole = {one.name: np.zeros(len(one.names)) for one in quantities}
-    for one in quantities:
-        for number in numbers:
-            whole[one.name] += _mean_square(draws.at(one.name, number) - one.values) / len(numbers)
-    for g, group in enumerate(groups):
-        done, sums = 0, {one.name: np.zeros((2, len(one.names))) for one in quantities}
-        for number in numbers:
-            with suppress(*FAILURES):
-                own = chain.drawn(Draw(number, alone(sources, group), normals))
-                rest = chain.drawn(Draw(number, frozen(sources, group), normals))
-                done += 1
-                for one in quantities:
-                    without = draws.at(one.name, number) - rest[one.name]
-                    sums[one.name] += np.stack([_mean_square(own[one.name] - one.values), _mean_square(without)])
-            advance(2)
+    counts = np.zeros((2, len(groups), 1))
+    each = len(jobs) // len(groups)
+    for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
+        group, kind = k // each, k % 2
+        advance(1)
+        if tables is None or job.number not in done:
+            continue
+        counts[kind, group] += 1
         for one in quantities:
-            squares[one.name][:, g] = sums[one.name] / max(done, 1)
+            other = one.values if kind == 0 else draws.at(one.name, job.number)
+            squares[one.name][kind, group] += _mean_square(tables[one.name] - other)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return {one.name: Shares(groups, *(squares[one.name] / whole[one.name])) for one in quantities}
+        return {
+            one.name: Shares(groups, *(squares[one.name] / np.maximum(counts, 1) / whole[one.name]))
+            for one in quantities
+        }
 
 
 def _mean_square(values: Array) -> Array:
@@ -185,7 +213,8 @@ STEP = Step(
     gives=Uncertainty,
     needs=(Poses,),
     uses=(Torques, Tensions),
-    options=(DrawOptions, Sources),
+    options=(DrawOptions, Sources, DrawWorkers),
+    hashed=lambda trial: (trial.options[DrawOptions], trial.options[Sources]),
     grows_with="muscles",
     run=_run,
     read=_read,
