@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
+    DrawMethod,
     DrawProcesses,
     EmgMuscles,
     ForceBodies,
@@ -128,6 +129,7 @@ def tension_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
+    method: DrawMethod = None,
     workers: DrawProcesses = None,
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
@@ -163,7 +165,7 @@ def tension_command(
         contact_points=contact_points,
         time=time,
     )
-    drawn = drawn_settings(draws, uncertainty, workers)
+    drawn = drawn_settings(draws, uncertainty, method, workers)
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options), **drawn})
     with folder_with(out, "tension") as (folder, writer):
         output = StepOutput(writer, folder)

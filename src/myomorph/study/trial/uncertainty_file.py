@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from myomorph.model.errors import BadData, BadFile
 from myomorph.store.settings import settings_of
@@ -31,28 +31,33 @@ def read_sizes(path: Path) -> dict[str, Any]:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"is '{near[0]}' meant?" if near else f"there are {', '.join(known)}"
             raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        words = get_args(known[name].kind)
+        if words and value not in words:
+            raise BadFile(path, f"states '{value}' as '{name}'", f"expected {' or '.join(words)}")
+        if not words and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")
-    return {name: known[name].kind(value) for name, value in given.items()}
+    return {name: value if get_args(known[name].kind) else known[name].kind(value) for name, value in given.items()}
 
 
-def drawn_settings(draws: int | None, path: Path | None, workers: int | None = None) -> dict[str, dict[str, Any]]:
-    """Settings of the step 'uncertainty' from `--draws`, `--uncertainty` and `--workers`; none without the first two.
+def drawn_settings(
+    draws: int | None, path: Path | None, method: str | None = None, workers: int | None = None
+) -> dict[str, dict[str, Any]]:
+    """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`.
 
     Raises
     ------
     BadData
-        workers for nothing, or fewer than one
+        `--method` or `--workers` for no draws, or fewer workers than one
     """
+    options = {"draws": draws, "method": method, "workers": workers}
+    given = {name: value for name, value in options.items() if value is not None}
     if draws is None and path is None:
-        if workers is not None:
-            raise BadData("--workers without --draws: processes share the draws; say how many there are to be")
+        for name, value in given.items():
+            raise BadData(f"--{name} {value} without --draws: say how many draws there are to be (--draws 200)")
         return {}
     if workers is not None and workers < 1:
         raise BadData(f"--workers {workers}: expected 1 or more")
-    given = {} if path is None else read_sizes(path)
-    options = {"draws": draws, "workers": workers}
-    return {STEP: given | {name: value for name, value in options.items() if value is not None}}
+    return {STEP: ({} if path is None else read_sizes(path)) | given}
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:

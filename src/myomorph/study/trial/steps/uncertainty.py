@@ -88,10 +88,12 @@ def _run(
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
+    # Where errors add up, what is missing without a group is what it does alone.
+    kinds = (alone,) if chosen.method == "linear" else (alone, frozen)
     jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [Draw(number, one, normals) for one in (alone(sources, group), frozen(sources, group))]
+            jobs += [Draw(number, kind(sources, group), normals) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
@@ -131,21 +133,22 @@ def _shares(
 
     Parameters
     ----------
-    jobs, results : of each group and number, with the group alone and with all but it; and what they come to
+    jobs : of each group and number, with the group alone and, where errors do not just add up, with all but it
+    results : what they come to
     """
     done = set(draws.done)
     numbers = sorted({one.number for one in jobs} & done)
-    whole = {
-        one.name: sum(_mean_square(draws.at(one.name, number) - one.values) for number in numbers)
-        / max(len(numbers), 1)
-        for one in quantities
-    }
+    each = len({one.number for one in jobs})
+    kinds = len(jobs) // (each * len(groups))
+    whole = {one.name: np.zeros(len(one.names)) for one in quantities}
+    for one in quantities:
+        for number in numbers:
+            whole[one.name] += _mean_square(draws.at(one.name, number) - one.values) / len(numbers)
     # By table: squares alone and in total of each group, and how many they are of.
-    squares = {one.name: np.zeros((2, len(groups), len(one.names))) for one in quantities}
-    counts = np.zeros((2, len(groups), 1))
-    each = len(jobs) // len(groups)
+    squares = {one.name: np.zeros((kinds, len(groups), len(one.names))) for one in quantities}
+    counts = np.zeros((kinds, len(groups), 1))
     for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
-        group, kind = k // each, k % 2
+        group, kind = k // (each * kinds), k % kinds
         advance(1)
         if tables is None or job.number not in done:
             continue
@@ -154,10 +157,8 @@ def _shares(
             other = one.values if kind == 0 else draws.at(one.name, job.number)
             squares[one.name][kind, group] += _mean_square(tables[one.name] - other)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return {
-            one.name: Shares(groups, *(squares[one.name] / np.maximum(counts, 1) / whole[one.name]))
-            for one in quantities
-        }
+        parts = {name: one / np.maximum(counts, 1) / whole[name] for name, one in squares.items()}
+    return {name: Shares(groups, one[0], one[-1]) for name, one in parts.items()}
 
 
 def _mean_square(values: Array) -> Array:
