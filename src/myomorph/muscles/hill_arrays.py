@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def _compile(model: Model) -> HillArrays:
 _latest = Latest(_compile)
 
 
-def _columns(rows: list[list[float]]) -> dict[str, Array]:
+def _columns(rows: list[list[float]]) -> dict[str, Any]:
     numbers = np.array(rows, dtype=np.float64).reshape(len(rows), len(_NUMBERS))
     return {name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)}
 

@@ -86,7 +86,7 @@ def pose_slopes(
     names, weights = tracked_markers(model, markers, options)
     arrays = marker_arrays(tree, names, weights, options)
     c = np.array(motion.values)
-    blank = ~np.isfinite(c).all(axis=1)
+    blank = np.asarray(~np.isfinite(c).all(axis=1))
     c[blank] = tree.defaults
     count = max(1, int(IN_MEMORY / (8.0 * c.shape[1] * 3 * len(names))))
     kept = np.unique(np.linspace(0, len(c) - 1, min(count, len(c))).round().astype(np.int64))

@@ -141,6 +141,13 @@ class Chain:
             torques = solve_dynamics(trial, recorded)
         return {one.name: one.values for one in self._made(trial, recorded, torques)}
 
+    def attempt(self, draw: Draw) -> dict[str, Array] | None:
+        """`drawn`, None where the drawn trial has no solution."""
+        try:
+            return self.drawn(draw)
+        except FAILURES:
+            return None
+
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:

@@ -18,8 +18,8 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
-from myomorph.study.trial.draw_workers import Tables, attempts
 from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses

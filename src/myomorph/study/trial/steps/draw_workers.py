@@ -14,8 +14,8 @@ from dataclasses import replace
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.frames import thread_count
-from myomorph.study.trial.draw_process import PROTOCOL
-from myomorph.study.trial.steps.drawn_trials import FAILURES, Chain
+from myomorph.study.trial.steps.draw_process import PROTOCOL
+from myomorph.study.trial.steps.drawn_trials import Chain
 from myomorph.uncertainty.bodies import Draw
 
 Tables = Mapping[str, Array]
@@ -24,14 +24,6 @@ WORTH = 8.0
 AHEAD = 4
 """Results a process may be ahead of the one that is waited for, so that memory does not grow with draws."""
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
-
-
-def attempt(chain: Chain, draw: Draw) -> Tables | None:
-    """What a draw comes to, None where it has no solution."""
-    try:
-        return chain.drawn(draw)
-    except FAILURES:
-        return None
 
 
 def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) -> Iterator[Tables | None]:
@@ -43,15 +35,15 @@ def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) ->
     """
     count = thread_count() if workers is None else workers
     if count <= 1 or len(draws) <= 2:
-        yield from (attempt(chain, one) for one in draws)
+        yield from (chain.attempt(one) for one in draws)
         return
     # The first draw may compile kernels; the second tells how long one takes.
-    yield attempt(chain, draws[0])
+    yield chain.attempt(draws[0])
     begun = time.monotonic()
-    yield attempt(chain, draws[1])
+    yield chain.attempt(draws[1])
     left = draws[2:]
     if workers is None and len(left) * (time.monotonic() - begun) < WORTH:
-        yield from (attempt(chain, one) for one in left)
+        yield from (chain.attempt(one) for one in left)
         return
     with _Shared(chain, left, min(count, len(left)) - 1) as shared:
         yield from shared
@@ -100,7 +92,7 @@ class _Shared:
                 if own is None:
                     self._changed.wait()
                     continue
-            made = attempt(self._chain, self._draws[own])
+            made = self._chain.attempt(self._draws[own])
             with self._changed:
                 self._found[own] = made
         if isinstance(found, Exception):
@@ -153,5 +145,5 @@ class _Shared:
 
 def _begin() -> subprocess.Popen[bytes]:
     environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in ONE_THREAD} | {"MYOMORPH_THREADS": "1"}
-    command = [sys.executable, "-m", "myomorph.study.trial.draw_process"]
+    command = [sys.executable, "-m", "myomorph.study.trial.steps.draw_process"]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)

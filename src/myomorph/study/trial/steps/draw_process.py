@@ -1,6 +1,6 @@
 """A process that draws for another: a chain and draws come in on its input, what they come to goes out on its output.
 
-It is started with `python -m myomorph.study.trial.draw_process` and ends when its input does.
+It is started with `python -m myomorph.study.trial.steps.draw_process` and ends when its input does.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ def main() -> None:
 def _draw(given: BinaryIO, answers: BinaryIO) -> None:
     # After the path is known, and after what is printed goes elsewhere.
     from myomorph.store.progress import silence
-    from myomorph.study.trial.draw_workers import attempt
 
     silence()
     chain = pickle.load(given)
     while True:
         draw = pickle.load(given)
+        answer: object
         try:
-            answer = attempt(chain, draw)
+            answer = chain.attempt(draw)
         except Exception as error:
             answer = error
         pickle.dump(answer, answers, PROTOCOL)
