@@ -11,6 +11,7 @@ import io
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +37,17 @@ from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.spread import LEVEL
+from myomorph.uncertainty.widening import FACTORS
 
 Row = dict[str, object]
 
 HOME = "opencap-subject4-multitask"
 MOTIONS = {"walking1": (0.2, 1.2), "STS1": (0.6, 1.8), "DJ1": (0.8, 1.8)}
 """Recordings and the part of each that is used [s]."""
+FOUND_ON, HELD_OUT = ("walking1", "DJ1"), "STS1"
+"""Motions on which factors of limits are found, and the one that they are held against."""
+TITLES = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
 PEOPLE, DRAWS = 4, 60
 SEED = 7
 """Of the truths; the limits are drawn with another one."""
@@ -59,6 +65,7 @@ flat = true
 [uncertainty]
 draws = {draws}
 contributions = 0
+widened = false
 [options.tension]
 reactions = "child"
 [[subject]]
@@ -79,35 +86,62 @@ class Truth:
 
 def measure_assumed(folder: Path) -> Iterator[Row]:
     """Share of values inside their limits, with errors as assumed."""
-    yield from _simulated(folder, Sources())
+    yield from _shares(_simulated(folder, Sources()))
 
 
 def measure_other(folder: Path) -> Iterator[Row]:
     """The same with errors that the limits do not assume."""
-    yield from _simulated(folder, OTHER)
+    yield from _shares(_simulated(folder, OTHER))
 
 
-def _simulated(folder: Path, errors: Sources) -> Iterator[Row]:
-    inside: dict[str, list[float]] = {}
+def measure_factors(folder: Path) -> Iterator[Row]:
+    """By how much limits have to be widened, found on some motions and held against another; errors not assumed."""
+    apart = _simulated(folder, OTHER)
+    for table, title in TITLES.items():
+        yield {
+            "limits of": title,
+            **{f"factor on {motion}": _factor([apart[motion][table]]) for motion in MOTIONS},
+            f"factor on {' and '.join(FOUND_ON)}": _factor([apart[motion][table] for motion in FOUND_ON]),
+            "factor of the package": FACTORS[table],
+            f"{HELD_OUT}, inside as drawn [%]": _inside(apart[HELD_OUT][table], 1.0),
+            f"{HELD_OUT}, inside widened [%]": _inside(apart[HELD_OUT][table], FACTORS[table]),
+        }
+
+
+@lru_cache(maxsize=2)
+def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array, ...]]]:
+    """By motion and table, how far from the middle of its limits the truth lies, in half widths; of each person."""
+    found: dict[str, dict[str, tuple[Array, ...]]] = {}
     for motion, span in MOTIONS.items():
-        row: dict[str, list[float]] = {}
-        for person in range(PEOPLE):
-            for table, share in _held(folder, motion, span, errors, person).items():
-                row.setdefault(table, []).append(share)
-                inside.setdefault(table, []).append(share)
-        yield _row(motion, row)
-    yield _row("all", inside)
+        people = [_apart(folder, motion, span, errors, person) for person in range(PEOPLE)]
+        found[motion] = {table: tuple(one[table] for one in people) for table in TITLES}
+    return found
 
 
-def _row(name: str, shares: dict[str, list[float]]) -> Row:
-    titles = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
-    return {"inside the limits of 90 % [%]": name} | {
-        title: 100.0 * float(np.mean(shares[table])) for table, title in titles.items()
-    }
+def _shares(apart: dict[str, dict[str, tuple[Array, ...]]]) -> Iterator[Row]:
+    everything = {table: tuple(one for motion in apart.values() for one in motion[table]) for table in TITLES}
+    for name, tables in {**apart, "all": everything}.items():
+        row: Row = {"inside the limits of 90 % [%]": name}
+        for table, title in TITLES.items():
+            row |= {title: _inside(tables[table], 1.0), f"{title}, widened": _inside(tables[table], FACTORS[table])}
+        yield row
 
 
-def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, float]:
-    """By table, the share of values of a simulated recording that lie inside the limits of the study made of it."""
+def _inside(people: tuple[Array, ...], factor: float) -> float:
+    """Share of values inside limits that are widened [%], every person alike."""
+    return 100.0 * float(np.mean([(one <= factor).mean() for one in people]))
+
+
+def _factor(groups: list[tuple[Array, ...]]) -> float:
+    """The least factor by which limits hold 90 % of the values."""
+    return max(1.0, float(np.quantile(np.concatenate([one for people in groups for one in people]), LEVEL)))
+
+
+def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, Array]:
+    """By table, how far the truth of a simulated recording lies from the middle of the limits of the study made of it.
+
+    In half widths, so that limits hold what is at most 1.
+    """
     path = folder / HOME / "models" / "manually_scaled.osim"
     model, moved, wrenches = _recorded(folder, motion, span)
     draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), SEED))
@@ -121,7 +155,7 @@ def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources,
         command("run", here / "study.toml", "--out", here / "out")
         found = read_result(next((here / "out").rglob("motion.nc")))
     strengths = {one.name: one.max_isometric_force for one in model.muscles}
-    shares = {}
+    apart = {}
     for table, (names, values) in truth.tables.items():
         dimension = {"coordinates": "coordinate", "torques": "coordinate", "forces": "muscle"}.get(table)
         columns = found.names[dimension or f"{table}_column"]
@@ -132,8 +166,9 @@ def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources,
         counted = (high - low) > 1e-9
         if table == "forces":
             counted = np.maximum(values, high) > NEGLIGIBLE * np.array([strengths[name] for name in names])
-        shares[table] = float(((values >= low) & (values <= high))[counted].mean())
-    return shares
+        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-12)
+        apart[table] = (np.abs(values - middle) / half)[counted]
+    return apart
 
 
 def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[Model, Motion, Wrenches]:

@@ -34,7 +34,7 @@ from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial, open_trial
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
-from myomorph.study.trial.uncertainty_file import drawn_settings
+from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
 IdOptions = options_class(*dynamics.STEP.options)
@@ -68,7 +68,7 @@ def ik_command(
     poses = results[ik.Poses]
     warn((*results.notes, *trial.warnings))
     assert poses.fit is not None
-    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}; wrote {out}")
+    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}{limits_summary(results)}; wrote {out}")
     return 0
 
 
@@ -105,5 +105,5 @@ def id_command(
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
     residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
     filtered = dynamics.filter_summary(trial, poses.recorded)
-    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}; wrote {out}")
+    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}{limits_summary(results)}; wrote {out}")
     return 0

@@ -37,7 +37,7 @@ from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
-from myomorph.study.trial.uncertainty_file import drawn_settings
+from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
@@ -175,5 +175,5 @@ def tension_command(
         put_fit_beside(writer, motion, trial.model, results[tension.Tensions].tension.time)
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
-    said(f"{summary}; wrote {out}")
+    said(f"{summary}{limits_summary(results)}; wrote {out}")
     return 0

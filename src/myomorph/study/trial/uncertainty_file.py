@@ -10,7 +10,8 @@ from typing import Any, get_args
 from myomorph.model.errors import BadData, BadFile
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
-from myomorph.study.trial.step import step_head
+from myomorph.study.trial.step import StepResults, step_head
+from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"
 
@@ -58,6 +59,12 @@ def drawn_settings(
     if workers is not None and workers < 1:
         raise BadData(f"--workers {workers}: expected 1 or more")
     return {STEP: ({} if path is None else read_sizes(path)) | given}
+
+
+def limits_summary(results: StepResults) -> str:
+    """How limits of results were found, as the end of a line; "" where nothing was drawn."""
+    found = results.get(Uncertainty)
+    return "" if found is None else f"; {found.summary}"
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:

@@ -29,6 +29,7 @@ from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
+from myomorph.uncertainty.widening import FACTORS, widened
 
 TABLE = "uncertainty.csv"
 MAY_FAIL = 0.02
@@ -47,6 +48,7 @@ class DrawOptions:
     all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a second, and what lies
         between is interpolated
     draw_seed : other random numbers for another one
+    widened : widen limits by the factors that simulated recordings with other errors than assumed ask for
     method : "sampled" computes every draw in full; "linear" lets poses follow the errors of markers and model by the
         derivatives at the result, and takes contributions as additive, which is faster
     """
@@ -55,6 +57,7 @@ class DrawOptions:
     contributions: int = 12
     all_frames: bool = False
     draw_seed: int = 0
+    widened: bool = True
     method: Literal["sampled", "linear"] = "sampled"
 
     def __post_init__(self) -> None:
@@ -111,7 +114,9 @@ def _run(
             for one, part in zip(whole, quantities, strict=True)
         }
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
-    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws))
+    factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
+    spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
+    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws), factors)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
@@ -188,6 +193,7 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
         "unit",
         "sd",
         "width",
+        "widened",
         *(f"{one}_{kind}" for kind in ("alone", "total") for one in groups),
     )
     with path.open("w", encoding="utf-8", newline="") as stream:
@@ -199,7 +205,7 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
             widths = one.factors * np.nanmean(spread.high - spread.low, axis=0)
             for k, name in enumerate(one.names):
                 parts = () if shares is None else (*shares.alone[:, k], *shares.total[:, k])
-                numbers = (deviations[k], widths[k], *parts)
+                numbers = (deviations[k], widths[k], found.factors[one.name], *parts)
                 rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
 
 
