@@ -20,8 +20,8 @@ FACTORS: Mapping[str, float] = FrozenMap(
         "joint_contact_forces": 1.06,
     }
 )
-"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md says. Of a table that is
-not named nothing is known: its limits stay as drawn."""
+"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md says. Of a table
+that is not named nothing is known: its limits stay as drawn."""
 NOT_NEGATIVE = ("activations", "forces")
 """Tables whose values are never below 0, as magnitudes of forces (columns `..._f`) are not."""
 
