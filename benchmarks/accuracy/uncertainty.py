@@ -96,17 +96,18 @@ def measure_other(folder: Path) -> Iterator[Row]:
 
 
 def measure_factors(folder: Path) -> Iterator[Row]:
-    """By how much limits have to be widened, found on some motions and held against another; errors not assumed."""
-    apart = _simulated(folder, OTHER)
+    """By how much limits have to be widened, found on some motions and held against another."""
+    kinds = {"errors as assumed": _simulated(folder, Sources()), "other errors": _simulated(folder, OTHER)}
     for table, title in TITLES.items():
-        yield {
-            "limits of": title,
-            **{f"factor on {motion}": _factor([apart[motion][table]]) for motion in MOTIONS},
-            f"factor on {' and '.join(FOUND_ON)}": _factor([apart[motion][table] for motion in FOUND_ON]),
-            "factor of the package": FACTORS[table],
-            f"{HELD_OUT}, inside as drawn [%]": _inside(apart[HELD_OUT][table], 1.0),
-            f"{HELD_OUT}, inside widened [%]": _inside(apart[HELD_OUT][table], FACTORS[table]),
-        }
+        row: Row = {"limits of": title}
+        for name, apart in kinds.items():
+            row[f"factor, {name}"] = _factor([apart[motion][table] for motion in FOUND_ON])
+        row["factor, both"] = _factor([apart[motion][table] for apart in kinds.values() for motion in FOUND_ON])
+        row["factor of the package"] = FACTORS[table]
+        for name, apart in kinds.items():
+            row[f"{HELD_OUT}, {name}: inside as drawn [%]"] = _inside(apart[HELD_OUT][table], 1.0)
+            row[f"{HELD_OUT}, {name}: inside [%]"] = _inside(apart[HELD_OUT][table], FACTORS[table])
+        yield row
 
 
 @lru_cache(maxsize=2)

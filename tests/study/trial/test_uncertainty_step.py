@@ -23,6 +23,7 @@ from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
+from myomorph.uncertainty.widening import FACTORS
 
 NONE = {name: 0.0 for names in GROUPS.values() for name in names}
 STUDY = """
@@ -134,6 +135,21 @@ def test_linear_limits_by_command_agree_with_those_sampled(arm, command):
         assert other["placement_alone"] == other["placement_total"]
 
 
+def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
+    sizes, words = arm.folder / "sizes.toml", ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
+    found = {}
+    for state in ("true", "false"):
+        sizes.write_text(f"draws = 12\ncontributions = 0\nwidened = {state}\n")
+        done = command(*words, "--uncertainty", sizes, "--out", arm.folder / "torques.sto")
+        assert done.status == 0, done.err
+        assert (f"torques {FACTORS['torques']:g}" in done.out) == (state == "true")
+        assert "limits of 90 % from 12 draws" in done.out
+        low, high = (read_sto(arm.folder / f"torques{one}.sto").values for one in ("_low", "_high"))
+        found[state] = 0.5 * (low + high), high - low
+    np.testing.assert_allclose(found["true"][0], found["false"][0], atol=1e-6)
+    np.testing.assert_allclose(found["true"][1], FACTORS["torques"] * found["false"][1], rtol=1e-5, atol=1e-6)
+
+
 def test_who_draws_is_nobodys_business_without_draws(arm, command):
     out = arm.folder / "torques.sto"
     done = command("id", "--model", arm.model, "--motion", arm.motion, "--out", out, "--workers", 2)
@@ -169,6 +185,7 @@ def test_angles_have_limits_in_degrees(arm, command):
         ("segment_mas = 0.1", "'segment_mas'.*'segment_mass'"),
         ("placement = -0.01", "'placement' is -0.01: expected 0 or more"),
         ("placement = 'far'", "'far'.*expected a number"),
+        ("widened = 1", "'1' as 'widened'; expected true or false"),
         ("method = 'quick'", "'quick' as 'method'.*expected sampled or linear"),
     ],
 )

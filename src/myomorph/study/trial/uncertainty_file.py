@@ -32,9 +32,11 @@ def read_sizes(path: Path) -> dict[str, Any]:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"is '{near[0]}' meant?" if near else f"there are {', '.join(known)}"
             raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
-        words = get_args(known[name].kind)
-        if words and value not in words:
-            raise BadFile(path, f"states '{value}' as '{name}'", f"expected {' or '.join(words)}")
+        kind = known[name].kind
+        words = (True, False) if kind is bool else get_args(kind)
+        if words and not any(value is one or (value == one and isinstance(one, str)) for one in words):
+            wanted = " or ".join(str(one).lower() if kind is bool else one for one in words)
+            raise BadFile(path, f"states '{value}' as '{name}'", f"expected {wanted}")
         if not words and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")
     return {name: value if get_args(known[name].kind) else known[name].kind(value) for name, value in given.items()}
