@@ -225,6 +225,8 @@ def _uncertainty(folder: Path) -> Page:
         {
             "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
             "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
+            "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
