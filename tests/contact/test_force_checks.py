@@ -132,6 +132,18 @@ def test_empty_forces_other_times_and_gaps_pass(clean):
     assert check_forces(clean.wrenches, clean.model, replace(gaps, values=values)) == ()
 
 
+def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
+    """The same fault in the frames with a pose, as where a walker enters the cameras' view and leaves it."""
+    walk = BY_NAME["treadmill walk"]
+    for path in (walk.model, walk.motion, walk.loads):
+        data(path)
+    one = faults.scaled_mass(1.2)(faults.of_its_mass(data(walk.model.split("/")[0]).parent, walk))
+    values = np.array(one.motion.values)
+    values[:40] = values[-40:] = np.nan
+    found = check_forces(one.wrenches, one.model, replace(one.motion, values=values))
+    assert [finding.kind for finding in found] == ["mass"]
+
+
 def test_center_of_a_wrench_is_that_of_its_moment():
     """Moving the point of a force and giving the moment of the move leaves its center where it was."""
     random = np.random.default_rng(0)

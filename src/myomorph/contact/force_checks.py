@@ -63,6 +63,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     inside = np.zeros(len(motion), bool)
     if len(wrenches):
         inside = (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
+        inside &= _between_gaps(motion)
     if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
     feet = foot_poses(model, _smooth(motion, inside))
@@ -85,6 +86,13 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     findings = tuple(inspection.findings)
     changed = any(one.mended for one in findings)
     return CheckedForces(inspection.wrenches if changed else wrenches, findings)
+
+
+def _between_gaps(motion: Motion) -> NDArray[np.bool_]:
+    """Frames (frames,) from the first with a pose to the last: before and after, a body is out of the cameras' view."""
+    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    frames = np.arange(len(motion))
+    return (frames >= seen[0]) & (frames <= seen[-1]) if len(seen) else np.zeros(len(motion), bool)
 
 
 def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
