@@ -91,6 +91,16 @@ def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, rese
     assert np.all(gradient[x[0] < high] > -1e-6 * size)
 
 
+def test_the_exponent_3_is_solved_as_those_beside_it():
+    """It has roots of its own; pulled towards intervals, some of its variables lie outside these."""
+    directions, low, high, torques = muscles(5)
+    penalties = np.zeros((1, 3, len(low)))
+    penalties[0, 0, ::2], penalties[0, 1, ::2], penalties[0, 2, ::2] = 0.3, 0.4, 2.0
+    own, near = (solve(directions, low, high, torques, one, penalties=penalties)[0] for one in (3.0, 3.0 + 1e-9))
+    np.testing.assert_allclose(own, near, atol=1e-6)
+    assert ((own[0, ::2] < 0.3) | (own[0, ::2] > 0.4)).any()
+
+
 def test_warm_and_cold_starts_end_in_the_same_place():
     directions, low, high, _ = muscles(3)
     torques = np.array([muscles(3)[3] * (1.0 + 0.02 * k) for k in range(12)])

@@ -59,6 +59,20 @@ def _pulled(w, p, target, near, pull, x, s):
 
 
 @inner
+def _cubic(w, low, high, pull, target, s):
+    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its time."""
+    size = np.sqrt(abs(s) / (3.0 * w))
+    x = target + (size if s > 0.0 else -size)
+    slope = min((1.0 if size < 1e-3 else 0.5) / (3.0 * w * max(size, 1e-30)), 1e8 / w)
+    if pull > 0.0 and not low <= x <= high:
+        left = s - 2.0 * pull * (target - (low if x < low else high))
+        size = abs(left) / (pull + np.sqrt(pull * pull + 3.0 * w * abs(left)))
+        x = target + (size if left > 0.0 else -size)
+        slope = 0.5 / (3.0 * w * max(size, 1e-9) + pull)
+    return x, slope
+
+
+@inner
 def _bent(w, p, low, high, pull, target, s):
     """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose exponent is not 2."""
     if p == 2.0:
@@ -67,6 +81,8 @@ def _bent(w, p, low, high, pull, target, s):
             near = low if x < low else high
             x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
         return x, slope
+    if p == 3.0:
+        return _cubic(w, low, high, pull, target, s)
     size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
     x = target + (size if s > 0.0 else -size)
     slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-9 if p < 2.0 else 1e-30) ** (p - 2.0))
