@@ -20,7 +20,7 @@ def test_a_palm_on_a_box_that_rises():
     """
     time = np.arange(0.0, 2.0, 0.01)
     rise = 0.25 * np.clip(time - 1.0, 0.0, None) ** 2
-    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None), "stand": 0.0 * time}
+    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None), "stand": 0.1 + 0.0 * time}
     parts, motions = {}, {}
     for name, height in heights.items():
         parts[name] = free_object("body", 2.0, (0.2, 0.2, 0.2))
@@ -28,7 +28,7 @@ def test_a_palm_on_a_box_that_rises():
         values[:, 1] = height
         motions[name] = differentiate(Motion(time, parts[name].coordinate_names, values))
     site = Site("palm", "arm_body", np.zeros((1, 3)), Cone(direction=None), against="box_body")
-    sole = Site("sole", "stand_body", np.zeros((1, 3)))
+    sole = Site("sole", "stand_body", np.array([[0.0, -0.1, 0.0]]))
     plan = ContactPlan(feet=False, sites=(site, sole))
     motion = join_motions(motions)
     setting = set_contacts(plan, join_models(parts), motion, Measurements(motion), ContactOptions())
