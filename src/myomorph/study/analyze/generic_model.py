@@ -26,8 +26,9 @@ NAME = "myolegs_abdomen"
 HEIGHT = 1.70
 """Of a body whose bones are as long as the model's [m]."""
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
-FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
-"""Walkers go beyond the model's ranges of these."""
+WIDENED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
+FURTHER = np.radians(30.0)
+"""Walkers go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
 
 def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
@@ -81,7 +82,7 @@ def _legs() -> Model:
     model = in_opensim_form(legs_and_trunk())
     held = [
         replace(one, locked=True, default=0.0) if one.name in LOCKED
-        else replace(one, clamped=False) if one.name in FREED
+        else replace(one, range=(one.range[0] - FURTHER, one.range[1] + FURTHER), clamped=True) if one.name in WIDENED
         else one
         for one in model.coordinates
     ]  # fmt: skip
