@@ -15,8 +15,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
+from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import silent_mujoco
@@ -31,12 +33,13 @@ FURTHER = np.radians(30.0)
 """Walkers go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
 
-def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
+def generic_model(sites: Mapping[str, Site], height: float | None = None) -> tuple[Model, tuple[str, ...]]:
     """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
 
     Parameters
     ----------
     sites : label of a recording, and what it lies on
+    height : of the body that its segments are those of [m], all stretched alike; None for 1.70
 
     Returns
     -------
@@ -47,7 +50,11 @@ def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
     BadData : myo-sim is not installed
     """
     markers, without = placed(sites)
-    return _legs().with_markers(markers), without
+    model = _legs().with_markers(markers)
+    if height is not None:
+        factor = np.full(3, height / HEIGHT)
+        model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)
+    return model, without
 
 
 def placed(sites: Mapping[str, Site]) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
