@@ -48,12 +48,13 @@ def check_progress(inspection: Inspection) -> None:
             if moved < -AGAINST * unit:
                 against.append((span, moved))
         if against and 2 * len(against) > len(judged):
+            first = feet.time[against[0][0].start]
             mean = -float(np.mean([moved for _, moved in against]))
             inspection.found(
                 "mirrored plate",
                 inspection.name(k),
                 f"the center of pressure of force '{inspection.name(k)}' moves {100.0 * mean:.0f} cm along the foot "
-                f"against the body in {len(against)} of {len(judged)} steps, first at {feet.time[against[0][0].start]:.2f} s",
+                f"against the body in {len(against)} of {len(judged)} steps, first at {first:.2f} s",
                 advice="its plate seems mirrored about its own middle along the foot, and torques there are wrong: "
                 "check the plate's corners or the sign of its moments",
                 times=tuple(span for span, _ in against),
