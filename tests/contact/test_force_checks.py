@@ -36,6 +36,7 @@ def test_nothing_is_called_on_clean_forces(clean):
 @pytest.mark.parametrize("fault", faults.FORCE_FAULTS, ids=lambda one: one.name)
 def test_a_fault_is_found_and_named(clean, fault):
     faulty = fault.change(clean)
+    assert faulty is not None
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
     assert [one.kind for one in found if one.kind in fault.kinds]
     assert all(one.text and one.place for one in found)

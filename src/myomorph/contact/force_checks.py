@@ -16,6 +16,7 @@ from myomorph.contact.foot_poses import foot_poses
 from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import check_feet, check_origins, check_shared_plates
+from myomorph.contact.force_progress import check_progress
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -46,7 +47,8 @@ def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Find
 def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True) -> CheckedForces:
     """Hold external forces against the motion, put right what is safe and name the rest.
 
-    Looked for are forces that pull instead of push, turned axes or a mirrored one, other units, moments about another
+    Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored about
+    its own middle, other units, moments about another
     point than the center of pressure, a wrong foot, two feet on one plate, forces under no foot, a mass that is not the
     model's, and a clock that is not the motion's. Models without feet are not looked at.
 
@@ -77,6 +79,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
         check_signs,
         check_origins,
         check_directions,
+        check_progress,
         check_feet,
         check_shared_plates,
         check_mass,
