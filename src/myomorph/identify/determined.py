@@ -8,7 +8,6 @@ whose links differ from the model's by `LINK_SD`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +56,8 @@ def determined(
     mass: float,
     mass_sd: float,
     samples: float = 1.0,
-    b: Array | None = None,
-    noisy: Iterable[tuple[Array, Array]] = (),
+    forces: Array | None = None,
+    scores: Array | None = None,
 ) -> Determined:
     """What rows A x = b of unit noise say of the parameters x of every link.
 
@@ -68,9 +67,9 @@ def determined(
     mass : of the body, known exactly [kg]
     mass_sd : relative standard deviation of a link's mass with which was fitted
     samples : frames that make one independent sample; noise that repeats itself counts so much less
-    b : (rows,) of the fit, where `noisy` are given
-    noisy : (A, b) made with noise of the motion once more (`motion_noise.noisy_rows`): how far they move the estimate,
-        on the mean and from one to the other, adds to its standard deviation
+    forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself where None
+    scores : (draws, 10 bodies) how noise of the motion pulls at the estimate (`MotionNoise.scores`), which adds to its
+        standard deviation; more than three draws
     """
     links = len(points.links.names)
     covariance = prior_covariance(points, LINK_SD)
@@ -88,16 +87,14 @@ def determined(
     data &= np.isin(np.arange(len(shares)), best)
 
     # The estimate leans on its own prior, which may be tighter than what bodies differ by.
-    prior = conditioned((mass_sd / LINK_SD) ** 2 * covariance, known)
-    gain = _gain(prior, A)
-    left = np.eye(10 * links) - gain @ A
-    error = left @ truth @ left.T + samples * gain @ gain.T
-    variance: Array = np.array(np.diag(error), float)
-    center = points.parameters(points.reference).ravel()
-    moved = [_gain(prior, more) @ (value - more @ center) for more, value in noisy]
-    if moved and b is not None:
-        steps = np.array(moved) - gain @ (b - A @ center)
-        variance = variance + np.asarray(np.square(steps).mean(axis=0), float)
+    after = conditioned(conditioned((mass_sd / LINK_SD) ** 2 * covariance, known), A)
+    left = np.eye(10 * links) - after @ A.T @ A
+    variance: Array = np.einsum("ij,jk,ik->i", left, truth, left)
+    forces = A if forces is None else forces
+    variance = variance + samples * np.square(after @ forces.T).sum(axis=1)
+    if scores is not None:
+        # Known from few draws only: the variance of Student's t, not of a normal distribution.
+        variance = variance + np.square(after @ scores.T).sum(axis=1) / (len(scores) - 3)
     table = (links, 10)
     return Determined(
         shares.reshape(table),
@@ -106,13 +103,6 @@ def determined(
         np.sqrt(np.maximum(variance, 0.0)).reshape(table),
         np.sqrt(np.maximum(np.diag(truth), 0.0)).reshape(table),
     )
-
-
-def _gain(prior: Array, A: Array) -> Array:
-    """(parameters, rows) from what rows of unit noise miss to the change of the parameters."""
-    crossed = A @ prior
-    gain: Array = np.array(np.linalg.solve(crossed @ A.T + np.eye(len(A)), crossed).T, float)
-    return gain
 
 
 def prior_covariance(points: MassPoints, mass_sd: float) -> Array:

@@ -1,28 +1,30 @@
 """What noise of the motion does to identified masses: the regressor is made of coordinates that were measured too.
 
-Noise of the coordinates, filtered as they are, is added to them once more and the rows are made again. How the estimate
-moves is what the noise that is there already did to it, to first order of its variance: the first step of SIMEX (Cook
-and Stefanski 1994, Journal of the American Statistical Association 89:1314).
+Noise of the coordinates, filtered as they are, is added to them once more and the rows are made again. What that adds
+to the squares of the rows, on the mean, is what the noise that is there already added to them, to the first order of
+its variance. Taken off, it leaves the equations of the motion without noise on the mean: least squares with a corrected
+score (Fuller 1987, Measurement Error Models, 3.1; Nakamura 1990, Biometrika 77:127), the correction found by adding
+noise as in SIMEX (Cook and Stefanski 1994, Journal of the American Statistical Association 89:1314). Without it masses
+shrink along all that noise hides, and no interval about them holds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.least_squares import Recording
-from myomorph.identify.parts import parts_of
-from myomorph.model.arrays import Array
+from myomorph.identify.parts import Parts, parts_of
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 
-DRAWS = 8
+DRAWS = 12
 """Times that noise is added."""
 
 CUTOFF = 6.0
@@ -32,27 +34,85 @@ STILL = 1e-6
 """Coordinates that move by less are locked or coupled to nothing: they get no noise [rad or m]."""
 
 
-def noisy_rows(
+@read_only
+@dataclass(frozen=True, eq=False)
+class MotionNoise:
+    """What noise of the motion adds to squares of rows [A, b] of base parameters.
+
+    Attributes
+    ----------
+    sd : of the noise of a coordinate after filtering [rad or m]
+    parts : that it was added to
+    squares : (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
+    draws : (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
+    """
+
+    sd: float
+    parts: Parts
+    squares: Array
+    draws: Array
+
+    @property
+    def corrected(self) -> Parts:
+        """The parts, whose equations are to be corrected by what noise added."""
+        return replace(self.parts, added=self.squares)
+
+    def misfit(self, parameters: Array) -> Array:
+        """(2,) root mean square of a moment's and a force's misfit that the noise alone makes [N m], [N]."""
+        x = np.append(self.parts.base.of(parameters), -1.0)
+        mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
+        found: Array = np.sqrt(np.maximum(mean, 0.0))
+        return found
+
+    def scores(self, noise: Array, parameters: Array) -> Array:
+        """(draws, 10 bodies) how each draw pulls at parameters (bodies, 10), about the mean, in units of noise (2,)."""
+        base = self.parts.base
+        x = base.of(parameters)
+        squares = np.einsum("dkij,k->dij", self.draws, 3.0 / np.square(noise))
+        pulls = squares[:, :-1, -1] - squares[:, :-1, :-1] @ x
+        found: Array = (pulls - pulls.mean(axis=0)) @ base.combination
+        return found
+
+    def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
+        """The same noise, or less where it alone would make a larger misfit (2,) than there is."""
+        own = self.misfit(parameters)
+        share = float(np.min(np.where(own > 0.0, misfit / np.maximum(own, 1e-300), np.inf)))
+        if share >= 1.0:
+            return self
+        whole = np.einsum("pkji,pkjl->kil", self.parts.factors, self.parts.factors)
+        # Squares grow with the variance of the noise, what one draw does to them with its standard deviation.
+        mean = self.squares.sum(axis=0)
+        draws = whole + share**2 * mean + share * (self.draws - whole - mean)
+        return MotionNoise(share * self.sd, self.parts, share**2 * self.squares, draws)
+
+
+def motion_noise(
     model: Model,
     recordings: Sequence[Recording],
-    base: BaseParameters,
-    noise: Array,
+    parts: Parts,
     sd: float,
     cutoff: float | None = None,
     draws: int = DRAWS,
-) -> Iterator[tuple[Array, Array]]:
-    """(A, b) as `Parts.rows`, from motions with more noise than was measured.
+) -> MotionNoise:
+    """What noise of the motion adds to the parts made of these recordings.
 
     Parameters
     ----------
-    noise : (2,) of moments and forces [N m], [N]
+    parts : of `parts_of` from the same model and recordings
     sd : of the noise of a coordinate after filtering [rad or m]
     cutoff : of its low-pass filter [Hz]; `CUTOFF` where None
     """
     random = np.random.default_rng(0)
+    made = []
+    mean = np.zeros_like(parts.factors)
     for _ in range(draws):
-        made = [replace(one, motion=noisy(one.motion, sd, cutoff or CUTOFF, random)) for one in recordings]
-        yield parts_of(model, made, base, least=1).rows(noise)
+        noisy_ones = [replace(one, motion=noisy(one.motion, sd, cutoff or CUTOFF, random)) for one in recordings]
+        factors = parts_of(model, noisy_ones, parts.base, least=parts.least).factors
+        squares = np.einsum("pkji,pkjl->pkil", factors, factors)
+        mean += squares / draws
+        made.append(squares.sum(axis=0))
+    before = np.einsum("pkji,pkjl->pkil", parts.factors, parts.factors)
+    return MotionNoise(sd, parts, mean - before, np.array(made))
 
 
 def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:

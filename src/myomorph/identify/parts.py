@@ -12,6 +12,7 @@ from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.least_squares import Recording, absorb
 from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
@@ -22,6 +23,12 @@ GAP = 0.1
 
 MAX_GAP_SHARE = 0.15
 """The same at most, as a share of a part."""
+
+MOST_NOISE = 0.5
+"""Share of what data say of a combination of parameters that noise of the motion is taken to have made, at most."""
+
+SEEN = 1e-6
+"""Singular value, of the largest, from which frames show a combination of base parameters at all."""
 
 BORDER = -1
 """Fold of frames beside a cut: they are fitted with all others, but neither held out nor fitted while others are."""
@@ -40,6 +47,10 @@ class Parts:
     frames : (parts,)
     folds : (parts,) what is held out together: the recording where there are several, else the piece of time
     pieces : (parts,) piece of time, or `BORDER`
+    least : parts that each recording was cut into
+    center : (n,) base parameters of the model, about which equations with noise are corrected
+    added : (parts, 2, n + 1, n + 1) what noise of the motion added to the squares of [A, b], which fits are corrected
+        by (`motion_noise`); None corrects nothing
     """
 
     base: BaseParameters
@@ -47,9 +58,14 @@ class Parts:
     frames: np.ndarray
     folds: np.ndarray
     pieces: np.ndarray
+    least: int
+    center: Array
+    added: Array | None = None
 
     def __post_init__(self) -> None:
         checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
+        if self.added is not None:
+            checked_array(self.added, self.factors.shape, "what noise added to parts")
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -83,6 +99,7 @@ class Parts:
             frames=self.frames[chosen],
             folds=folds,
             pieces=self.pieces[chosen],
+            added=None if self.added is None else self.added[chosen],
         )
 
     def rms(self, parameters: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
@@ -93,14 +110,21 @@ class Parts:
         return np.sqrt(squares / self.frames[chosen].sum())
 
     def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
-        """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,)."""
-        chosen = range(len(self)) if parts is None else parts
+        """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,).
+
+        Where noise of the motion is known (`added`), R and z are those of the motion without it, on the mean.
+        """
+        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
         factor = np.zeros(self.factors.shape[2:])
         for part in chosen:
             for kind, size in enumerate(noise):
                 # A vector of three components has three times the variance of one.
                 factor = absorb(factor, self.factors[part, kind] * (np.sqrt(3.0) / size))
-        return factor[:-1, :-1], np.array(factor[:-1, -1])
+        R, z = factor[:-1, :-1], np.array(factor[:-1, -1])
+        if self.added is None:
+            return R, z
+        added = np.einsum("pkij,k->ij", self.added[chosen], 3.0 / np.square(noise))
+        return without_noise(R, z, added, self.center)
 
     def rows(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
         """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""
@@ -153,7 +177,34 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
                 folds.append(number if len(recordings) > 1 else pieces[-1])
     if not frames:
         raise BadData("no frame can be used to identify")
-    return Parts(base, np.stack(factors), np.array(frames), np.array(folds), np.array(pieces))
+    center = base.of(inertial_parameters(model))
+    return Parts(base, np.stack(factors), np.array(frames), np.array(folds), np.array(pieces), least, center)
+
+
+def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
+    """(R, z) whose squares lack what noise added to them, where |R x - z|^2 is the misfit of x.
+
+    The pull of the data at x is corrected in full. Their hold on x is only where noise made up to `MOST_NOISE` of it:
+    beyond, it keeps the rest, since a hold that is not positive has no least misfit.
+
+    Parameters
+    ----------
+    R : (n, n)
+    z : (n,)
+    added : (n + 1, n + 1) to the squares of [R, z]
+    center : (n,) where x is expected, from which the pull is counted
+    """
+    _, sizes, right = np.linalg.svd(R)
+    seen = sizes > SEEN * sizes[0]
+    whitened = right[seen] / sizes[seen, None]
+    share, axes = np.linalg.eigh(whitened @ added[:-1, :-1] @ whitened.T)
+    kept = np.sqrt(1.0 - np.minimum(share, MOST_NOISE))
+    root = (axes * kept) @ axes.T @ (right[seen] * sizes[seen, None])
+    pull = R.T @ (z - R @ center) - (added[:-1, -1] - added[:-1, :-1] @ center)
+    aim = root @ center + (axes / kept) @ axes.T @ whitened @ pull
+    full = np.zeros_like(R)
+    full[: len(root)] = root
+    return full, np.append(aim, np.zeros(len(R) - len(aim)))
 
 
 def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
@@ -168,11 +219,11 @@ def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
     return np.where(beside, BORDER, found)
 
 
-def held_out(parts: Parts, fit: Callable[[np.ndarray], Array]) -> Array:
+def held_out(parts: Parts, fit: Callable[[int], Array]) -> Array:
     """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force [(N m)^2], [N^2].
 
     Parameters
     ----------
-    fit : parameters (bodies, 10) from the numbers of the parts to fit
+    fit : parameters (bodies, 10) fitted without a fold
     """
-    return np.square([parts.rms(fit(parts.without(fold)), parts.fold(fold)) for fold in parts.names])
+    return np.square([parts.rms(fit(fold), parts.fold(fold)) for fold in parts.names])

@@ -13,8 +13,8 @@ from myomorph.identify.base_parameters import BaseParameters, base_parameters, h
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.determined import Determined, determined
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.identify.motion_noise import noisy_rows
-from myomorph.identify.parts import parts_of
+from myomorph.identify.motion_noise import MotionNoise, motion_noise
+from myomorph.identify.parts import Parts, parts_of
 from myomorph.identify.pseudo_inertia import (
     PseudoInertiaFit,
     PseudoInertiaOptions,
@@ -216,6 +216,13 @@ def identify(
     paper = generic if options.prior == "paper" else None
     strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
     noise, tried, best = strength.choose(parts)
+    moved = None
+    if options.motion_sd and paper is None:
+        moved = motion_noise(generic, used, parts, options.motion_sd, recording.cutoff if recording else None)
+        # What parts that were not fitted leave is as much as noise can have made.
+        moved = moved.at_most(tried[best], strength.fit(parts, noise, best))
+        parts = moved.corrected
+        noise, tried, best = strength.choose(parts)
     rows = parts.rows(noise)
     solved = _solved(points, rows, mass, best, options, advance)
     if paper is not None:
@@ -232,6 +239,7 @@ def identify(
     floor, names = tried[best], model.body_names
     noises = BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
     fit = fit_base(generic, used, base, noises)
+    samples = float(np.mean(fit.frames / fit.samples))
     return Identification(
         model=with_inertial_parameters(model, found[chosen]),
         chosen=chosen,
@@ -244,17 +252,7 @@ def identify(
         noise=noise,
         base=fit,
         points=points[first],
-        known=determined(
-            few,
-            rows[0],
-            mass,
-            best,
-            float(np.mean(fit.frames / fit.samples)),
-            rows[1],
-            noisy_rows(generic, used, base, noise, options.motion_sd, recording.cutoff if recording else None)
-            if options.motion_sd
-            else (),
-        ),
+        known=_known(few, parts, moved, found[identified], (noise, mass, best), samples),
         consistency=FrozenMap(
             {name: consistency(names, one, inside=inside, points=points[first]) for name, one in found.items()}
         ),
@@ -266,6 +264,30 @@ def identify(
             *(note for one in recordings for note in one.notes),
         ),
     )
+
+
+def _known(
+    points: MassPoints,
+    parts: Parts,
+    moved: MotionNoise | None,
+    found: Array,
+    fitted: tuple[Array, float, float],
+    samples: float,
+) -> Determined:
+    """What the data determine: noise of the motion apart from what else is left of the misfit.
+
+    Parameters
+    ----------
+    fitted : noise of moments and forces (2,), mass of the body [kg], strength of the prior
+    samples : frames that make one independent sample
+    """
+    noise, mass, mass_sd = fitted
+    rows, _ = parts.rows(noise)
+    if moved is None:
+        return determined(points, rows, mass, mass_sd, samples)
+    left = np.sqrt(np.clip(1.0 - np.square(moved.misfit(found) / noise), 0.0, 1.0))
+    forces, _ = moved.parts.rows(noise / np.maximum(left, 1e-9))
+    return determined(points, rows, mass, mass_sd, samples, forces, moved.scores(noise, found))
 
 
 def _on_other_recordings(

@@ -119,10 +119,15 @@ class Strength:
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """(bodies, 10) parameters by the given strength from some parts."""
-        mass = float(self.generic[:, 0].sum())
         if self.paper is not None:
+            mass = float(self.generic[:, 0].sum())
             return solve_as_paper(self.paper, self.points, parts, noise, mass, others).parameters
-        A, b = parts.rows(noise, others)
+        return self._solved(parts.rows(noise, others), sd)
+
+    def _solved(self, rows: tuple[Array, Array], sd: float) -> Array:
+        """(bodies, 10) parameters from rows A x = b of unit noise."""
+        A, b = rows
+        mass = float(self.generic[:, 0].sum())
         if self.method == "points":
             return solve_mass_points(
                 self.points, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)
@@ -146,9 +151,13 @@ class Strength:
         """Held-out misfit by strength of the prior, and the strength with the least."""
         before = held_out(parts, lambda _: self.generic)
         found: dict[float, Array] = {}
+        # Rows are the same for every strength.
+        rows = {fold: parts.rows(noise, parts.without(fold)) for fold in (() if self.paper else parts.names)}
 
-        def fitting(sd: float) -> Callable[[np.ndarray], Array]:
-            return lambda others: self.fit(parts, noise, sd, others)
+        def fitting(sd: float) -> Callable[[int], Array]:
+            if self.paper is not None:
+                return lambda fold: self.fit(parts, noise, sd, parts.without(fold))
+            return lambda fold: self._solved(rows[fold], sd)
 
         def scores(sd: float) -> Array:
             if sd not in found:

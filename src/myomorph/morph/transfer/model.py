@@ -14,7 +14,7 @@ from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
 from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
     bones_around,
     neighbor_notes,
@@ -180,6 +180,7 @@ def graft_muscles(
     surrounding: Mapping[str, Sequence[str]] | None = None,
     beside: bool = False,
     name: str = "",
+    architecture: Mapping[str, Architecture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
     """The target's skeleton with the source's muscles on it, and their wrap objects and markers ([D] chapter 6).
@@ -198,6 +199,7 @@ def graft_muscles(
     surrounding : bodies of the source that are virtual links, with the bones around each
     beside : keep the target's own muscles too
     name : of the new model; by default the target's
+    architecture : fiber lengths and forces that are known of the target's muscles, by the source's names
 
     Raises
     ------
@@ -231,7 +233,7 @@ def graft_muscles(
     lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
     ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
     owners = {one.name: one for one in source.muscles}
-    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio)
+    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio, architecture)
     taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
     if beside:
         grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)

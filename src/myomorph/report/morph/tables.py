@@ -85,16 +85,18 @@ def _xyz(point: Iterable[float]) -> tuple[float, ...]:
 
 
 def muscle_rows(morph: Morph) -> Rows:
-    """What became of each muscle's parameters, target over source."""
+    """What became of each muscle's parameters, target over source, and 90 % intervals where tables gave them."""
     header = (
         "muscle", "path", "optimal fiber length", "tendon slack length", "maximum isometric force",
         "pennation [rad]", "source least fiber length", "source greatest fiber length", "target least fiber length",
-        "target greatest fiber length",
+        "target greatest fiber length", "fiber and force from", "least fiber [share]", "greatest fiber [share]",
+        "least force [share]", "greatest force [share]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target)
+        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target,
+         one.basis or "bones", *one.fiber_interval, *one.force_interval)
         for one in morph.muscles
-    ]
+    ]  # fmt: skip
     return header, rows
 
 

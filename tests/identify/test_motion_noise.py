@@ -1,0 +1,88 @@
+"""Noise of the motion in the regressor: its misfit is foretold, and estimates without it are not shrunk by it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.identify.base_parameters import base_parameters, held_in
+from myomorph.identify.least_squares import Recording
+from myomorph.identify.motion_noise import motion_noise, noisy
+from myomorph.identify.parts import MOST_NOISE, parts_of, without_noise
+from myomorph.io.formats import read_model
+from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.series import Wrenches
+from myomorph.motion.filters import differentiate
+from myomorph.rigid.regressor import base_regressor, reference_points
+
+SD = 0.002
+
+
+def squares_of(table):
+    R = np.linalg.qr(table, mode="r")
+    return R[:-1, :-1], R[:-1, -1]
+
+
+def test_noise_in_the_rows_shrinks_least_squares_and_not_the_corrected_ones():
+    """Rows with as much variance of noise as a third of their own: plain estimates shrink to three quarters."""
+    rng = np.random.default_rng(1)
+    n, count, noise = 4, 40_000, np.sqrt(1.0 / 3.0)
+    x = np.array([3.0, -2.0, 1.0, 0.5])
+    true = rng.normal(size=(count, n))
+    R, z = squares_of(np.column_stack([true + noise * rng.normal(size=true.shape), true @ x]))
+    added = np.zeros((n + 1, n + 1))
+    added[:n, :n] = count * noise**2 * np.eye(n)
+    np.testing.assert_allclose(np.linalg.solve(R, z), 0.75 * x, atol=0.05)
+    for center in (np.zeros(n), np.full(n, 7.0)):
+        corrected = np.linalg.lstsq(*without_noise(R, z, added, center))[0]
+        np.testing.assert_allclose(corrected, x, atol=0.06)
+
+
+def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
+    """A column of noise alone: its parameter stays near what was expected, its hold at or above the share kept."""
+    rng = np.random.default_rng(2)
+    count, center = 4000, np.array([1.0, 5.0])
+    true = np.column_stack([rng.normal(size=count), np.zeros(count)])
+    R, z = squares_of(np.column_stack([true + [0.0, 1.0] * rng.normal(size=true.shape), true @ [2.0, 5.0]]))
+    added = np.zeros((3, 3))
+    added[1, 1] = count
+    root, aim = without_noise(R, z, added, center)
+    np.testing.assert_allclose(np.linalg.lstsq(root, aim)[0], [2.0, 5.0], atol=0.5)
+    least = np.linalg.eigvalsh(root.T @ root) / np.linalg.eigvalsh(R.T @ R)
+    assert (least >= 1.0 - MOST_NOISE - 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def noisy_walk(data):
+    """A walk whose forces are exactly the model's, seen with noise: model, recording, parts and what noise does."""
+    folder = "opensim-gait-subject01/ref_id"
+    model = read_model(data(f"{folder}/subject01.osim"))
+    motion = differentiate(motion_from_table(read_sto(data(f"{folder}/subject01_walk1_ik.mot")), model), 6.0)
+    wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
+    points = reference_points(model, motion)[:, None]
+    exact = Wrenches(motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
+    from_noise = noisy(motion, SD, 6.0, np.random.default_rng(5))
+    recording = Recording(from_noise, exact)
+    parts = parts_of(model, [recording], base_parameters(model, held=held_in(model, [from_noise])))
+    return model, recording, parts, motion_noise(model, [recording], parts, SD)
+
+
+def test_the_misfit_that_noise_makes_is_foretold(noisy_walk):
+    """The true body misfits forces that are exact: by as much as the noise says."""
+    model, _, parts, noise = noisy_walk
+    truth = inertial_parameters(model)
+    np.testing.assert_allclose(noise.misfit(truth), parts.rms(truth), rtol=0.25)
+
+
+def test_noise_larger_than_the_misfit_is_taken_as_less(noisy_walk):
+    model, recording, parts, noise = noisy_walk
+    truth = inertial_parameters(model)
+    less = noise.at_most(0.5 * noise.misfit(truth), truth)
+    assert less.sd == pytest.approx(0.5 * SD)
+    np.testing.assert_allclose(less.misfit(truth), 0.5 * noise.misfit(truth), rtol=1e-9)
+    assert noise.at_most(2.0 * noise.misfit(truth), truth) is noise
+    # Made anew with half the noise: the same pulls on the mean, draw by draw.
+    again = motion_noise(model, [recording], parts, 0.5 * SD)
+    own, other = less.scores(parts.rms(truth), truth), again.scores(parts.rms(truth), truth)
+    assert np.linalg.norm(own - other) < 0.2 * np.linalg.norm(other)
