@@ -63,6 +63,7 @@ class TransferredPoint:
     source, target : (3,) in their frames, in the middle of its way for a moving point [m]
     lifted : how far it was moved onto the surface [m]; 0 where it was not
     depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN without surfaces
+    within : distance from the target within which the point belongs with 90 % [m]; NaN where nothing is known
     """
 
     owner: str
@@ -74,6 +75,7 @@ class TransferredPoint:
     lifted: float = 0.0
     depth_source: float = float("nan")
     depth_target: float = float("nan")
+    within: float = float("nan")
 
 
 @read_only

@@ -33,6 +33,7 @@ from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
 from myomorph.morph.transfer.paths import transferred_lines
+from myomorph.morph.transfer.sure_points import uncertain_notes
 from myomorph.muscles.scaling import default_path_lengths
 
 
@@ -111,7 +112,8 @@ def morph_model(
     source = {one.name: one for one in model.muscles}
     muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
     found = {body: carrier.bone for body, carrier in carriers.items()}
-    notes = (*neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
+    doubted = uncertain_notes(points, carriers)
+    notes = (*doubted, *neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
@@ -245,7 +247,7 @@ def graft_muscles(
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
+        notes=(*uncertain_notes(points, carriers), *_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
         left_out=FrozenMap(left_out),
     )
 
