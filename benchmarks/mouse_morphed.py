@@ -127,22 +127,24 @@ def recordings(folder: Path) -> tuple[Path, ...]:
     return (*gait_files(folder), *((belt,) if belt.is_file() else ()))
 
 
-def strides_of(one: Followed) -> Strides:
+def strides_of(one: Followed) -> Strides | None:
     """Strides of the hindlimbs over ground."""
     return walking_strides(one.model, one.motion, one.fit)
 
 
-def lengths_of(one: Followed) -> LengthAnalysis:
-    """Muscle lengths over the strides."""
-    motion = one.motion
+def lengths_of(one: Followed) -> LengthAnalysis | None:
+    """Muscle lengths over the strides, None where it does not walk."""
+    motion, strides = one.motion, strides_of(one)
+    if strides is None:
+        return None
     known = np.isfinite(motion.values).all(axis=1)
     found = muscle_kinematics(one.model, _part(motion, np.flatnonzero(known)), moment_arms=False)
     lengths = np.full((len(motion), len(one.model.muscles)), np.nan)
     lengths[known] = found.lengths
-    return length_analysis(one.model, Series(motion.time, one.model.muscle_names, lengths), strides_of(one))
+    return length_analysis(one.model, Series(motion.time, one.model.muscle_names, lengths), strides)
 
 
-def _part(motion: Motion, frames: Array) -> Motion:
+def _part(motion: Motion, frames: NDArray[np.int64]) -> Motion:
     rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
     return Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
 
@@ -213,7 +215,7 @@ def on_one_paw(one: Followed) -> OnOnePaw | None:
 
     press = wrenches.forces[:, 0] @ model.up
     loaded = known & (press > 0.1 * np.nanmax(press[known]))
-    best: tuple[str, Array] | None = None
+    best: tuple[str, NDArray[np.int64]] | None = None
     for side, other in (("R", "L"), ("L", "R")):
         beside = np.linalg.norm((wrenches.points[:, 0] - paws[side])[:, flat], axis=1)
         beside = np.nan_to_num(beside, nan=np.inf)

@@ -105,8 +105,8 @@ def measure_follows(folder: Path) -> Iterator[Row]:
             "largest [mm]": 1e3 * float(np.nanmax(one.fit.largest)),
             "not converged": int((~one.fit.converged & one.seen).sum()),
         }
-        if one.name != "treadmill":
-            found = lengths_of(one)
+        found = None if one.name == "treadmill" else lengths_of(one)
+        if found is not None:
             row["strides"] = sum(len(own) for own in found.strides.values())
             for muscle in ("vaslat", "gasmed", "tibant"):
                 own = [each.excursion for each in found.ranges if each.muscle[:-2] == muscle]

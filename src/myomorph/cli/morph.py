@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,6 +12,7 @@ from cyclopts import Parameter
 from myomorph.cli.options import Threads, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.registration.smooth import MatchOptions
@@ -48,6 +50,13 @@ def morph_command(
     across: Annotated[
         Literal["x", "y", "z"], Parameter(help="Axis of ground across the source's plane of symmetry, for --mirror.")
     ] = "z",
+    link: Annotated[
+        list[str] | None,
+        Parameter(
+            negative=(),
+            help="A body without a bone on which muscles branch, and the bones that carry it: LINK=BONE,BONE.",
+        ),
+    ] = None,
     species: Annotated[
         str,
         Parameter(help="Instead of bones: which bones correspond to those of another species, a name or .toml file."),
@@ -79,7 +88,7 @@ def morph_command(
     if species or target is not None:
         if bones is not None or target is None:
             raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
-        mine = (("landmarks", landmarks), ("together", together))
+        mine = (("landmarks", landmarks), ("together", together), ("link", link or None))
         _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
         from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
@@ -93,7 +102,7 @@ def morph_command(
             (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
             "goes with --target",
         )
-        told = (landmarks, geometry, skin, unit, mass, together, mirror, across)
+        told = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
         morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *told), settings), None
     lost = morphing.write_morphed(morphed, out, bones=drawn)
     notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
@@ -102,6 +111,18 @@ def morph_command(
         said(line)
     said(f"wrote {out} and {tables}")
     return 0
+
+
+def _links(given: list[str]) -> Mapping[str, tuple[str, ...]]:
+    """Virtual links and the bones around each, of LINK=BONE,BONE."""
+    found = {}
+    for one in given:
+        name, equals, around = one.partition("=")
+        bones = tuple(bone.strip() for bone in around.split(",") if bone.strip())
+        if not equals or not name.strip() or len(bones) < 2:
+            raise BadData(f"--link '{one}': expected LINK=BONE,BONE with two bones or more around it")
+        found[name.strip()] = bones
+    return FrozenMap(found)
 
 
 def _not_given(options: tuple[tuple[str, object], ...], why: str) -> None:

@@ -198,6 +198,7 @@ def test_landmarks_of_a_body_that_is_not_there_are_named(leg, tmp_path):
         (("--target", "mouse.xml", "--landmarks", "mouse.xml"), "--landmarks goes with --bones"),
         (("--bones", "nowhere", "--protocol", "lab"), "--protocol goes with --target"),
         (("--bones", "nowhere", "--beside"), "--beside goes with --target"),
+        (("--bones", "nowhere", "--link", "skin=femur_r"), "LINK=BONE,BONE"),
     ],
 )
 def test_what_the_command_cannot_do_ends_in_one_line(leg, tmp_path, capsys, told, answer):

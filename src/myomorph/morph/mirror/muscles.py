@@ -80,13 +80,12 @@ def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
 
 def _seated(muscle: Muscle, seats: Mapping[str, Transform]) -> Muscle:
     points = tuple(_seated_point(one, seats[one.body]) for one in muscle.path.points)
-    wraps = tuple(
-        replace(one, side=seats[one.side_body].apply(one.side))
-        if isinstance(one, TendonWrap) and one.side is not None
-        else one
+    tendon = tuple(
+        one if one.side is None else replace(one, side=seats[one.side_body].apply(one.side))
         for one in muscle.path.wraps
+        if isinstance(one, TendonWrap)
     )
-    return replace(muscle, path=replace(muscle.path, points=points, wraps=wraps))
+    return replace(muscle, path=replace(muscle.path, points=points, wraps=tendon or muscle.path.wraps))
 
 
 def _seated_point(point: PathPoint | MovingPathPoint, seat: Transform) -> PathPoint | MovingPathPoint:

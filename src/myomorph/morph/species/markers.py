@@ -52,10 +52,10 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
     for pattern in table.moving:
         if not any(fnmatchcase(one, pattern) for one in model.coordinate_names):
             raise BadData(f"marker table '{name}': no coordinate fits '{pattern}'")
-    for one in table.start or ():
-        check_name("coordinate", one, model.coordinate_names)
+    for angle in table.start or ():
+        check_name("coordinate", angle, model.coordinate_names)
     markers = tuple(Marker(label, body, np.array(place)) for label, (body, place) in table.places.items())
-    root = {one for joint in model.joints if joint.parent == GROUND for one in joint.coordinates}
+    root = {name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates}
     coordinates = []
     locked = 0
     for one in model.coordinates:
@@ -64,7 +64,7 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
         default = (table.start or {}).get(one.name, one.default)
         coordinates.append(replace(one, locked=one.locked or still, default=default))
     made = replace(model.with_markers(markers), coordinates=tuple(coordinates))
-    notes = (f"markers of '{name}' ({table.citation}): {len(markers)}, placed on bones, to be calibrated to an animal",)
+    notes = [f"markers of '{name}' ({table.citation}): {len(markers)}, placed on bones, to be calibrated to an animal"]
     if locked:
-        notes += (f"{locked} of {len(coordinates)} coordinates are locked, as these markers do not show them",)
-    return made, notes
+        notes.append(f"{locked} of {len(coordinates)} coordinates are locked, as these markers do not show them")
+    return made, tuple(notes)

@@ -208,7 +208,7 @@ def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, 
     def over(one: float, other: float) -> float:
         return other / one if one > 0.0 else 1.0
 
-    ranges = [normalized_lengths(muscle, lengths) for muscle, lengths in ((before, old), (after, new))]
+    ours, theirs = normalized_lengths(before, old), normalized_lengths(after, new)
     return MuscleChange(
         before.name,
         path,
@@ -216,5 +216,6 @@ def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, 
         over(before.tendon_slack_length, after.tendon_slack_length),
         force,
         after.pennation_at_optimal - before.pennation_at_optimal,
-        *((float(one.min()), float(one.max())) for one in ranges),
+        (float(ours.min()), float(ours.max())),
+        (float(theirs.min()), float(theirs.max())),
     )

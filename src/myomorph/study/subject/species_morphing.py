@@ -154,9 +154,12 @@ def _attachment(given: Table) -> Attachment:
 
 def _markers(given: Table) -> MarkerTable:
     _known(given, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
-    places = {label: (one["body"], tuple(map(float, one["at"]))) for label, one in given["places"].items()}
-    if any(len(at) != 3 for _, at in places.values()):
-        raise BadData(f"markers of '{given['name']}': expected three numbers at each place")
+    places: dict[str, tuple[str, tuple[float, float, float]]] = {}
+    for label, one in given["places"].items():
+        if len(one["at"]) != 3:
+            raise BadData(f"markers of '{given['name']}': expected three numbers at '{label}'")
+        x, y, z = map(float, one["at"])
+        places[label] = one["body"], (x, y, z)
     moving = tuple(given.get("moving", ("*",)))
     return MarkerTable(given["name"], given["citation"], places, moving, given.get("start", {}))
 
