@@ -12,7 +12,7 @@ from scipy.signal import periodogram
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.viscosity.trust.law import effective_samples
+from myomorph.viscosity.swings.samples import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")
 LAWS: tuple[tuple[str, ...], ...] = (

@@ -39,6 +39,7 @@ from benchmarks.accuracy import (
     masspoints,
     models,
     mouse,
+    mouse_morphed,
     muscles,
     pair,
     passive,
@@ -60,9 +61,11 @@ from benchmarks.accuracy import (
     tension_defaults,
     transfer,
     uncertainty,
+    unseen_faults,
+    vendors,
 )
 from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
-from benchmarks.accuracy.viscosity import calibrations, cohort, pendulum, steps, tracking, trust, virtual
+from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
 
 Row = dict[str, object]
@@ -156,7 +159,7 @@ def _raw_recordings(folder: Path) -> Page:
         "raw-recordings",
         "From raw recordings to a report",
         "One command on recordings of many laboratories, beside each one's own joint moments.",
-        {"analyze": lambda: analyze.measure(folder)},
+        {"analyze": lambda: analyze.measure(folder), "vendors": lambda: vendors.measure(folder)},
     )
 
 
@@ -309,6 +312,8 @@ def _faults(folder: Path) -> Page:
             "force_faults": lambda: faults.injected_force_faults(folder),
             "force_faults_clean": lambda: faults.clean_forces(folder),
             "force_faults_mended": lambda: faults.mended_torques(folder),
+            "force_faults_unseen": lambda: unseen_faults.injected_unseen(folder),
+            "force_faults_unseen_clean": lambda: unseen_faults.clean_unseen(folder),
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
@@ -408,6 +413,9 @@ def _viscosity(folder: Path) -> Page:
             "pendulum_damping": lambda: pendulum.measure_decay(folder / "pendulum-swing-inertia"),
             "pendulum_period": lambda: pendulum.measure_periods(folder / "pendulum-swing-inertia"),
             "cohort": cohort.measure,
+            "limbs_systematic": limbs.measure_systematic,
+            "limbs_coverage": limbs.measure_coverage,
+            "scans_of_other_bones": scans.measure,
             "virtual_joints": virtual.measure_joints,
             "virtual_cohort": virtual.measure_cohort,
             "virtual_muscles": virtual.measure_muscles,
@@ -461,6 +469,10 @@ def _species(folder: Path) -> Page:
             "species_muscles": lambda: species.measure_muscles(folder),
             "species_arms": lambda: species.measure_arms(folder),
             "species_alignment": lambda: species.measure_alignment(folder),
+            "species_architecture": lambda: mouse_morphed.measure_architecture(folder),
+            "species_toes": lambda: mouse_morphed.measure_toes(folder),
+            "species_follows": lambda: mouse_morphed.measure_follows(folder),
+            "species_tension": lambda: mouse_morphed.measure_tension(folder),
             "species_arm": lambda: species_arm.measure(folder),
         },
     )

@@ -9,8 +9,9 @@ from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
+from myomorph.viscosity.swings.samples import effective_samples
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, effective_samples, law_columns
+from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws
 
 AXIS = np.array([0.6, 0.0, 0.8])

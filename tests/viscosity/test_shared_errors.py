@@ -22,7 +22,7 @@ from myomorph.viscosity.study.template import write_template
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)
 WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))
-NONE = ErrorOptions(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NONE = ErrorOptions(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_s
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track
 
-MARKERS_ONLY = TrackingOptions(clock=False, find_contact=False)
+MARKERS_ONLY = TrackingOptions(clock=False, find_contact=False, center="model")
 SPECIMEN = arm_specimen()
 
 
@@ -381,3 +381,16 @@ def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):
     tracked = track(specimen, [replace(swung().trial, markers=markers)], MARKERS_ONLY)
     assert tracked.held == pytest.approx(held, abs=1e-7)
     assert apart(rotations(tracked), turned).max() < 1e-5
+
+
+def test_places_of_markers_and_the_center_come_from_the_motion_where_the_model_has_them_wrong():
+    truth, random = swung(), np.random.default_rng(1)
+    off = {one.name: one.location + 1e-3 * random.normal(size=3) for one in SPECIMEN.model.markers}
+    limb = set(SPECIMEN.limb)
+    markers = tuple(replace(one, location=off[one.name]) if one.body in limb else one for one in SPECIMEN.model.markers)
+    wrong = SPECIMEN.with_markers(markers)
+    wrong = wrong.centered(wrong.center + [0.002, -0.001, 0.001], wrong.center_in_limb)
+    kept, used = (track(wrong, [truth.trial], replace(MARKERS_ONLY, center=center)) for center in ("model", "motion"))
+    assert np.nanmax(kept.trials[0].rms) > 1e-3
+    assert np.nanmax(used.trials[0].rms) < 2e-5
+    np.testing.assert_allclose(used.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=2e-5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -41,7 +42,8 @@ def morph_command(
         bool, Parameter(negative=(), help="The bones share one frame, as a scan shows them: joints must meet.")
     ] = False,
     mirror: Annotated[
-        bool, Parameter(negative=(), help="A body without a bone takes the mirrored one of its other side.")
+        bool,
+        Parameter(negative=(), help="The other side's bones, or with --target muscles, are this side's mirrored."),
     ] = False,
     across: Annotated[
         Literal["x", "y", "z"], Parameter(help="Axis of ground across the source's plane of symmetry, for --mirror.")
@@ -57,6 +59,9 @@ def morph_command(
         Path | None, Parameter(help="Folder of the skeleton's meshes, where they do not lie beside it.")
     ] = None,
     beside: Annotated[bool, Parameter(negative=(), help="Keep the muscles that the skeleton has.")] = False,
+    protocol: Annotated[
+        str, Parameter(help="With --target, whose recordings the model shall follow: a marker table of the species.")
+    ] = "",
     options: MorphSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -74,16 +79,20 @@ def morph_command(
     if species or target is not None:
         if bones is not None or target is None:
             raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
-        mine = (("landmarks", landmarks), ("skin", skin), ("mass", mass), ("mirror", mirror), ("together", together))
-        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints and masses")
+        mine = (("landmarks", landmarks), ("together", together))
+        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
         from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
         files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
+        files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
         morphed, drawn = species_files(files, settings)
     elif bones is None:
         raise BadData("expected --bones FOLDER of the target's bones, or --target with the skeleton of another species")
     else:
-        _not_given((("target-geometry", target_geometry), ("beside", beside)), "goes with --target")
+        _not_given(
+            (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
+            "goes with --target",
+        )
         told = (landmarks, geometry, skin, unit, mass, together, mirror, across)
         morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *told), settings), None
     lost = morphing.write_morphed(morphed, out, bones=drawn)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.spatial import Transform
 from myomorph.simulate.laboratory import (
     ROD,
@@ -56,6 +57,9 @@ def write_shoulder_study(
     *,
     seconds: float = SECONDS,
     trials: int = TRIALS,
+    raw: Sequence[int] = (WHOLE,),
+    full_size: bool = False,
+    modelled: Callable[[Array], Array] | None = None,
 ) -> Path:
     """Swing the virtual specimens in MuJoCo and write models, markers, forces and the study file.
 
@@ -64,6 +68,9 @@ def write_shoulder_study(
     folder : made where it does not exist
     numbers : of the specimens, 1 to 6
     seconds, trials : length [s] and number of the releases of each condition
+    raw : those that come as C3D files of a plate that lies elsewhere, with pushes of a rod and a CT
+    full_size : muscles of the model's size, with the viscosity that gives the total one of the table
+    modelled : bones of the model out of those of a raw specimen, as in `write_scans`
 
     Returns
     -------
@@ -78,27 +85,28 @@ def write_shoulder_study(
     with progress("simulation", len(numbers), "specimens") as advance:
 
         def made(number: int) -> str:
-            table = _write_specimen(virtual_specimen(number, seconds=seconds, trials=trials), folder)
+            specimen = virtual_specimen(number, seconds=seconds, trials=trials, full_size=full_size)
+            table = _write_specimen(specimen, folder, number in raw, modelled)
             advance(1.0)
             return table
 
         # MuJoCo runs outside Python's lock.
         with ThreadPoolExecutor(WORKERS) as pool:
             tables = list(pool.map(made, numbers))
-    text = "\n".join([_head(seconds, trials, Noise()), *tables])
+    text = "\n".join([_head(seconds, trials, Noise(), raw, full_size), *tables])
     (folder / STUDY).write_text(text, encoding="utf-8")
     return folder / STUDY
 
 
-def _write_specimen(made: VirtualSpecimen, folder: Path) -> str:
+def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Callable[[Array], Array] | None) -> str:
     """Write a specimen's files; its table of the study file."""
     number = made.published.name
     place = folder / f"specimen_{number}"
     place.mkdir(exist_ok=True)
     (place / "model.xml").write_text(specimen_mjcf(made.specimen), encoding="utf-8")
     trials = (*made.without.trials, *made.intact.trials)
-    if int(number) == WHOLE:
-        ending, more = "c3d", _write_laboratory(made, trials, place)
+    if raw:
+        ending, more = "c3d", _write_laboratory(made, trials, place, modelled)
     else:
         ending, more = "trc", ""
         for trial in trials:
@@ -118,7 +126,9 @@ paper = {{ {_pairs(made.published.values)} }}
 """
 
 
-def _write_laboratory(made: VirtualSpecimen, trials: Sequence[VirtualTrial], place: Path) -> str:
+def _write_laboratory(
+    made: VirtualSpecimen, trials: Sequence[VirtualTrial], place: Path, modelled: Callable[[Array], Array] | None
+) -> str:
     """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes and a CT."""
     random = np.random.default_rng(int(made.published.name))
     center = made.specimen.stand.apply(made.specimen.center)
@@ -129,7 +139,7 @@ def _write_laboratory(made: VirtualSpecimen, trials: Sequence[VirtualTrial], pla
     names = ", ".join(f'"{name}"' for name in ROD)
     tip = next(iter(ROD.values()))
     return (
-        f"ct = {write_scans(made.specimen, place, random)}\n"
+        f"ct = {write_scans(made.specimen, place, random, modelled)}\n"
         f'plate = {{ placements = ["{place.name}/rod.c3d"], markers = [{names}], axis = [{names}], tip = {tip} }}\n'
     )
 
@@ -152,22 +162,30 @@ def _pairs(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in values.items())
 
 
-def _head(seconds: float, trials: int, noise: Noise) -> str:
-    lines = (
+def _head(seconds: float, trials: int, noise: Noise, raw: Sequence[int], full_size: bool) -> str:
+    lines = [
         f"Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the masses, mass centers "
         f"and viscosities of the paper's tables I and II, released {trials} times for {seconds:g} s without muscles "
         "and as often with them, in MuJoCo; nobody was measured.",
         f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
         f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up "
         "to 40 ms and 50 millionths apart.",
-        f"Specimen {WHOLE:02d} comes raw: C3D of a plate that lies up to 1.5 degrees and 8 mm an axis off its place in "
-        "the file, pushes of a rod with two markers on it, and a CT of bones and clusters with 0.2 mm of noise and "
-        "points picked 0.5 mm off.",
-        "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. Each "
-        "specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total viscosity "
-        "over the true swing is that of table II. The measured mass of the muscles is only copied from the table.",
-        f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
-    )
+    ]
+    if raw:
+        lines.append(
+            f"Raw is specimen {', '.join(f'{one:02d}' for one in raw)}: C3D of a plate that lies up to 1.5 degrees and "
+            "8 mm an axis off its place in the file, pushes of a rod with two markers on it, and a CT of bones and "
+            "clusters with 0.2 mm of noise and points picked 0.5 mm off."
+        )
+    options = ""
+    if not full_size:
+        lines += [
+            "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. "
+            "Each specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total "
+            "viscosity over the true swing is that of table II. The measured mass of the muscles is only copied from "
+            "the table.",
+            f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
+        ]
+        options = f"\n[options.moment_arms]\noffset = {ARM_OFFSET}\n"
     quoted = ",\n".join(f'  "{line}"' for line in lines)
-    options = f"\n[options.moment_arms]\noffset = {ARM_OFFSET}\n"
     return f'[study]\nname = "Six virtual shoulders"\nsimulated = [\n{quoted},\n]\n{options}'

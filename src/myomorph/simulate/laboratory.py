@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -282,12 +282,20 @@ def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, pa
     write_c3d(path, Markers(time[::every], tuple(ROD), seen), plate.recording(force, moment))
 
 
-def write_scans(specimen: Specimen, folder: Path, random: np.random.Generator) -> str:
+def write_scans(
+    specimen: Specimen, folder: Path, random: np.random.Generator, modelled: Callable[[Array], Array] | None = None
+) -> str:
     """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's `ct`.
 
     Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined, turned, shifted, 0.2 mm of
     noise), the cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off.
+
+    Parameters
+    ----------
+    modelled : points (..., 3) of the specimen's bones as the bones of the model have them, each in its body's frame
+        [m]; by default the model has the bones of the specimen
     """
+    modelled = modelled or (lambda points: points)
     entries = []
     for bone in specimen.model.body_names:
         own = bone_of(specimen, bone)
@@ -298,13 +306,13 @@ def write_scans(specimen: Specimen, folder: Path, random: np.random.Generator) -
         balls = trimesh.util.concatenate(
             [trimesh.creation.icosphere(3, 0.5 * BALL).apply_translation(pose.apply(one)) for one in markers.values()]
         )
-        _write_stl(own.vertices, own.faces, folder / f"{bone}_model.stl")
+        _write_stl(modelled(own.vertices), own.faces, folder / f"{bone}_model.stl")
         _write_stl(1e3 * scan, fine.faces, folder / f"{bone}.stl")
         _write_stl(1e3 * np.asarray(balls.vertices), balls.faces, folder / f"{bone}_cluster.stl")
         picked = 1e3 * (pose.apply(ends := _ends(own)) + 5e-4 * random.standard_normal((5, 3)))
         lines = [
             f"point {i + 1}," + ",".join(f"{one:.6f}" for one in (*seen, *place))
-            for i, (seen, place) in enumerate(zip(picked, ends, strict=True))
+            for i, (seen, place) in enumerate(zip(picked, modelled(ends), strict=True))
         ]
         head = "name,x,y,z,bone_x,bone_y,bone_z"
         (folder / f"{bone}_points.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")

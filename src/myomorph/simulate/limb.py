@@ -27,6 +27,8 @@ SHARES = (0.3, 0.35, 0.35)
 and muscle at the hand alone."""
 FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22
 """The muscles as a cylinder about the humerus [m]."""
+TISSUE_RADIUS = 0.03
+"""Of soft tissue that moves against the bones [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,45 @@ class HeldLimb:
         return parameters + np.array([added, *(added * place * along), *np.diag(inertia), *off])
 
 
+@dataclass(frozen=True)
+class SoftTissue:
+    """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction.
+
+    Attributes
+    ----------
+    place : (3,) of its center in the limb's frame while the limb hangs at rest [m]
+    mass : [kg]
+    frequency : at which it vibrates against a limb that is held [Hz]
+    damping : ratio to the critical one
+    """
+
+    place: tuple[float, float, float]
+    mass: float
+    frequency: float
+    damping: float
+
+    @property
+    def parameters(self) -> Array:
+        """(10,) of a ball of `TISSUE_RADIUS` about the joint's center."""
+        x = np.array(self.place)
+        inertia = self.mass * ((x @ x + 0.4 * TISSUE_RADIUS**2) * np.eye(3) - np.outer(x, x))
+        off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
+        return np.array([self.mass, *(self.mass * x), *np.diag(inertia), *off])
+
+    def mjcf(self, down: Array) -> str:
+        """A body on three slides that is where `place` says while gravity `down` (3,), in the limb's frame, pulls."""
+        angular = 2.0 * np.pi * self.frequency
+        sag = down / angular**2
+        slides = "".join(
+            f'<joint type="slide" axis="{words(axis)}" stiffness="{self.mass * angular**2!r}" '
+            f'damping="{2.0 * self.damping * self.mass * angular!r}" springref="{float(-drop)!r}"/>'
+            for axis, drop in zip(np.eye(3), sag, strict=True)
+        )
+        size = words(np.full(3, 0.4 * self.mass * TISSUE_RADIUS**2))
+        own = f'<inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{size}"/>'
+        return f'<body name="tissue" pos="{words(self.place)}">{slides}{own}</body>'
+
+
 def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
     """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's center.
 
@@ -149,7 +190,15 @@ def tendon_wraps(muscle: Muscle) -> tuple[TendonWrap, ...]:
     return wraps
 
 
-def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array, damping: float, muscle: float) -> str:
+def swing_mjcf(
+    limb: HeldLimb,
+    parameters: Array,
+    stand: Transform,
+    rest: Array,
+    damping: float,
+    muscle: float,
+    tissue: SoftTissue | None = None,
+) -> str:
     """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive.
 
     Parameters
@@ -159,8 +208,11 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
     rest : (3, 3) of the limb in ground at which the ball's angles are zero
     damping : of the ball joint, the same about every axis [N m s/rad]
     muscle : viscosity of every muscle [N s/m]
+    tissue : part of the limb, `parameters` included, that moves against its bones
     """
     specimen = limb.specimen
+    loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
+    stiff = parameters if tissue is None else parameters - tissue.parameters
     center = stand.apply(specimen.center)
     inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
     on_base = "".join(inside.pop(specimen.base, []))
@@ -176,9 +228,9 @@ def swing_mjcf(limb: HeldLimb, parameters: Array, stand: Transform, rest: Array,
       <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{words(quaternion(rest))}">
         <joint name="joint" type="ball" damping="{damping!r}"/>
-        {inertial(parameters)}
+        {inertial(stiff)}
         <site name="center"/>
-        {on_limb}
+        {on_limb}{loose}
       </body>
     </body>
   </worldbody>

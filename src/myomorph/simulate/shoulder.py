@@ -152,11 +152,11 @@ def virtual_specimen(
     random = np.random.default_rng(number if seed is None else seed)
     noise = noise or Noise(offset=random.uniform(-0.04, 0.04), drift=random.uniform(-5e-5, 5e-5))
     specimen = arm_specimen()
-    specimen = specimen.standing(_mounted(specimen.stand, random))
+    specimen = specimen.standing(mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
     whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
-    starts = [_release(random) for _ in range(trials)]
+    starts = [released(random) for _ in range(trials)]
     limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
     swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds)
     bare_swings = _swings(limb, bare, row.joint_viscosity, 0.0, starts, seconds)
@@ -215,7 +215,7 @@ def _swings(
     step: float = STEP,
 ) -> list[Sampled]:
     stand = limb.specimen.stand
-    rest = _hanging(limb, parameters)
+    rest = hanging(limb, parameters)
     compiled = mujoco.MjModel.from_xml_string(swing_mjcf(limb, parameters, stand, rest, damping, muscle))
     found = []
     for axis, rates in starts:
@@ -224,7 +224,7 @@ def _swings(
     return found
 
 
-def _hanging(limb: HeldLimb, parameters: Array) -> Array:
+def hanging(limb: HeldLimb, parameters: Array) -> Array:
     """(3, 3) of the limb in ground where it hangs at rest, turned the shortest way from the model's default pose."""
     model = limb.specimen.model
     joint = next(one for one in model.joints if one.child == limb.specimen.first)
@@ -237,7 +237,7 @@ def _hanging(limb: HeldLimb, parameters: Array) -> Array:
     return axis_rotation(axis / sine, float(np.arctan2(sine, start @ down))) @ pose
 
 
-def _release(random: np.random.Generator) -> tuple[Array, Array]:
+def released(random: np.random.Generator) -> tuple[Array, Array]:
     """Rotation vector from hanging [rad] and angular velocity [rad/s] of a release by hand, in ground."""
     azimuth = random.uniform(0.0, 2.0 * np.pi)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -246,7 +246,7 @@ def _release(random: np.random.Generator) -> tuple[Array, Array]:
     return tilt, random.uniform(0.1, 0.5) * across + np.array([0.0, 0.0, random.uniform(-1.0, 1.0)])
 
 
-def _mounted(stand: Transform, random: np.random.Generator) -> Transform:
+def mounted(stand: Transform, random: np.random.Generator) -> Transform:
     """The base as it stands on the plate, some degrees and centimeters from the model's place."""
     turn = Rotation.from_rotvec(random.uniform(-0.15, 0.15, 3)).as_matrix()
     return Transform(turn @ stand.rotation, stand.translation + random.uniform(-0.1, 0.1, 3))

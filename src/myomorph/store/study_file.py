@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, get_args
 
@@ -78,12 +79,35 @@ def read_tables(path: Path, kind: str) -> tuple[dict[str, Any], list[str], list[
 
 
 def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
-    """The file as checked values, or None and what is wrong."""
+    """The file as checked values and what is wrong; None for the values unless all that is wrong are unknown keys.
+
+    Unknown keys are left out, so that what else is wrong with the file, as files that it names, is found with them.
+    """
     try:
         return file.model_validate(raw), []
     except ValidationError as error:
         found = [one for one in error.errors() if not (one["loc"][-1] == "str" and isinstance(one["input"], dict))]
-        return None, list(dict.fromkeys(_sentence(one, file) for one in found))
+        problems = list(dict.fromkeys(_sentence(one, file) for one in found))
+        unknown = [one["loc"] for one in found if one["type"] == "extra_forbidden"]
+    rest = deepcopy(dict(raw))
+    for place in unknown:
+        _leave_out(rest, place)
+    try:
+        return (file.model_validate(rest) if unknown else None), problems
+    except ValidationError:
+        return None, problems
+
+
+def _leave_out(table: Any, place: Sequence[Any]) -> None:
+    """Delete the key at a place of nested tables and lists; parts that are no key but the type of one are skipped."""
+    *inner, key = place
+    for one in inner:
+        if isinstance(table, dict):
+            table = table.get(one, table)
+        elif isinstance(table, list) and isinstance(one, int) and one < len(table):
+            table = table[one]
+    if isinstance(table, dict):
+        table.pop(key, None)
 
 
 def refuse(path: Path, problems: Sequence[str]) -> None:

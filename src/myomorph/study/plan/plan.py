@@ -135,9 +135,9 @@ def read_plan(path: str | Path) -> Plan:
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
     found, problems = checked(study_tables(), with_uncertainty(raw, usual_steps()))
-    problems = [*twice, *problems]
-    problems += [one for one in lacking(raw) if one not in problems]
-    if found is None or problems:
+    absent = [one for one in lacking(raw) if one not in problems]
+    problems = [*twice, *problems, *absent]
+    if found is None or absent:
         refuse(path, problems)
     notes = Notes(problems, notices)
     plan = _plan(found, path, notes)

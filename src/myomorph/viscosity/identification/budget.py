@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -13,6 +12,9 @@ from myomorph.viscosity.swings.recording import SwingRecording
 
 MAX_FRAMES = 600
 """Frames of a trial from which changes are found: an error that all frames share needs no more."""
+
+AXES = {"plate_clock": 1, "soft_tissue": 2}
+"""How many errors there are of a source that is not one of three axes."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,10 @@ class ErrorOptions:
     moment_gain : of each moment channel, about the plate's center, relative
     plate_clock : of the plate's clock against the markers', after it was estimated [s]
     joint_center : of the joint's center on the fixed bone, each axis [m]
+    soft_tissue : how far the mass center gives way on the bones, over the limb's acceleration: share of the mass that
+        is loose over the square of its angular frequency [s^2]; by default 4 % at 8 Hz, for a dissected limb. Of limbs
+        without their muscles and with them (axis 0 and 1) each by itself; never estimated
+    estimate : find these errors from the swings themselves and take them off; without, they only widen intervals
     """
 
     plate_position: float = 0.002
@@ -35,17 +41,24 @@ class ErrorOptions:
     moment_gain: float = 0.01
     plate_clock: float = 0.0005
     joint_center: float = 0.003
+    soft_tissue: float = 1.5e-5
+    estimate: bool = True
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
+        for name in self.names:
+            value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
-                raise BadData(f"standard deviation {one.name} is {value:g}: expected 0 or above")
+                raise BadData(f"standard deviation {name} is {value:g}: expected 0 or above")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sources."""
+        return tuple(one.name for one in fields(self) if one.name != "estimate")
 
     @property
     def sources(self) -> tuple[tuple[str, int], ...]:
         """Name and axis of every error whose standard deviation is above 0."""
-        named = ((one.name, 1 if one.name == "plate_clock" else 3) for one in fields(self))
+        named = ((name, AXES.get(name, 3)) for name in self.names)
         return tuple((name, axis) for name, count in named if getattr(self, name) > 0.0 for axis in range(count))
 
 
@@ -58,8 +71,8 @@ class ErrorShare:
     source : an attribute of `ErrorOptions`, or "swings" for what differs from swing to swing
     prior_sd : assumed standard deviation of the source, NaN of the swings
     quantity : as in `cohort.QUANTITIES`
-    sd : standard deviation of the result from this source alone, in the result's unit
-    share : of the result's variance
+    sd : root of the variance that the result would lose were the source known, in the result's unit
+    share : of the result's variance; sources that the swings tell only together have one share together
     """
 
     source: str
@@ -101,31 +114,12 @@ def disturbed(one: SwingRecording, source: str, axis: int, size: float) -> Swing
     elif source == "moment_gain":
         about = moment - np.cross(one.origin, force)
         moment += size * about[:, axis, None] * along
+    elif source == "soft_tissue":
+        # The mass center lags by size * force / mass, which the joint feels as force alone: it passes on no moment.
+        if bool(one.muscles) == (axis == 1):
+            change = np.gradient(np.gradient(force, one.time, axis=0), one.time, axis=0)
+            force -= size * np.where(np.isfinite(change), change, 0.0)
     else:
         wrench = one.wrench + size * np.gradient(one.wrench, one.time, axis=0)
         return replace(one, wrench=np.where(np.isfinite(wrench), wrench, one.wrench))
     return replace(one, wrench=np.hstack([moment, force]))
-
-
-def error_shares(
-    swings: Mapping[str, float], changes: Sequence[tuple[str, Mapping[str, float]]], options: ErrorOptions
-) -> tuple[ErrorShare, ...]:
-    """The table of sources and results.
-
-    Parameters
-    ----------
-    swings : standard deviation of each result from the scatter of swings
-    changes : source, and what one standard deviation of it about or along one axis changes of each result
-    """
-    names = list(dict.fromkeys(source for source, _ in changes))
-    found = []
-    for quantity, scatter in swings.items():
-        variances = {"swings": scatter**2} | {
-            name: sum(change.get(quantity, 0.0) ** 2 for source, change in changes if source == name) for name in names
-        }
-        total = sum(variances.values())
-        for name, variance in variances.items():
-            prior = float("nan") if name == "swings" else float(getattr(options, name))
-            share = variance / total if total > 0.0 else 0.0
-            found.append(ErrorShare(name, prior, quantity, float(np.sqrt(variance)), float(share)))
-    return tuple(found)

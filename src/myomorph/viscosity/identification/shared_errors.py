@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from statistics import NormalDist
 
@@ -11,10 +11,11 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Estimate
-from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, error_shares, thinned
+from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
 from myomorph.viscosity.identification.condition import Solution, solve_whole
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.identification.inertia import InertiaOptions
+from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
@@ -27,28 +28,35 @@ COLUMNS = {
 
 
 def with_shared_errors(
-    found: SpecimenViscosity, options: ViscosityOptions, errors: ErrorOptions
+    found: SpecimenViscosity, options: ViscosityOptions, errors: ErrorOptions, instruments: Instruments | None = None
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
     """The specimen with intervals widened by errors that all its swings share, and what each source adds.
 
     Every source is put into the recordings once with one standard deviation about or along each axis, and the whole
-    identification repeated; changes are added in squares, for the sources are independent, to what swings scatter.
-    Both conditions stand on one plate and have one center, so they share each error.
+    identification repeated: g of each result. The result's variance is then g C g beside what swings scatter, with C
+    the covariance of what is not known of the errors. Both conditions stand on one plate and have one center, so they
+    share each error.
+
+    Parameters
+    ----------
+    found : from recordings that are rid of the errors of `instruments`
+    instruments : what the swings told of the errors; by default nothing, which leaves those assumed
     """
+    instruments = instruments or Instruments.assumed(errors)
     conditions = {name: one for name in COLUMNS if (one := getattr(found, name)) is not None}
     given = {name: tuple(thinned(each) for each in one.recordings) for name, one in conditions.items()}
     try:
         exact = _values(given, conditions, options)
         changes = []
-        for source, axis in errors.sources:
-            size = float(getattr(errors, source))
+        for (source, axis), size in zip(instruments.sources, instruments.prior, strict=True):
             moved = {name: tuple(disturbed(one, source, axis, size) for one in own) for name, own in given.items()}
             other = _values(moved, conditions, options)
-            changes.append((source, {name: other[name] - value for name, value in exact.items()}))
+            changes.append({name: (other[name] - value) / size for name, value in exact.items()})
     except MyomorphError as error:
         return replace(found, notes=(*found.notes, f"intervals hold no errors of instruments: {error}")), ()
     z = NormalDist().inv_cdf(0.5 + 0.5 * options.level)
-    sds = {name: float(np.sqrt(sum(change[name] ** 2 for _, change in changes))) for name in exact}
+    slopes = {name: np.array([change[name] for change in changes]) for name in exact}
+    sds = {name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()}
 
     def wider(name: str, one: Estimate | None) -> Estimate | None:
         return one if one is None else _wider(one, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
@@ -71,7 +79,31 @@ def with_shared_errors(
         name: (own.high - own.low) / (2.0 * z) for name, own in _estimates(found).items() if np.isfinite(own.value)
     }
     widened = replace(found, **parts, muscles=muscles, muscle_mass=wider("estimated_muscle_mass", found.muscle_mass))
-    return widened, error_shares(swings, changes, errors)
+    return widened, _shares(swings, slopes, instruments)
+
+
+def _shares(
+    swings: Mapping[str, float], slopes: Mapping[str, Array], instruments: Instruments
+) -> tuple[ErrorShare, ...]:
+    """The table of sources and results.
+
+    Parameters
+    ----------
+    swings : standard deviation of each result from the scatter of swings
+    slopes : (sources,) what a unit of each error changes of each result
+    """
+    names = list(dict.fromkeys(name for name, _ in instruments.sources))
+    known = {name: instruments.covariance - instruments.known(name) for name in names}
+    prior = {name: float(size) for (name, _), size in zip(instruments.sources, instruments.prior, strict=True)}
+    found = []
+    for quantity, scatter in swings.items():
+        g = slopes[quantity]
+        variances = {"swings": scatter**2} | {name: max(float(g @ less @ g), 0.0) for name, less in known.items()}
+        total = scatter**2 + max(float(g @ instruments.covariance @ g), 0.0)
+        for name, variance in variances.items():
+            share = variance / total if total > 0.0 else 0.0
+            found.append(ErrorShare(name, prior.get(name, float("nan")), quantity, float(np.sqrt(variance)), share))
+    return tuple(found)
 
 
 def _axes(one: Condition) -> list[tuple[str, Estimate]]:

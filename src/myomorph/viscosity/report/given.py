@@ -14,6 +14,7 @@ from myomorph.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.viscosity.cohort import Row, specimen_row
 from myomorph.viscosity.identification.budget import ErrorShare
 from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
+from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.swings.recording import SwingRecording
 
 MAX_FRAMES = 1200
@@ -204,6 +205,7 @@ class SpecimenReport:
     scans : residual maps of scanned bones
     failure : why it could not be done, "" where it could
     errors : what swings, instruments and model add to each result
+    instruments : errors of instruments, assumed and as the swings tell them
     shoulder : whether the joint is the glenohumeral one, of which literature and paper have values
     """
 
@@ -223,6 +225,7 @@ class SpecimenReport:
     notes: tuple[str, ...] = ()
     failure: str = ""
     errors: tuple[ErrorShare, ...] = ()
+    instruments: Instruments | None = None
     shoulder: bool = True
 
 

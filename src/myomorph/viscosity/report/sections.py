@@ -15,6 +15,7 @@ from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.identified import COMPONENTS, UNITS
+from myomorph.viscosity.identification.instruments import SHOWN_IN
 from myomorph.viscosity.report.given import (
     ArmSpread,
     CutoffScan,
@@ -190,7 +191,7 @@ def _trust(one: SpecimenReport, order: int) -> Section | None:
         figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
     if one.arms is not None:
         figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [*_model_grids(one), *_arm_grid(one.arms), *_error_grid(one)]
+    grids = [*_model_grids(one), *_arm_grid(one.arms), *_error_grid(one), *_instrument_grid(one)]
     if one.calibration:
         rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
         grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
@@ -330,6 +331,19 @@ def _error_grid(one: SpecimenReport) -> list[Grid]:
         rows.append((where(BY_NAME[quantity]), *(f"{100.0 * part:.0f} %" for part in own), most))
     head = ("Result", *(source.replace("_", " ") for source in sources), "Adds most")
     return [Grid(head, tuple(rows), "Error budget: share of each source in the variance of each result")]
+
+
+def _instrument_grid(one: SpecimenReport) -> list[Grid]:
+    """Errors of instruments as assumed and as the swings tell them."""
+    if one.instruments is None:
+        return []
+    rows = []
+    for source, axis, prior, error, left in one.instruments.rows:
+        factor, unit = SHOWN_IN[source]
+        shown = (f"{factor * value:.2f}".replace("-", "−") for value in (prior, error, left))
+        rows.append((source.replace("_", " "), axis, unit, *shown))
+    head = ("Source", "Axis", "Unit", "SD assumed", "From the swings, taken off", "SD left")
+    return [Grid(head, tuple(rows), "Errors of instruments, and what the swings tell of them")]
 
 
 def _signed(value: float) -> str:

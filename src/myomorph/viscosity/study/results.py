@@ -29,7 +29,8 @@ from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.swings.recording import SwingRecording
 
 SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
-MUSCLES, MODELS, NOTES, ERRORS = "muscles.csv", "models.csv", "notes.csv", "errors.csv"
+MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
+ERRORS, INSTRUMENTS = "errors.csv", "instruments.csv"
 WEIGHED = "measured_muscle_mass"
 """The one column that was not estimated and so has no interval."""
 
@@ -118,6 +119,12 @@ def errors_table(specimens: Sequence[SpecimenReport]) -> str:
     return _csv(("name", "quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"), rows)
 
 
+def instruments_table(specimens: Sequence[SpecimenReport]) -> str:
+    """`instruments.csv`: errors of instruments as assumed and as the swings tell them, in SI units."""
+    rows = ((one.name, *row) for one in specimens if one.instruments is not None for row in one.instruments.rows)
+    return _csv(("name", "source", "axis", "prior_sd", "error", "sd_left"), rows)
+
+
 def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
     """Write all tables of a cohort, each whole or not at all."""
     known = [(one.name, one.row) for one in specimens if one.row]
@@ -129,6 +136,7 @@ def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
         (MODELS, models_table(specimens)),
         (NOTES, notes_table(specimens)),
         (ERRORS, errors_table(specimens)),
+        (INSTRUMENTS, instruments_table(specimens)),
     ):
         write_whole(text, folder / name)
 

@@ -23,9 +23,7 @@ from myomorph.viscosity.identification.identify import (
     Condition,
     SpecimenViscosity,
     ViscosityOptions,
-    identify_specimen,
 )
-from myomorph.viscosity.identification.shared_errors import with_shared_errors
 from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.given import (
     ArmError,
@@ -39,13 +37,13 @@ from myomorph.viscosity.report.given import (
 )
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
+from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
-from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import TrackedSpecimen, track
-from myomorph.viscosity.trust.checks import Finding, condition_findings, recording_findings, tracking_findings
-from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
+from myomorph.viscosity.trust.checks import condition_findings
+from myomorph.viscosity.trust.cutoff import SCANNED, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
@@ -177,21 +175,6 @@ VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong with them."""
-
-    tracked: TrackedSpecimen
-    notes: tuple[str, ...]
-    recordings: tuple[SwingRecording, ...] = ()
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def hides_mass(self) -> bool:
-        """Whether the plate was set to zero with the limb on it."""
-        return any(one.hides_mass for one in self.findings)
-
-
-@dataclass(frozen=True, eq=False)
 class Studied:
     """A specimen that could be done: what was found, what the report shows of it, and its model with it."""
 
@@ -236,27 +219,21 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
             lost.append(f"{STATES[name]}: {error}")
     if not conditions:
         raise BadData("; ".join(lost))
-    cutoff, reason = _cutoff(options, conditions)
-    conditions = _equations(conditions, cutoff, options.identification.tare == "known", lost)
-    if not conditions:
-        raise BadData("; ".join(lost))
-    notes += lost
-    compared, conflicts = _compared(conditions, options.laws)
-    notes += conflicts
-    options = _with_law(options, compared)
-    found = _identified(specimen, files, conditions, options.identification)
-    by_swings = found
-    found, shares = with_shared_errors(found, options.identification, options.errors)
+    try:
+        one = identify_conditions(specimen, files, conditions, options)
+    except BadData as error:
+        raise BadData("; ".join((*lost, str(error)))) from None
+    notes += [*lost, *one.lost, *one.conflicts]
     advance(IDENTIFYING)
-    report, found = _judged(found, by_swings, conditions, notes)
-    report = trusted(report, found, options.laws, options.moment_arms, compared)
-    tracked = {name: one.tracked for name, one in conditions.items()}
-    hidden = [name for name, one in conditions.items() if one.hides_mass]
-    report = with_cutoffs(report, tracked, cutoff, reason, options.identification, hidden)
-    report, model = _with_model(report, found, tracked, cutoff)
-    residuals = (*residuals, *_marker_residuals(conditions))
+    report, found = _judged(one.found, one.by_swings, one.conditions, notes)
+    report = trusted(report, found, one.options.laws, one.options.moment_arms, one.compared)
+    tracked = {name: own.tracked for name, own in one.conditions.items()}
+    hidden = [name for name, own in one.conditions.items() if own.hides_mass]
+    report = with_cutoffs(report, tracked, one.cutoff, one.reason, one.options.identification, hidden)
+    report, model = _with_model(report, found, tracked, one.cutoff)
+    residuals = (*residuals, *_marker_residuals(one.conditions))
     known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
-    known = replace(known, errors=shares, shoulder=_is_shoulder(specimen))
+    known = replace(known, errors=one.shares, instruments=one.instruments, shoulder=_is_shoulder(specimen))
     return Studied(found, known, model)
 
 
@@ -285,84 +262,6 @@ def _tracked(
     tracked = track(specimen, trials, options.tracking, lambda done: advance(done / frames))
     notes += [*tracked.notes, *(note for trial in tracked.trials for note in trial.notes)]
     return Prepared(tracked, tuple(notes))
-
-
-def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
-    """The cut-off of all conditions [Hz], and why it was chosen."""
-    if options.filter.cutoff is not None:
-        return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
-    chosen = choose_cutoff([one.tracked for one in conditions.values()])
-    return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
-
-
-def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]) -> dict[str, Prepared]:
-    """The conditions with their equations and faults; those that have none are added to what is lost."""
-    found = {}
-    for name, one in conditions.items():
-        try:
-            recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
-            findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
-        except MyomorphError as error:
-            lost.append(f"{STATES[name]}: {error}")
-            continue
-        if not tared:
-            hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
-            findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
-        found[name] = replace(one, recordings=recordings, findings=findings)
-    return found
-
-
-def _compared(
-    conditions: Mapping[str, Prepared], options: PassiveOptions
-) -> tuple[dict[str, PassiveComparison], list[str]]:
-    """Laws of the passive torque of every condition that can be compared, and where their criteria disagree."""
-    found, notes = {}, []
-    for name, one in conditions.items():
-        own = replace(options, tare="unknown") if one.hides_mass else options
-        try:
-            found[name] = compare_passive_laws(one.recordings, own)
-        except MyomorphError:
-            continue  # `with_laws` tries again and names it.
-        if found[name].conflict:
-            notes.append(f"{STATES[name]}: {found[name].conflict}")
-    return found, notes
-
-
-def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
-    """The options with a spring where it was asked for, or a condition's swings are predicted better with it."""
-    if options.identification.stiffness is not None:
-        return options
-    sprung = any("stiffness" in term for one in compared.values() for term in one.chosen.terms)
-    return replace(
-        options,
-        identification=replace(options.identification, stiffness=sprung),
-        moment_arms=replace(options.moment_arms, stiffness=sprung),
-    )
-
-
-def _identified(
-    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
-) -> SpecimenViscosity:
-    """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
-    forces = specimen.isometric_forces
-    own = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
-    pcsa = files.pcsa or own
-    recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
-
-    def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
-        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
-        return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
-
-    hidden = [name for name, one in conditions.items() if one.hides_mass]
-    if not hidden:
-        return solved(CONDITIONS, options)
-    found = solved(CONDITIONS, replace(options, tare="unknown"))
-    for name in set(conditions) - set(hidden):
-        key = "without" if name == "without" else "intact"
-        known, alone = getattr(found, key), getattr(solved((name,), options), key)
-        if known is not None and alone is not None:
-            found = replace(found, **{key: replace(known, mass=alone.mass, com=alone.com)})
-    return replace(found, muscle_mass=None)
 
 
 def _judged(

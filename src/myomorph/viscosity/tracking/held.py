@@ -30,6 +30,7 @@ class Slip:
     lasting : whether it stays where it went (a wire slipped), instead of going to and fro (a wire is loose)
     unit : "rad" or "m"
     before : whether it moved before this trial, and stands still in it
+    center_off : whether it goes to and fro with a limb that turns about another point than the center that is used
     """
 
     trial: str
@@ -39,6 +40,7 @@ class Slip:
     lasting: bool
     unit: str = "rad"
     before: bool = False
+    center_off: bool = False
 
     @property
     def line(self) -> str:
@@ -48,6 +50,9 @@ class Slip:
         what = "the base" if base else f"held joint '{self.what}'"
         if self.before:
             return f"trial '{self.trial}': {what} is {amount} away from its position in the other trials"
+        if self.center_off:
+            how = f"trial '{self.trial}': {what} seems to move by {amount} to and fro with the limb"
+            return f"{how}: the joint's center is off rather than loose: set center to 'motion'"
         cause = "clamp it again" if base else "a wire slipped" if self.lasting else "a wire is loose"
         return f"trial '{self.trial}': {what} moves by {amount}, most at {self.time:.2f} s: {cause}"
 
@@ -153,15 +158,26 @@ def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, m
         unit = _unit(specimen, held)
         limit = moved if unit == "m" else turned
         found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit)
-    rotations, origins = base_poses(specimen, motion)
+    return found + base_slips(specimen, name, motion.time, *base_poses(specimen, motion), turned, moved)
+
+
+def base_slips(
+    specimen: Specimen, name: str, time: Array, rotations: Array, origins: Array, turned: float, moved: float
+) -> list[Slip]:
+    """The base where it turns by more than `turned` [rad], or the joint's center by more than `moved` [m], in a trial.
+
+    Parameters
+    ----------
+    rotations, origins : (frames, 3, 3), (frames, 3) of the base in ground, NaN where not seen [m]
+    """
     seen = np.isfinite(origins).all(axis=1)
-    if seen.any():
-        middle = mean_rotation(rotations[seen])
-        angles = np.full((len(motion), 3), np.nan)
-        angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
-        base = _slip(name, "base", motion.time, _filled(angles), turned, "rad")
-        found += base or _slip(name, "base", motion.time, center_course(specimen, motion), moved, "m")
-    return found
+    if not seen.any():
+        return []
+    middle = mean_rotation(rotations[seen])
+    angles = np.full((len(time), 3), np.nan)
+    angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
+    found = _slip(name, "base", time, _filled(angles), turned, "rad")
+    return found or _slip(name, "base", time, _course(time, rotations @ specimen.center + origins), moved, "m")
 
 
 def slips_before(
@@ -198,8 +214,11 @@ def slips_before(
 def center_course(specimen: Specimen, motion: Motion) -> Array:
     """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
     rotations, origins = base_poses(specimen, motion)
-    places = _filled(rotations @ specimen.center + origins)
-    return median_filter(places, (_window(motion.time), 1), mode="nearest")
+    return _course(motion.time, rotations @ specimen.center + origins)
+
+
+def _course(time: Array, places: Array) -> Array:
+    return median_filter(_filled(places), (_window(time), 1), mode="nearest")
 
 
 def _unit(specimen: Specimen, name: str) -> str:

@@ -23,6 +23,7 @@ from myomorph.viscosity.swings.recording import REACH, touched_frames, whole_fra
 from myomorph.viscosity.tracking.clusters import checked_clusters
 from myomorph.viscosity.tracking.held import (
     Slip,
+    base_slips,
     center_course,
     cluster_poses,
     course,
@@ -33,6 +34,7 @@ from myomorph.viscosity.tracking.held import (
     slips_before,
     slips_within,
 )
+from myomorph.viscosity.tracking.limb_shape import shaped
 
 TURNED = 0.995
 """Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
@@ -40,6 +42,9 @@ root mean square, to show its center."""
 
 QUICK = 25.0
 """Low-pass of a motion before its rows are filtered themselves [Hz]."""
+
+MIN_FRAMES = 10
+"""Of base and limb together, from which a center is told."""
 
 PARTIAL = 0.1
 """Weight in means of a frame in which a cluster has lost a marker."""
@@ -59,7 +64,8 @@ class TrackingOptions:
     cluster : a distance between two markers of a bone may differ from the model's by this much [m]
     slip : a held joint, or the base, that turns by more is named [rad]
     shift : a base that moves by more is named [m]
-    center : "model" for the joint's center of the model, "motion" for the point about which the limb turns
+    center : "motion" for the point about which the limb turns, "model" for the joint's center of the model, which a
+        limb that hardly turns keeps anyway
     max_center_distance : distance of these two above which there is a warning [m]
     clock : estimate offset and drift of the plate's clock against the markers' from the swing itself
     find_contact : find the frames in which the wrench says that something besides the joint carries the limb
@@ -69,7 +75,7 @@ class TrackingOptions:
     cluster: float = 0.006
     slip: float = 0.035
     shift: float = 0.002
-    center: Literal["model", "motion"] = "model"
+    center: Literal["model", "motion"] = "motion"
     max_center_distance: float = 0.005
     clock: bool = True
     find_contact: bool = True
@@ -165,8 +171,13 @@ def track(
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
     ]
-    base, held, found = _held_still(started, [one.name for one in trials], sure, weights, options)
+    base, held, found = _held_still(started, markers, [one.name for one in trials], sure, weights, options)
+    if astray and options.center == "model":
+        found = [[replace(slip, center_off=not (slip.lasting or slip.before)) for slip in own] for own in found]
     posed = _posed(started.standing(base), held)
+    if options.center == "motion" and _turns_enough(posed, markers) and not any(found):
+        posed, moved = shaped(posed, markers)
+        astray = (*astray, *_moved_note(moved, options))
     tracked = []
     for trial, (seen, notes), motion, own in zip(trials, checked, sure, found, strict=True):
         away = np.zeros((len(motion), 3))
@@ -186,14 +197,24 @@ def track(
 
 def _held_still(
     specimen: Specimen,
+    markers: Sequence[Markers],
     names: Sequence[str],
     motions: Sequence[Motion],
     weights: Sequence[Array],
     options: TrackingOptions,
 ) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
-    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it."""
+    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it.
+
+    A base that its own markers show at rest is only drawn along by a joint whose center, or by markers whose places,
+    do not fit the motion.
+    """
     limits = options.slip, options.shift
     found = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
+    for own, shown in zip(found, markers, strict=True):
+        if any(slip.what == "base" for slip in own):
+            pose = _poses(specimen.model, specimen.base, shown)
+            if np.isfinite(pose[1]).any() and not base_slips(specimen, "", shown.time, *pose, *limits):
+                own[:] = [slip for slip in own if slip.what != "base"]
     moved = [[slip.what for slip in own] for own in found]
     base = mean_base(specimen, motions, weights)
     held = mean_held(specimen, motions, weights, moved)
@@ -225,15 +246,9 @@ def _centered(
 
     A hinge, and a limb that hardly turns or of which fewer than three markers are seen, tell no center.
     """
-    if len(specimen.joint_coordinates) == 1:
+    if not _turns_enough(specimen, trials):
         return specimen, ()
-    poses = [[_poses(specimen.model, bone, one) for one in trials] for bone in (specimen.base, specimen.first)]
-    base, limb = ([np.concatenate(parts) for parts in zip(*own, strict=True)] for own in poses)
-    seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
-    turned = np.einsum("fji,fjk->ik", base[0][seen], limb[0][seen]) / max(int(seen.sum()), 1)
-    if seen.sum() < 10 or np.linalg.svd(turned, compute_uv=False)[0] > TURNED:
-        return specimen, ()
-    in_base, in_limb = rotation_center((base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen]))
+    in_base, in_limb = rotation_center(*_both_poses(specimen, trials))
     distance = float(np.linalg.norm(in_base - specimen.center))
     notes: tuple[str, ...] = ()
     if distance > options.max_center_distance:
@@ -243,6 +258,35 @@ def _centered(
             "check how clusters fit bones",
         )
     return (specimen.centered(in_base, in_limb) if options.center == "motion" else specimen), notes
+
+
+def _both_poses(specimen: Specimen, trials: Sequence[Markers]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Rotations and origins of base and limb in the frames that show three markers of each."""
+    poses = [[_poses(specimen.model, bone, one) for one in trials] for bone in (specimen.base, specimen.first)]
+    base, limb = ([np.concatenate(parts) for parts in zip(*own, strict=True)] for own in poses)
+    seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
+    return (base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen])
+
+
+def _turns_enough(specimen: Specimen, trials: Sequence[Markers]) -> bool:
+    """Whether the limb turns about enough axes to show the point that stays still."""
+    if len(specimen.joint_coordinates) == 1:
+        return False
+    (base, _), (limb, _) = _both_poses(specimen, trials)
+    if len(base) < MIN_FRAMES:
+        return False
+    mean = np.einsum("fji,fjk->ik", base, limb) / len(base)
+    return bool(np.linalg.svd(mean, compute_uv=False)[0] <= TURNED)
+
+
+def _moved_note(moved: float, options: TrackingOptions) -> tuple[str, ...]:
+    """A line where the limb's markers do not lie on it as the model has them."""
+    if moved <= options.cluster:
+        return ()
+    return (
+        f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them against each "
+        "other and the joint; where the motion has them is used: check how clusters fit bones",
+    )
 
 
 def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:

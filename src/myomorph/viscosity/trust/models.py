@@ -15,8 +15,9 @@ from myomorph.viscosity.identification.condition import Influences
 from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
 from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
 from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.samples import effective_samples
 from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
-from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, effective_samples, law_columns
+from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
 
 UNITS: Mapping[str, str] = {
     "viscosity": "N m s/rad",
@@ -51,8 +52,12 @@ MAX_CRITERION_DIFFERENCE = 2.0
 """Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
 
 
-MIN_HELD_OUT_GAIN = 0.9
-"""A law beyond plain viscosity must predict held-out angles within this share of the error that viscosity leaves."""
+PLAIN: tuple[tuple[str, ...], ...] = (ALONE, ("viscosity", "muscles"))
+"""Equations 1 to 3 of [S], which are taken unless another law predicts better."""
+
+MIN_HELD_OUT_GAIN = 0.5
+"""Another law must predict held-out angles within this share of the error that the plain laws leave. Springs, friction
+and drag that are there leave a seventh or less; errors of instruments that look like them gain a tenth now and then."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,8 @@ class PassiveComparison:
     Attributes
     ----------
     fits : one a law, in the order of `LAWS`
-    chosen : `by_bic` where it predicts held-out windows better than viscosity alone, else viscosity alone
+    chosen : `by_bic` where it is plain or predicts held-out windows far better than `PLAIN` laws, else the best of
+        these
     by_bic : the simplest law whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest
     samples : frames times axes
     effective : independent samples among them, which the criteria count
@@ -165,13 +171,13 @@ class PassiveComparison:
         """Where the criteria disagree, in words; else ""."""
         if self.by_bic is self.chosen:
             return ""
-        law, plain = self.by_bic, self.viscous
+        law, plain = self.by_bic, self.chosen
         if not np.isfinite(plain.angle_error):
-            return f"BIC asks for {law.name}, but no window could be held out to judge it: plain viscosity is used"
-        worse, alone = np.rad2deg([law.angle_error, plain.angle_error])
+            return f"BIC asks for {law.name}, but no window could be held out to judge it: {plain.name} is used"
+        other, own = np.rad2deg([law.angle_error, plain.angle_error])
         return (
-            f"BIC asks for {law.name}, but it predicts held-out swings to {worse:.1f} degrees, viscosity alone to "
-            f"{alone:.1f}: plain viscosity is used"
+            f"BIC asks for {law.name}, but it predicts held-out swings to {other:.1f} degrees, {plain.name} to "
+            f"{own:.1f}: {plain.name} is used"
         )
 
     @property
@@ -256,17 +262,16 @@ def compare_passive_laws(
     least_aic, least_bic = min(one.aic for one in fits), min(one.bic for one in fits)
     fits = [replace(one, aic=one.aic - least_aic, bic=one.bic - least_bic) for one in fits]
     by_bic = min((one for one in fits if one.bic <= MAX_CRITERION_DIFFERENCE), key=lambda one: (one.free, one.bic))
-    chosen = by_bic if _predicts_better(by_bic, fits[0]) else fits[0]
+    plain = min((one for one in fits if one.terms in PLAIN), key=lambda one: one.bic)
+    chosen = by_bic if by_bic.terms in PLAIN or _predicts_better(by_bic, plain) else plain
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
     return PassiveComparison(tuple(fits), chosen, by_bic, round(samples), effective, horizon, shown)
 
 
 def _predicts_better(law: PassiveFit, plain: PassiveFit) -> bool:
-    """Whether a law gains on viscosity alone in the angle of windows it has not seen; without any it does not."""
-    if law is plain or not np.isfinite(plain.angle_error):
-        return law is plain
-    return law.angle_error < MIN_HELD_OUT_GAIN * plain.angle_error
+    """Whether a law gains on a plain one in the angle of windows it has not seen; without any it does not."""
+    return bool(law.angle_error < MIN_HELD_OUT_GAIN * plain.angle_error)
 
 
 def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:

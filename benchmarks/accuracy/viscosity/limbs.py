@@ -1,0 +1,306 @@
+"""Limbs whose instruments and models are in error: what is found of them, and how often intervals hold it.
+
+Every limb is simulated by MuJoCo with a part of its mass loose on it, seen by a plate and markers whose errors are
+drawn, and identified as a study does, from a model whose joint's center is off.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array
+from myomorph.model.provenance import Estimate
+from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
+from myomorph.simulate.limb import HeldLimb, SoftTissue, swing_mjcf
+from myomorph.simulate.shoulder import HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
+from myomorph.viscosity.cohort import SPECIMENS, specimen_row
+from myomorph.viscosity.identification.budget import ErrorOptions
+from myomorph.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.viscosity.study.conditions import Prepared, identify_conditions
+from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.trust.checks import condition_findings
+
+Row = dict[str, object]
+
+LIMBS = 100
+LEVEL = 0.9
+SECONDS, TRIALS = 8.0, 3
+EVERY = 4
+"""Of the markers' frames and the plate's samples, which are used: 50 and 500 Hz."""
+WORKERS = 2
+QUANTITIES = {
+    "joint_viscosity": "d_J",
+    "muscle_viscosity": "d_M",
+    "mass_muscles_removed": "mass, muscles removed",
+    "mass_intact": "mass, intact",
+    "com_muscles_removed": "mass center, muscles removed",
+    "com_intact": "mass center, intact",
+}
+"""What is judged, by the names of `cohort.QUANTITIES`."""
+ARM = 0.02
+"""A moment arm of a shoulder muscle [m]."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What is wrong with instruments and model of one limb; all zero where nothing is.
+
+    Attributes
+    ----------
+    plate, turn : error of the plate's place [m] and of its axes [rad], (3,) each
+    force, moment : relative errors of the gains (3,) each
+    clock, drift : of the plate [s], [s/s]
+    center : of the joint in the model, along ground's axes while the limb hangs (3,) [m]
+    clusters : (2, 3) of base and limb against their bones [m]
+    tissue : share of the limb's mass that is loose, muscles removed and intact; 0 for none
+    frequency, damping : of the loose mass
+    """
+
+    plate: Sequence[float] = (0.0, 0.0, 0.0)
+    turn: Sequence[float] = (0.0, 0.0, 0.0)
+    force: Sequence[float] = (0.0, 0.0, 0.0)
+    moment: Sequence[float] = (0.0, 0.0, 0.0)
+    clock: float = 0.0
+    drift: float = 0.0
+    center: Sequence[float] = (0.0, 0.0, 0.0)
+    clusters: Sequence[Sequence[float]] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    tissue: tuple[float, float] = (0.0, 0.0)
+    frequency: float = 8.0
+    damping: float = 0.2
+
+
+class LimbRun(NamedTuple):
+    """One limb, its truth and what was found, by the names of `QUANTITIES`.
+
+    Attributes
+    ----------
+    laws : chosen of the conditions, muscles removed first
+    refused : whether a viscosity was withheld, with the reason
+    """
+
+    seed: int
+    truth: dict[str, float]
+    found: dict[str, Estimate]
+    laws: tuple[str, ...]
+    refused: tuple[str, ...]
+
+
+def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
+    """Faults drawn with the standard deviations that `ErrorOptions` assumes by default, times `scale`."""
+    sds = ErrorOptions()
+
+    def three(sd: float) -> Array:
+        return scale * sd * random.standard_normal(3)
+
+    return Faults(
+        three(sds.plate_position),
+        three(sds.plate_rotation),
+        three(sds.force_gain),
+        three(sds.moment_gain),
+        random.uniform(-0.03, 0.03),
+        random.uniform(-5e-5, 5e-5),
+        three(sds.joint_center),
+        scale * 5e-4 * random.standard_normal((2, 3)),
+        (random.uniform(0.0, 0.05), random.uniform(0.05, 0.15)),
+        random.uniform(6.0, 12.0),
+        random.uniform(0.1, 0.4),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FaultyLimb:
+    """A limb as a laboratory hands it over, and its truth.
+
+    Attributes
+    ----------
+    known : the specimen out of the laboratory's model
+    trials : by condition
+    truth : by the names of `QUANTITIES`
+    """
+
+    known: Specimen
+    trials: dict[str, list[SwingTrial]]
+    truth: dict[str, float]
+
+
+def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
+    """A limb of one of the six published sizes; viscosities are drawn unless the joint's is given."""
+    random = np.random.default_rng(seed)
+    row = SPECIMENS[seed % len(SPECIMENS)]
+    specimen = arm_specimen()
+    specimen = specimen.standing(mounted(specimen.stand, random))
+    limb = HeldLimb(specimen, HELD)
+    bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
+    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
+    muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
+    hand, elbow = (limb.poses[specimen.limb[i]].translation for i in (-1, 1))
+    starts = [released(random) for _ in range(TRIALS)]
+    trials = {}
+    for name, parameters, own, share, place in (
+        ("without", bare, 0.0, faults.tissue[0], 0.8 * hand),
+        ("with", whole, muscle, faults.tissue[1], 0.5 * elbow),
+    ):
+        tissue = None
+        if share > 0.0:
+            tissue = SoftTissue(tuple(place), share * float(parameters[0]), faults.frequency, faults.damping)
+        swings = _swings(limb, parameters, damping, own, tissue, starts)
+        trials[name] = [
+            _measured(limb, exact, f"{name} {number}", faults, random) for number, exact in enumerate(swings, 1)
+        ]
+    known = specimen.centered(
+        specimen.center + specimen.stand.rotation.T @ np.array(faults.center) + np.array(faults.clusters[0]),
+        specimen.center_in_limb + hanging(limb, whole).T @ np.array(faults.center) + np.array(faults.clusters[1]),
+    )
+    truth = {"joint_viscosity": damping, "muscle_viscosity": muscle}
+    for name, one in (("muscles_removed", bare), ("intact", whole)):
+        truth |= {f"mass_{name}": float(one[0]), f"com_{name}": float(np.linalg.norm(one[1:4]) / one[0])}
+    return FaultyLimb(known, trials, truth)
+
+
+def _swings(
+    limb: HeldLimb,
+    parameters: Array,
+    damping: float,
+    muscle: float,
+    tissue: SoftTissue | None,
+    starts: Sequence[tuple[Array, Array]],
+) -> list[Sampled]:
+    rest = hanging(limb, parameters)
+    text = swing_mjcf(limb, parameters, limb.specimen.stand, rest, damping, muscle, tissue)
+    compiled = mujoco.MjModel.from_xml_string(text)
+    loose = np.zeros(0 if tissue is None else 3)
+    found = []
+    for axis, rates in starts:
+        turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
+        found.append(simulate(compiled, np.append(turn, loose), np.append(rest.T @ rates, loose), SECONDS, STEP))
+    return found
+
+
+def _measured(limb: HeldLimb, exact: Sampled, name: str, faults: Faults, random: np.random.Generator) -> SwingTrial:
+    """A swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
+    specimen = limb.specimen
+    noise = Noise(offset=faults.clock, drift=faults.drift)
+    center = specimen.center_in_ground
+    on_base, on_limb = limb.markers()
+    at_base = {marker: center + specimen.stand.rotation @ place for marker, place in on_base.items()}
+    markers = measured_markers(exact, center, at_base, on_limb, noise, random)
+    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
+    turn = Rotation.from_rotvec(faults.turn).as_matrix()
+    wrenches = replace(
+        wrenches,
+        time=wrenches.time[::EVERY],
+        forces=(wrenches.forces * (1.0 + np.array(faults.force)) @ turn.T)[::EVERY],
+        torques=(wrenches.torques * (1.0 + np.array(faults.moment)) @ turn.T)[::EVERY],
+        points=(wrenches.points + np.array(faults.plate))[::EVERY],
+    )
+    return SwingTrial(name, replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY]), wrenches)
+
+
+def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
+    """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
+    seed = given[0]
+    limb = faulty_limb(*given)
+    options = StudyOptions.of({"identification": {"level": LEVEL, "seed": seed}})
+    tracked = {}
+    for name, trials in limb.trials.items():
+        one = track(limb.known, trials, options.tracking)
+        tracked[name] = Prepared(one, one.notes)
+    result = identify_conditions(limb.known, SpecimenFiles(str(seed), Path()), tracked, options)
+    refused = [
+        finding.line
+        for one in (result.by_swings.without, result.by_swings.intact)
+        for finding in (() if one is None else condition_findings(one))
+        if finding.fatal
+    ]
+    row = dict(specimen_row(result.found))
+    laws = tuple(one.chosen.name for one in result.compared.values())
+    found = {name: row[name] for name in limb.truth if name in row}
+    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost))
+
+
+def limb_runs(given: Sequence[tuple[int, Faults, float | None]]) -> list[LimbRun]:
+    """Runs on both cores, a process each."""
+    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+        return list(pool.imap(limb_run, given, chunksize=4))
+
+
+SYSTEMATIC: dict[str, Faults] = {
+    "nothing": Faults(),
+    "plate 5 mm off along x": Faults(plate=(0.005, 0.0, 0.0)),
+    "plate 5 mm off along y": Faults(plate=(0.0, 0.005, 0.0)),
+    "plate 5 mm off upwards": Faults(plate=(0.0, 0.0, 0.005)),
+    "plate turned by 1 degree about each axis": Faults(turn=(0.0175, 0.0175, 0.0175)),
+    "moment gains +2, -1, +2 %": Faults(moment=(0.02, -0.01, 0.02)),
+    "force gains +0.5, -0.5, +0.5 %": Faults(force=(0.005, -0.005, 0.005)),
+    "model's joint center 8 mm off": Faults(center=(0.0046, 0.0046, 0.0046)),
+    "model's joint center 3 mm off": Faults(center=(0.0, 0.003, 0.0)),
+    "clusters 1 mm off their bones": Faults(clusters=((0.001, 0.0, 0.0), (0.0, 0.001, 0.0))),
+    "clock 20 ms and 50 millionths off": Faults(clock=0.02, drift=5e-5),
+    "3 and 10 % of the mass loose at 8 Hz": Faults(tissue=(0.03, 0.1)),
+    "all of these at once": Faults(
+        (0.003, -0.003, 0.003),
+        (0.005, -0.005, 0.005),
+        (0.005, -0.005, 0.005),
+        (0.02, -0.01, 0.02),
+        0.02,
+        5e-5,
+        (0.0046, 0.0046, 0.0046),
+        ((0.001, 0.0, 0.0), (0.0, 0.001, 0.0)),
+        (0.03, 0.1),
+    ),
+}
+"""What may be wrong with one limb; the limb and its releases are the same in every row."""
+FIXED, DAMPING = 3, 0.055
+"""Seed of that limb, and its viscosity [N m s/rad]."""
+
+
+def measure_systematic() -> Iterable[Row]:
+    """A row a fault: errors of what is found, their intervals, and whether these hold the truth."""
+    runs = limb_runs([(FIXED, faults, DAMPING) for faults in SYSTEMATIC.values()])
+    for name, one in zip(SYSTEMATIC, runs, strict=True):
+        row: Row = {"wrong": name}
+        for quantity in ("joint_viscosity", "muscle_viscosity", "mass_muscles_removed", "com_muscles_removed"):
+            row[f"{QUANTITIES[quantity]}: error (90 % interval)"] = _told(one, quantity)
+        yield row | {"laws chosen": "; ".join(one.laws), "withheld": len(one.refused)}
+
+
+def _told(one: LimbRun, quantity: str) -> str:
+    if quantity not in one.found:
+        return "withheld"
+    found, truth = one.found[quantity], one.truth[quantity]
+    error, low, high = (100.0 * (value / truth - 1.0) for value in (found.value, found.low, found.high))
+    return f"{error:+.2f} % ({low:+.2f} to {high:+.2f}{'' if found.holds(truth) else ', misses'})"
+
+
+def measure_coverage() -> Iterable[Row]:
+    """A row a quantity over `LIMBS` limbs with random faults, then what laws were chosen and what was withheld."""
+    runs = limb_runs([(seed, random_faults(np.random.default_rng(1000 + seed)), None) for seed in range(LIMBS)])
+    for quantity, label in QUANTITIES.items():
+        own = [(one.found[quantity], one.truth[quantity]) for one in runs if quantity in one.found]
+        errors = np.array([100.0 * (found.value / truth - 1.0) for found, truth in own])
+        widths = np.array([50.0 * (found.high - found.low) / truth for found, truth in own])
+        held = sum(found.holds(truth) for found, truth in own)
+        yield {
+            "quantity": label,
+            "of limbs": len(own),
+            "error RMS": f"{np.sqrt(np.mean(errors**2)):.2f} %",
+            "mean": f"{errors.mean():+.2f} %",
+            "largest": f"{np.abs(errors).max():.2f} %",
+            "median half-width": f"{np.median(widths):.2f} %",
+            "90 % intervals that hold": f"{held} ({100.0 * held / max(len(own), 1):.0f} %)",
+        }
+    plain = {"viscosity", "muscles"}
+    wrong = sum(any(set(law.split(" + ")) - plain for law in one.laws) for one in runs)
+    refused = sum(bool(one.refused) for one in runs)
+    for label, count in (("a law with more than equations 1 to 3 chosen", wrong), ("a viscosity withheld", refused)):
+        yield {"quantity": f"{label}: {count} limbs", "of limbs": len(runs)}

@@ -1,0 +1,98 @@
+"""The six virtual specimens handed over raw, with CT scans of bones that are not those of the model."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.provenance import Estimate
+
+Row = dict[str, object]
+
+WORKERS = 2
+SECONDS, TRIALS = 8.0, 2
+STRETCH = (1.03, 0.98, 1.02)
+WAVES = (
+    ((20.0, 9.0, -14.0), (0.9, 0.1, 0.4), 0.3),
+    ((-17.0, 24.0, 13.0), (0.2, 0.3, -0.9), 1.9),
+    ((21.0, -15.0, 22.0), (-0.5, 0.8, 0.3), 4.1),
+)
+"""Wave vectors [rad/m], directions and phases of what makes the model's bones others than the specimen's."""
+AMPLITUDE = 0.001
+"""Of each wave [m]."""
+SHOWN = {
+    "joint_viscosity": "d_J",
+    "total_viscosity": "d_{M+J}",
+    "muscle_viscosity": "d_M",
+    "mass_muscles_removed": "mass",
+    "com_muscles_removed": "mass center",
+}
+
+
+class ScanRun(NamedTuple):
+    """A specimen, and what was found by the names of `SHOWN`.
+
+    Attributes
+    ----------
+    fit : mean root mean square of scans on the model's bones [mm]
+    arms : 95 % of d_M under errors of attachments as the report assumes them [N s/m]
+    """
+
+    name: str
+    truth: dict[str, float]
+    found: dict[str, Estimate]
+    fit: float
+    arms: tuple[float, float]
+
+
+def modelled(points: Array) -> Array:
+    """Points (..., 3) of a specimen's bone as the model's bone has them [m]."""
+    moved = np.asarray(points) * STRETCH
+    for wave, direction, phase in WAVES:
+        moved = moved + AMPLITUDE * np.sin(np.asarray(points) @ wave + phase)[..., None] * np.array(direction)
+    return moved
+
+
+def scan_run(number: int) -> ScanRun:
+    """One specimen with muscles of full size from its files, by the defaults of a study."""
+    from myomorph.demo.shoulder import write_shoulder_study
+    from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
+    from myomorph.viscosity.study.specimen import study_specimen
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_shoulder_study(
+            Path(folder), (number,), seconds=SECONDS, trials=TRIALS, raw=(number,), full_size=True, modelled=modelled
+        )
+        plan = read_viscosity_plan(path)
+        options = StudyOptions.of(dict(plan.settings))
+        report = study_specimen(plan.specimens[0], options, lambda part: None).report
+    kinds = () if report.arms is None else report.arms.kinds
+    arms = next(((one.low, one.high) for one in kinds if one.kind.startswith("offset")), (float("nan"), float("nan")))
+    fits = [one.value for one in report.calibration if one.what.startswith("CT of")]
+    return ScanRun(report.name, dict(report.truth), dict(report.row), float(np.mean(fits)), arms)
+
+
+def measure() -> Iterable[Row]:
+    """A row a specimen: how well scans lie on the model's bones, errors, and which intervals hold the truth."""
+    with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
+        runs = pool.map(scan_run, range(1, 7), chunksize=1)
+    for one in runs:
+        row: Row = {"specimen": one.name, "scans on the model's bones, mean of 5 [mm]": f"{one.fit:.2f}"}
+        for name, label in SHOWN.items():
+            found, truth = one.found.get(name), one.truth[name]
+            if found is None:
+                row[f"{label}: error, 95 % interval"] = "withheld"
+                continue
+            low, high = (100.0 * (end / truth - 1.0) for end in (found.low, found.high))
+            holds = "holds" if found.holds(truth) else "misses"
+            row[f"{label}: error, 95 % interval"] = (
+                f"{100.0 * (found.value / truth - 1.0):+.2f} % ({low:+.2f} to {high:+.2f}, {holds})"
+            )
+        low, high = (100.0 * (end / one.truth["muscle_viscosity"] - 1.0) for end in one.arms)
+        yield row | {"d_M with attachments in error, 95 %": f"{low:+.0f} to {high:+.0f} %"}

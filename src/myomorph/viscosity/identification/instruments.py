@@ -1,0 +1,248 @@
+"""Errors of instruments and of the joint's center, estimated from the swings themselves where these tell them.
+
+Two laws hold whatever the limb weighs and however its soft tissue moves: a joint passes on no moment but a passive one
+about its free axes, and force is mass times acceleration. A plate that lies elsewhere, turned axes, wrong gains and a
+late clock break them, each in its own way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.swings.samples import effective_samples
+from myomorph.viscosity.swings.sums import free_directions, predicted_rows
+
+ROUNDS = 3
+"""How often the errors are found again from recordings that are rid of the last ones."""
+SURPRISING, LEAST_GAIN = 4.0, 0.05
+"""Standard deviations that an error lies off what is assumed from which it is named (by chance 1 in 16,000), if the
+swings take this share off its variance."""
+SHOWN_IN = {
+    "plate_position": (1e3, "mm"),
+    "plate_rotation": (1e3, "mrad"),
+    "force_gain": (1e2, "%"),
+    "moment_gain": (1e2, "%"),
+    "plate_clock": (1e3, "ms"),
+    "joint_center": (1e3, "mm"),
+    "soft_tissue": (1e6, "ms^2"),
+}
+"""Of each source, in tables."""
+UNTOLD = "soft_tissue"
+"""A source that is not estimated: it changes the force by as little as filters and rounded accelerations do."""
+MASS_AND_MOMENT = 4
+"""Columns of the force's rows: mass and first moment."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Instruments:
+    """Errors of the sources of `ErrorOptions`, from their prior and the swings.
+
+    Attributes
+    ----------
+    sources : name and axis of each
+    prior : (sources,) standard deviation assumed, in the unit of each
+    errors : (sources,) estimated
+    covariance : (sources, sources) of what is left unknown
+    """
+
+    sources: tuple[tuple[str, int], ...]
+    prior: Array
+    errors: Array
+    covariance: Array
+
+    @staticmethod
+    def assumed(options: ErrorOptions) -> Instruments:
+        """What is known before any swing."""
+        prior = np.array([float(getattr(options, name)) for name, _ in options.sources])
+        return Instruments(options.sources, prior, np.zeros(len(prior)), np.diag(prior**2))
+
+    def corrected(self, one: SwingRecording) -> SwingRecording:
+        """The recording as it would be without these errors."""
+        for (source, axis), size in zip(self.sources, self.errors, strict=True):
+            one = disturbed(one, source, axis, -float(size))
+        return one
+
+    @property
+    def rows(self) -> tuple[tuple[str, str, float, float, float], ...]:
+        """Source, axis in words, standard deviation assumed, error estimated and standard deviation left, of each."""
+        left = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        named = ((source, _axis(source, axis)) for source, axis in self.sources)
+        columns = (column.tolist() for column in (self.prior, self.errors, left))
+        return tuple((*name, *row) for name, row in zip(named, zip(*columns, strict=True), strict=True))
+
+    @property
+    def surprises(self) -> tuple[str, ...]:
+        """A line for every error that the swings put farther from zero than its assumed standard deviation explains.
+
+        An estimate from a prior that is right scatters with the variance that the swings take off the prior's.
+        """
+        found = []
+        for source, axis, prior, size, left in self.rows:
+            gain = prior**2 - left**2
+            if gain > LEAST_GAIN * prior**2 and abs(size) > SURPRISING * np.sqrt(gain):
+                factor, unit = SHOWN_IN[source]
+                which = " ".join((source.replace("_", " "), axis)).strip()
+                found.append(
+                    f"{which}: the swings say {factor * size:+.2f} ± {factor * left:.2f} {unit}, but a standard "
+                    f"deviation of {factor * prior:.2g} {unit} is assumed: corrected; check it, or state a larger "
+                    f"{source} in [options.errors]"
+                )
+        return tuple(found)
+
+    def known(self, source: str) -> Array:
+        """(sources, sources) covariance of what is left where all axes of a source are known."""
+        own = np.array([name == source for name, _ in self.sources])
+        inner = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
+        across = self.covariance[:, own]
+        return self.covariance - across @ inner @ across.T
+
+
+def _axis(source: str, axis: int) -> str:
+    if source == UNTOLD:
+        return ("muscles removed", "muscles intact")[axis]
+    return "" if AXES.get(source) == 1 else "xyz"[axis]
+
+
+def estimate_instruments(
+    conditions: Mapping[str, Sequence[SwingRecording]], options: ErrorOptions, free_zero: Sequence[str] = ()
+) -> Instruments:
+    """Errors theta that all swings share, by least squares with priors, from recordings of one specimen.
+
+    With B_k what a unit of error k changes of the measured wrench, in every condition
+
+        moment about the free axes = -d rates - k angles + s - d_M J_M^T J_M rates + B theta
+        force                      = force rows (m, m c) + B theta
+
+    d and s of each axis, k, d_M, m and c are free in each condition, theta is the same in all, with the standard
+    deviations of its prior. Each equation is weighted by what it leaves and by how many independent samples that has.
+
+    Parameters
+    ----------
+    conditions : recordings by condition
+    free_zero : conditions whose plate was not set to zero: a constant wrench of each trial is free
+    """
+    known = Instruments.assumed(options)
+    thin = {name: [thinned(one) for one in own] for name, own in conditions.items() if own}
+    if not known.sources or not thin:
+        return known
+    found = known
+    for _ in range(ROUNDS):
+        now = {name: [found.corrected(one) for one in own] for name, own in thin.items()}
+        parts = [_condition(own, found, name in free_zero) for name, own in now.items()]
+        found = _solved(parts, known, found)
+    return found
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """y (frames, rows) = own (frames, rows, unknowns) x + errors (frames, rows, sources) theta, by trial."""
+
+    y: tuple[Array, ...]
+    own: tuple[Array, ...]
+    errors: tuple[Array, ...]
+
+
+def _condition(recordings: Sequence[SwingRecording], found: Instruments, free_zero: bool) -> list[_Equations]:
+    """The equations of moment and of force of one condition."""
+    used = [np.flatnonzero(one.used) for one in recordings]
+    along = free_directions(recordings)
+    predicted = predicted_rows(recordings, used)
+    moment: list[tuple[Array, Array, Array]] = []
+    force: list[tuple[Array, Array, Array]] = []
+    for number, (one, rows, use) in enumerate(zip(recordings, predicted, used, strict=True)):
+        turn = along @ one.rotations[use].transpose(0, 2, 1)
+        constant = np.zeros((len(use), 3, 3 * len(recordings)))
+        if free_zero:
+            constant[:, np.arange(3), 3 * number + np.arange(3)] = 1.0
+        torque = np.einsum("fai,fi->fa", turn, one.wrench[use, :3])
+        moment.append((torque, np.concatenate([_passive(one, use), turn @ constant], axis=2), turn))
+        own = np.concatenate([rows.instruments[use, 3:, :MASS_AND_MOMENT], constant], axis=2)
+        force.append((one.wrench[use, 3:], own, turn))
+    lacking = [_left(part) for part in (moment, force)]
+    for number, (one, use) in enumerate(zip(recordings, used, strict=True)):
+        # Errors of the wrench that the laws expect: those of the measured one would be regressed on their own noise,
+        # and gains found that make everything small.
+        expected = one.wrench.copy()
+        turn = moment[number][2]
+        expected[use, :3] -= np.einsum("fai,fa->fi", turn, lacking[0][number])
+        expected[use, 3:] -= lacking[1][number]
+        smooth = replace(one, wrench=expected)
+        changes = np.stack(
+            [
+                (disturbed(smooth, *source, 0.0 if source[0] == UNTOLD else size).wrench - expected)[use] / size
+                for source, size in zip(found.sources, found.prior, strict=True)
+            ],
+            axis=2,
+        )
+        moment[number] = (*moment[number][:2], turn @ changes[:, :3])
+        force[number] = (*force[number][:2], changes[:, 3:])
+    return [_Equations(*(tuple(part) for part in zip(*parts, strict=True))) for parts in (moment, force)]
+
+
+def _left(parts: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
+    """What least squares leave of the first (frames, rows) by the second (frames, rows, unknowns), trial by trial."""
+    A = np.concatenate([own.reshape(-1, own.shape[2]) for _, own, _ in parts])
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    x = np.linalg.lstsq(A / size, np.concatenate([y.ravel() for y, _, _ in parts]), rcond=1e-9)[0] / size
+    return [y - own @ x for y, own, _ in parts]
+
+
+def _passive(one: SwingRecording, use: np.ndarray) -> Array:
+    """(frames, axes, 2 axes + 2) what the coefficients of a passive law add to the moment about the free axes."""
+    rates, J = one.rates[use], one.lengthening[use]
+    axes = rates.shape[1]
+    columns = np.zeros((len(use), axes, 2 * axes + 2))
+    each = np.arange(axes)
+    columns[:, each, each] = -rates
+    columns[:, each, axes + each] = 1.0
+    columns[:, :, 2 * axes] = -one.angles[use]
+    columns[:, :, 2 * axes + 1] = -np.einsum("fma,fm->fa", J, np.einsum("fma,fa->fm", J, rates))
+    return columns
+
+
+def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Instruments) -> Instruments:
+    """The errors by weighted least squares with their prior; equations hold what is left of them beyond `last`."""
+    scale = known.prior
+    flat = [one for part in parts for one in part]
+    theta = np.zeros(len(scale))
+    precision = np.eye(len(scale))
+    for _ in range(2):
+        A, b = np.eye(len(scale)), -last.errors / scale
+        for one in flat:
+            N, g, weight = _reduced(one, theta, scale)
+            A, b = A + weight * N, b + weight * g
+        theta = np.linalg.solve(A, b)
+        precision = A
+    covariance = np.linalg.inv(precision) * np.outer(scale, scale)
+    return Instruments(known.sources, known.prior, last.errors + theta * scale, covariance)
+
+
+def _reduced(one: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
+    """Normal equations of the errors with the unknowns of the equations' own taken off, and their weight.
+
+    Parameters
+    ----------
+    theta : (sources,) last errors, in units of `scale`, from which the weight is found
+    """
+    own = np.concatenate([part.reshape(-1, part.shape[2]) for part in one.own])
+    errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in one.errors]) * scale
+    y = np.concatenate([part.ravel() for part in one.y])
+    size = np.linalg.norm(own, axis=0)
+    own = own[:, size > 0.0] / size[size > 0.0]
+    left, values, _ = np.linalg.svd(own, full_matrices=False)
+    left = left[:, values > 1e-9 * values[0]]
+    errors, y = errors - left @ (left.T @ errors), y - left @ (left.T @ y)
+    misfit = y - errors @ theta
+    ends = np.cumsum([part.size for part in one.y])[:-1]
+    runs = [part.reshape(shape.shape) for part, shape in zip(np.split(misfit, ends), one.y, strict=True)]
+    variance = max(float(np.mean(misfit**2)), 1e-18)
+    weight = min(effective_samples(runs) / misfit.size, 1.0) / variance
+    return errors.T @ errors, errors.T @ y, weight

@@ -1,0 +1,194 @@
+"""The conditions of one specimen from tracked trials to values: cut-off, equations, law, three steps, shared errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
+from myomorph.viscosity.identification.identify import (
+    STATES,
+    SpecimenViscosity,
+    ViscosityOptions,
+    identify_specimen,
+)
+from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
+from myomorph.viscosity.identification.shared_errors import with_shared_errors
+from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
+from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.viscosity.tracking.rows import swing_recordings
+from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.trust.checks import Finding, recording_findings, tracking_findings
+from myomorph.viscosity.trust.cutoff import choose_cutoff
+from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong with them."""
+
+    tracked: TrackedSpecimen
+    notes: tuple[str, ...]
+    recordings: tuple[SwingRecording, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def hides_mass(self) -> bool:
+        """Whether the plate was set to zero with the limb on it."""
+        return any(one.hides_mass for one in self.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What the conditions of one specimen come to.
+
+    Attributes
+    ----------
+    found : with intervals that hold errors which all swings share
+    by_swings : with intervals of swings alone, by which a swing is judged too small
+    instruments : what the swings tell of errors that they share
+    conditions : with their equations, rid of those errors, and faults
+    options : with the law of the passive torque decided
+    reason : why the cut-off is what it is
+    lost : conditions that could not be used, a line each
+    conflicts : where instruments are not what is assumed of them, and criteria of a law disagree, a line each
+    """
+
+    found: SpecimenViscosity
+    by_swings: SpecimenViscosity
+    shares: tuple[ErrorShare, ...]
+    instruments: Instruments
+    conditions: Mapping[str, Prepared]
+    options: StudyOptions
+    compared: Mapping[str, PassiveComparison]
+    cutoff: float
+    reason: str
+    lost: tuple[str, ...]
+    conflicts: tuple[str, ...]
+
+
+def identify_conditions(
+    specimen: Specimen, files: SpecimenFiles, tracked: Mapping[str, Prepared], options: StudyOptions
+) -> Identified:
+    """Identify a specimen from the tracked trials of one condition or both.
+
+    Raises
+    ------
+    BadData : neither condition can be used
+    """
+    lost: list[str] = []
+    cutoff, reason = _cutoff(options, tracked)
+    conditions = _equations(tracked, cutoff, options.identification.tare == "known", lost)
+    if not conditions:
+        raise BadData("; ".join(lost))
+    conditions, instruments = _corrected(conditions, options.errors)
+    compared, conflicts = _compared(conditions, options.laws)
+    options = _with_law(options, compared)
+    by_swings = _identified(specimen, files, conditions, options.identification)
+    found, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
+    return Identified(
+        found,
+        by_swings,
+        shares,
+        instruments,
+        conditions,
+        options,
+        compared,
+        cutoff,
+        reason,
+        tuple(lost),
+        tuple(conflicts),
+    )
+
+
+def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
+    """The cut-off of all conditions [Hz], and why it was chosen."""
+    if options.filter.cutoff is not None:
+        return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
+    chosen = choose_cutoff([one.tracked for one in conditions.values()])
+    return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
+
+
+def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]) -> dict[str, Prepared]:
+    """The conditions with their equations and faults; those that have none are added to what is lost."""
+    found = {}
+    for name, one in conditions.items():
+        try:
+            recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
+            findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
+        except MyomorphError as error:
+            lost.append(f"{STATES[name]}: {error}")
+            continue
+        if not tared:
+            hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
+            findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
+        found[name] = replace(one, recordings=recordings, findings=findings)
+    return found
+
+
+def _corrected(conditions: Mapping[str, Prepared], options: ErrorOptions) -> tuple[dict[str, Prepared], Instruments]:
+    """The conditions without the errors of instruments that their swings tell, and what is known of these."""
+    if not options.estimate:
+        return dict(conditions), Instruments.assumed(options)
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    found = estimate_instruments({name: one.recordings for name, one in conditions.items()}, options, hidden)
+    corrected = {
+        name: replace(one, recordings=tuple(found.corrected(each) for each in one.recordings))
+        for name, one in conditions.items()
+    }
+    return corrected, found
+
+
+def _compared(
+    conditions: Mapping[str, Prepared], options: PassiveOptions
+) -> tuple[dict[str, PassiveComparison], list[str]]:
+    """Laws of the passive torque of every condition that can be compared, and where their criteria disagree."""
+    found, notes = {}, []
+    for name, one in conditions.items():
+        own = replace(options, tare="unknown") if one.hides_mass else options
+        try:
+            found[name] = compare_passive_laws(one.recordings, own)
+        except MyomorphError:
+            continue  # `with_laws` tries again and names it.
+        if found[name].conflict:
+            notes.append(f"{STATES[name]}: {found[name].conflict}")
+    return found, notes
+
+
+def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
+    """The options with a spring where it was asked for, or a condition's swings are predicted better with it."""
+    if options.identification.stiffness is not None:
+        return options
+    sprung = any("stiffness" in term for one in compared.values() for term in one.chosen.terms)
+    return replace(
+        options,
+        identification=replace(options.identification, stiffness=sprung),
+        moment_arms=replace(options.moment_arms, stiffness=sprung),
+    )
+
+
+def _identified(
+    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
+) -> SpecimenViscosity:
+    """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
+    forces = specimen.isometric_forces
+    own = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
+    pcsa = files.pcsa or own
+    recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
+
+    def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
+        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
+        return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
+
+    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    if not hidden:
+        return solved(CONDITIONS, options)
+    found = solved(CONDITIONS, replace(options, tare="unknown"))
+    for name in set(conditions) - set(hidden):
+        key = "without" if name == "without" else "intact"
+        known, alone = getattr(found, key), getattr(solved((name,), options), key)
+        if known is not None and alone is not None:
+            found = replace(found, **{key: replace(known, mass=alone.mass, com=alone.com)})
+    return replace(found, muscle_mass=None)
