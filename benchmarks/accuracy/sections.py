@@ -64,7 +64,18 @@ from benchmarks.accuracy import (
     unseen_faults,
     vendors,
 )
-from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
+from benchmarks.accuracy.morph import (
+    articular,
+    correspondence,
+    demo,
+    laws,
+    masses,
+    mirror,
+    real_bones,
+    shapes,
+    species,
+    species_arm,
+)
 from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
 
@@ -433,6 +444,10 @@ def _bone_maps(folder: Path) -> Page:
             "articular_centers": lambda: articular.measure_centers(folder),
             "articular_persons": articular.measure_persons,
             "landmarks_found": articular.measure_landmarks,
+            "correspondence_affine": lambda: correspondence.measure("affine", range(20, 23)),
+            "correspondence_smooth": lambda: correspondence.measure("smooth"),
+            "correspondence_landmarks": lambda: correspondence.measure("landmarks", range(20, 25)),
+            "correspondence_persons": correspondence.measure_persons,
             "morph_laws": lambda: laws.measure(folder),
             "morph_shapes": shapes.measure,
             "morph_shapes_bones": shapes.measure_bones,

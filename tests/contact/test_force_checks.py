@@ -36,6 +36,7 @@ def test_nothing_is_called_on_clean_forces(clean):
 @pytest.mark.parametrize("fault", faults.FORCE_FAULTS, ids=lambda one: one.name)
 def test_a_fault_is_found_and_named(clean, fault):
     faulty = fault.change(clean)
+    assert faulty is not None
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
     assert [one.kind for one in found if one.kind in fault.kinds]
     assert all(one.text and one.place for one in found)
@@ -130,6 +131,18 @@ def test_empty_forces_other_times_and_gaps_pass(clean):
     values = np.array(gaps.values)
     values[5:9] = np.nan
     assert check_forces(clean.wrenches, clean.model, replace(gaps, values=values)) == ()
+
+
+def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
+    """The same fault in the frames with a pose, as where a walker enters the cameras' view and leaves it."""
+    walk = BY_NAME["treadmill walk"]
+    for path in (walk.model, walk.motion, walk.loads):
+        data(path)
+    one = faults.scaled_mass(1.2)(faults.of_its_mass(data(walk.model.split("/")[0]).parent, walk))
+    values = np.array(one.motion.values)
+    values[:40] = values[-40:] = np.nan
+    found = check_forces(one.wrenches, one.model, replace(one.motion, values=values))
+    assert [finding.kind for finding in found] == ["mass"]
 
 
 def test_center_of_a_wrench_is_that_of_its_moment():

@@ -118,31 +118,30 @@ def carried(
     return put_on_surface(Carrier(found, body), points, WITHIN).points, found.within(points)
 
 
-def measure(seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> Iterator[Row]:
-    """A row a bone and kind of copy."""
-    every: dict[str, list[tuple[np.ndarray, ...]]] = {}
+def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> Iterator[Row]:
+    """A row a bone, and one for all.
+
+    Parameters
+    ----------
+    what : "affine", "smooth", or "landmarks": smooth with three landmarks
+    """
+    every: list[tuple[np.ndarray, ...]] = []
     for body in bones:
         surface, points = bone(body)
-        for what in ("affine copies", "smooth deformations", "smooth, three landmarks"):
-            found, began = [], time.process_time()
-            for seed in seeds if what == "smooth deformations" else list(seeds)[:5]:
-                change = Deformation(surface, seed, 0.0 if what.startswith("affine") else BEND)
-                marks = None
-                if what.endswith("landmarks"):
-                    ends = three_landmarks(surface)
-                    marks = FeaturePoints(("a", "b", "c"), ends, change(ends))
-                places, within = carried(body, surface, deformed(surface, change), points, marks)
-                truth, whole = change(points), procrustes(surface.vertices, change(surface.vertices), True)
-                scaled = np.linalg.norm(whole.apply(points) - truth, axis=1)
-                found.append((np.linalg.norm(places - truth, axis=1), within, scaled))
-            every.setdefault(what, []).extend(found)
-            yield (
-                {"bone": body, "target": what}
-                | errors(found)
-                | {"processor, a bone [s]": (time.process_time() - began) / len(found)}
-            )
-    for what, found in every.items():
-        yield {"bone": "all", "target": what} | errors(found) | {"processor, a bone [s]": ""}
+        found, began = [], time.process_time()
+        for seed in seeds:
+            change = Deformation(surface, seed, 0.0 if what == "affine" else BEND)
+            marks = None
+            if what == "landmarks":
+                ends = three_landmarks(surface)
+                marks = FeaturePoints(("a", "b", "c"), ends, change(ends))
+            places, within = carried(body, surface, deformed(surface, change), points, marks)
+            truth, whole = change(points), procrustes(surface.vertices, change(surface.vertices), True)
+            scaled = np.linalg.norm(whole.apply(points) - truth, axis=1)
+            found.append((np.linalg.norm(places - truth, axis=1), within, scaled))
+        every += found
+        yield {"bone": body} | errors(found) | {"processor, a bone [s]": (time.process_time() - began) / len(found)}
+    yield {"bone": "all"} | errors(every) | {"processor, a bone [s]": ""}
 
 
 def errors(found: list[tuple[np.ndarray, ...]]) -> Row:

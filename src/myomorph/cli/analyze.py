@@ -21,7 +21,9 @@ def analyze_command(
     /,
     *,
     mass: Annotated[float, Parameter(help="Of the subject [kg].")],
-    height: Annotated[float | None, Parameter(help="Of the subject [m]: the markers are held against it.")] = None,
+    height: Annotated[
+        float | None, Parameter(help="Of the subject [m]: scales the generic model, and is held against the markers.")
+    ] = None,
     static: Annotated[
         Path | None,
         Parameter(help="Recording of standing still; by default found among or beside the recordings."),

@@ -131,7 +131,7 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
         else:
             own.append(i)
     for members in together:
-        when = hidden[:, members].any(axis=1)
+        when = np.asarray(hidden[:, members].any(axis=1))
         spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(when)]
         which = [names[i] for i in members]
         text = (

@@ -147,7 +147,7 @@ def clock_shift(time: Array, other: Array) -> float | None:
     # Less is left to the checks of forces, which see what the body needs.
     if alike and common < 0.5 * min(lasts):
         return apart
-    return 0.0 if common > 0.0 else None
+    return None if common < 0.0 else 0.0
 
 
 def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:

@@ -64,7 +64,7 @@ def map_bone(
     With both surfaces the map goes through points spread over them and through the landmarks; with one or none,
     or where the options say so, through the landmarks alone. If none are given then, they are found by rules.
 
-    Source: Franke 1982; Duchon 1977; Myronenko and Song 2010; see docs/bone-maps.md.
+    Source: Franke 1982; Duchon 1977; see docs/bone-maps.md.
 
     Parameters
     ----------

@@ -125,9 +125,10 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         _check_time(one.path, one.trial.markers, tuple(body), request.time)
     everyone = [*moving, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
-    model, path, labels, of_model = _model(everyone, request, out)
+    height, of_height = _height(static or moving[0], request.height)
+    model, path, labels, of_model = _model(everyone, request, height, out)
     named = () if request.model is None else model.marker_names
-    assumed += [*_protocols(moving, (*named, *labels)), *of_model, *_height(static or moving[0], request.height)]
+    assumed = [*of_height, *assumed, *_protocols(moving, (*named, *labels)), *of_model]
     if not model.muscles:
         assumed.append(f"{path.name} has no muscles: the report ends with joint angles and torques.")
     trials = tuple(_trial(one, model, request, name) for one, name in zip(moving, _names(moving), strict=True))
@@ -249,17 +250,18 @@ def _protocols(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> lis
 
 
 def _model(
-    everyone: Sequence[Recording], request: AnalyzeRequest, out: Path
+    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, out: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
     """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
     if request.model is None:
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
-        model, without = generic_model(sites_of(everyone))
+        model, without = generic_model(sites_of(everyone), height)
         path = out / GENERIC
         write_osim(model, path)
         text = (
             f"No model was given (--model FILE): myo-sim's legs and trunk with {len(model.muscles)} muscles, "
-            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings. "
+            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings"
+            f"{'' if height is None else f', from those of a body of {height:g} m'}. "
             "The arms' mass is part of the trunk's."
         )
         if without:
@@ -291,17 +293,20 @@ def _is_y_up(model: Model) -> bool:
     return bool(model.gravity[1] < 0.0)
 
 
-def _height(one: Recording, height: float | None) -> list[str]:
-    """A sentence where the height that was given is not that of the body recorded."""
+def _height(one: Recording, height: float | None) -> tuple[float | None, list[str]]:
+    """The height that the generic model begins with [m], None for its own; and a sentence on what markers show."""
     if height is None:
-        return []
+        return None, []
     found = standing_height(one)
-    if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
-        return []
-    return [
-        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
-        "(--height): is the unit right, and are they of this person?"
-    ]
+    if found is None:
+        return height, [
+            f"--height {height:g} m could not be held against the markers: none are on shoulders and ankles."
+        ]
+    apart = found / height - 1.0
+    shown = f"the markers of {one.path.name} show a body of about {found:.2f} m, {100.0 * apart:+.0f} % of --height"
+    if abs(apart) < HEIGHT_TOLERANCE:
+        return height, [f"Height {height:g} m (--height): {shown}."]
+    return None, [f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"]
 
 
 def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:

@@ -144,7 +144,7 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
         f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {time[0]:g} to "
         f"{time[-1]:g} s"
     )
-    apart = min(time[-1], wrenches.time[-1]) <= max(time[0], wrenches.time[0])
+    apart = min(time[-1], wrenches.time[-1]) < max(time[0], wrenches.time[0])
     if shift is None or (apart and not mend):
         begin = time[0] - wrenches.time[0]
         raise BadData(
