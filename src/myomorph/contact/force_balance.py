@@ -214,7 +214,12 @@ def check_mass(inspection: Inspection) -> None:
     low, middle, high = np.percentile(ratios, [10, 50, 90])
     ratio = float(carried[steady].sum() / wanted[steady].sum())
     # A part of the weight that another contact carries changes; a wrong mass is the same in all frames.
-    if high - low > SPREAD * middle or abs(ratio - middle) > 0.05 or not LIGHTEST < ratio < HEAVIEST or abs(ratio - 1.0) < MASS:
+    if (
+        high - low > SPREAD * middle
+        or abs(ratio - middle) > 0.05
+        or not LIGHTEST < ratio < HEAVIEST
+        or abs(ratio - 1.0) < MASS
+    ):
         return
     inspection.found(
         "mass",

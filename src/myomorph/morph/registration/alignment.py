@@ -191,8 +191,8 @@ def _deformed(
 
 def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
     """Ways to lie of a bone that may be a part, which the registration expects of what it lays on something whole."""
-    surfaces = (Surface(one.vertices, one.faces) for one in (goal, ours))
-    starts = (one.similarity.inverse() for one in rough_fits(*surfaces, RIGID))
+    theirs, own = (Surface(one.vertices, one.faces) for one in (goal, ours))
+    starts = (one.similarity.inverse() for one in rough_fits(theirs, own, RIGID))
     return [lay_affinely(ours, goal, AffineMap.from_similarity(one)) for one in starts]
 
 

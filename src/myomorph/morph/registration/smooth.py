@@ -193,7 +193,8 @@ def fit_smoothly(
     if landmarks is not None:
         rows, exact = basis(landmarks.source), 1.0 / options.landmark_error**2
         pulled, drawn = exact * rows.T @ rows, exact * (landmarks.target - before.apply(landmarks.source)).T @ rows
-    found, information, rms = np.zeros((size, 3)), np.eye(3 * size), np.inf
+    found: Array = np.zeros((size, 3))
+    information, rms = np.eye(3 * size), np.inf
     for exact in exactness:
         pairs = _pairs(given, dense, theirs, goal, found)
         rms = pairs.rms
@@ -202,7 +203,7 @@ def fit_smoothly(
             information[a, :, a] += pulled
         whole = information.reshape(3 * size, 3 * size)
         whole[np.diag_indices(3 * size)] += 1.0
-        found = np.linalg.solve(whole, (right + drawn).ravel()).reshape(3, size).T
+        found = np.asarray(np.linalg.solve(whole, (right + drawn).ravel()), float).reshape(3, size).T
     return SmoothFit(before, basis, found, information.reshape(3 * size, 3 * size), rms)
 
 
