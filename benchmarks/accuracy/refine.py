@@ -20,7 +20,8 @@ from benchmarks.simulated_subject import (
     random_subject,
     record,
 )
-from myomorph.identify.refine.fit import Errors, Refinement, SubjectTrial, refine
+from myomorph.identify.refine.fit import refine
+from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
 from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array

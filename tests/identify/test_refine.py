@@ -19,10 +19,12 @@ from benchmarks.simulated_subject import (
 )
 from test_simulated_subject import person
 
-from myomorph.identify.refine.fit import SubjectTrial, _far_from_given, _opened, problem_of, refine
+from myomorph.identify.refine.equations import cost, linearize
+from myomorph.identify.refine.fit import _far_from_given, _opened, problem_of, refine
 from myomorph.identify.refine.masses import MassPrior, changed, tangents
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.problem import cost, linearize, moved
+from myomorph.identify.refine.problem import moved
+from myomorph.identify.refine.refinement import SubjectTrial
 from myomorph.identify.refine.solve import step
 from myomorph.identify.refine.spline import WIDTH, Basis
 from myomorph.io.mjcf.read import model_from_mujoco

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,15 +12,16 @@ from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.refine.masses import MassPrior, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData, Unknowns, generic_parameters, motion_of
+from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, Refinement, SubjectTrial
 from myomorph.identify.refine.solve import Solution, settle
 from myomorph.identify.refine.spline import Basis
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays, tracked_markers
+from myomorph.model.series import Motion
+from myomorph.motion.ik import inverse_kinematics, marker_arrays, tracked_markers
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of
 from myomorph.motion.root import floating_coordinates
 from myomorph.motion.stretch import skeleton
@@ -35,126 +36,6 @@ KNOTS = 4.0
 
 FRAMES_A_KNOT = 2.0
 """Frames between knots that are enough."""
-
-
-@dataclass(frozen=True, eq=False)
-class SubjectTrial:
-    """One recording of a subject.
-
-    Attributes
-    ----------
-    wrenches : external forces as recorded, each with its body
-    tracking : options of its inverse kinematics; weights of markers count here too
-    """
-
-    name: str
-    markers: Markers
-    wrenches: Wrenches
-    tracking: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
-    time: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Root mean squares of a motion on a model.
-
-    Attributes
-    ----------
-    markers : distance of the markers [m]
-    force, moment : of the root's residual vector [N], [N m]; the moment is about the base's origin
-    """
-
-    markers: float
-    force: float
-    moment: float
-
-
-@dataclass(frozen=True, eq=False)
-class RefinedTrial:
-    """A motion before and after.
-
-    Attributes
-    ----------
-    motion : refined, with derivatives that belong to it
-    before : of inverse kinematics, low-pass filtered, on the model as given at the subject's mass
-    after : of the refined motion on the refined model
-    used : frames in which the plates carry all, of all
-    """
-
-    name: str
-    motion: Motion
-    before: Errors
-    after: Errors
-    used: int
-    frames: int
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """A recording, or a part of one, predicted by the body and masses refined on the others: plain inverse kinematics.
-
-    Attributes
-    ----------
-    given, refined : errors of the model as given, and of the refined one
-    """
-
-    name: str
-    given: Errors
-    refined: Errors
-
-    @property
-    def ratio(self) -> float:
-        """Refined to given: root mean square of the ratios of force and moment."""
-        ratios = (self.refined.force / self.given.force, self.refined.moment / self.given.moment)
-        return float(np.sqrt(np.mean(np.square(ratios))))
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class Refinement:
-    """A subject's model and motions that agree with markers and plates.
-
-    Attributes
-    ----------
-    model : stretched, markers placed, with its masses
-    given : model it began with, at the subject's mass
-    trials : by name
-    factors : (lengths,) of the given model's, and their standard deviations
-    lengths : names of the lengths
-    parameters : (bodies, 10) inertial
-    mass_sd : (bodies,) standard deviation of the masses [kg]
-    predictions : of what was left out, empty where not asked for
-    kept : whether the given body and masses were kept because they predict better
-    converged : whether the last step was small
-    notes : what looks wrong, one line each
-    """
-
-    model: Model
-    given: Model
-    trials: tuple[RefinedTrial, ...]
-    lengths: tuple[str, ...]
-    factors: Array
-    factors_sd: Array
-    parameters: Array
-    mass_sd: Array
-    predictions: tuple[Prediction, ...]
-    kept: bool
-    converged: bool
-    notes: tuple[str, ...]
-
-    @property
-    def before(self) -> Errors:
-        """Of all trials together."""
-        return _together([one.before for one in self.trials], [one.used for one in self.trials], self._frames)
-
-    @property
-    def after(self) -> Errors:
-        """Of all trials together."""
-        return _together([one.after for one in self.trials], [one.used for one in self.trials], self._frames)
-
-    @property
-    def _frames(self) -> list[int]:
-        return [one.frames for one in self.trials]
 
 
 def refine(
@@ -528,14 +409,3 @@ def _joint_above(model: Model, body: str) -> tuple[str, ...]:
         body = above[body].parent
     joint = above.get(body)
     return () if joint is None or joint.parent == GROUND else joint.coordinates
-
-
-def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:
-    def mean(values: Sequence[float], counts: Sequence[int]) -> float:
-        return float(np.sqrt(np.average(np.square(values), weights=counts)))
-
-    return Errors(
-        mean([one.markers for one in errors], frames),
-        mean([one.force for one in errors], used),
-        mean([one.moment for one in errors], used),
-    )

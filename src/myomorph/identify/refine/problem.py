@@ -1,16 +1,15 @@
-"""The one problem of motion, body and masses: its unknowns, its cost, and its normal equations."""
+"""The one problem of motion, body and masses: its data, its unknowns and what is known before."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
-from myomorph.identify.refine.frame_kernels import difference_frames, predict_frames
-from myomorph.identify.refine.masses import MassPrior, changed, tangents
+from myomorph.identify.refine.frame_kernels import predict_frames
+from myomorph.identify.refine.masses import MassPrior, changed
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.spline import WIDTH, Basis
+from myomorph.identify.refine.spline import Basis
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertia_matrices, inertial_parameters
 from myomorph.model.model import Model
@@ -18,29 +17,9 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.marker_cost import MarkerArrays
-from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import TreeArrays, compile_tree
-
-POSTURE_SD = 0.2
-"""How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]."""
-
-ACCELERATION_SD = 20.0
-"""How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]."""
-
-BOUND_SD = 0.01
-"""How far a coordinate goes beyond its bounds [rad or m]."""
-
-MASS_SD = 1e-4
-"""Of the whole body's mass, of itself: it is known."""
-
-LENGTH_STEP = 1e-5
-
-UNEXPLAINED = 2.0
-"""A frame whose residual is so many times the usual one, after motions alone were refined, loses weight: something
-that no plate measures, as a chair, carries a part of the body there."""
 
 
 @read_only
@@ -201,31 +180,6 @@ class Problem:
         return np.nan_to_num(places - trial.observed), residual
 
 
-@read_only
-@dataclass(frozen=True, eq=False)
-class TrialEquations:
-    """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared unknowns."""
-
-    band: Array
-    right: Array
-    cross: Array
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class Equations:
-    """Normal equations of all unknowns: H step = -g.
-
-    Attributes
-    ----------
-    H, g : of the shared unknowns
-    """
-
-    trials: tuple[TrialEquations, ...]
-    H: Array
-    g: Array
-
-
 def with_masses(tree: TreeArrays, parameters: Array) -> TreeArrays:
     """The tree with inertial parameters (bodies, 10) of its own."""
     mass = parameters[:, 0]
@@ -237,300 +191,6 @@ def with_masses(tree: TreeArrays, parameters: Array) -> TreeArrays:
         mass_center=np.concatenate([np.zeros((1, 3)), center]),
         inertia=np.concatenate([np.zeros((1, 3, 3)), inertia]),
     )
-
-
-def cost(problem: Problem, at: Unknowns) -> float:
-    """Squares in units of standard deviations."""
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    total = _prior_cost(problem, at)
-    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
-        rates = problem.rates(trial, coefficients)
-        errors, residual = problem.predict(tree, locations, trial, rates)
-        weights = _weights(problem, trial)
-        total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
-        total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
-        free = problem.markers.free
-        start = trial.basis.fitted(trial.start[:, free])
-        moved = coefficients - start
-        for nu, weight in ((0, weights.value), (2, weights.acceleration)):
-            total += float(np.sum(weight * trial.basis.at(moved, nu) ** 2))
-        total += float(np.sum(weights.bound * _beyond(problem, rates[0][:, free]) ** 2))
-    return total
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class _Weights:
-    """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
-
-    marker: float
-    share: float
-    value: Array
-    acceleration: Array
-    bound: float
-
-
-def _weights(problem: Problem, trial: TrialData) -> _Weights:
-    options = problem.options
-    step = float(np.median(np.diff(trial.time)))
-    share = min(1.0, step / options.marker_time)
-    unit = problem.markers.unit[problem.markers.free]
-    return _Weights(
-        share / problem.marker_variance,
-        min(1.0, 2.0 * options.cutoff * step),
-        share / (POSTURE_SD * unit) ** 2,
-        share / (ACCELERATION_SD * unit) ** 2,
-        share / BOUND_SD**2,
-    )
-
-
-def _beyond(problem: Problem, values: Array) -> Array:
-    """(frames, free) how far coordinates are beyond their bounds, 0 inside."""
-    low, high = problem.markers.lower, problem.markers.upper
-    return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
-
-
-def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
-    """Columns, rows and misses of what is held likely of the shared unknowns."""
-    lengths, places, masses = problem.columns()
-    options, rows = problem.options, []
-    if problem.body:
-        marker_sd = 0.005 * problem.unit if options.marker_sd is None else options.marker_sd
-        rows.append((lengths, np.eye(len(at.factors)) / options.length_sd, (at.factors - 1.0) / options.length_sd))
-        rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
-    if problem.masses:
-        prior = problem.prior
-        T = tangents(at.parameters[prior.moved])
-        blocks = np.zeros((10 * len(T) + 1, 10 * len(T)))
-        for k, block in enumerate(prior.rows @ T):
-            blocks[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] = block
-        total = MASS_SD * prior.reference[:, 0].sum()
-        blocks[-1] = T[:, 0].ravel() / total
-        miss = (at.parameters[:, 0].sum() - prior.reference[:, 0].sum()) / total
-        rows.append((masses, blocks, np.append(prior.misses(at.parameters).ravel(), miss)))
-    return rows
-
-
-def _prior_cost(problem: Problem, at: Unknowns) -> float:
-    return float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
-
-
-def with_trust(problem: Problem, at: Unknowns) -> Problem:
-    """The problem with the weights of the frames that the residuals at a point ask for, see `UNEXPLAINED`."""
-    tree, locations, trials = problem.arrays(at), problem.placed(at.factors, at.shifts), []
-    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
-        residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
-        sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
-        usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
-        trust = (UNEXPLAINED * usual / np.maximum(sizes, UNEXPLAINED * usual)) ** 2
-        trials.append(replace(trial, trust=trust))
-    return replace(problem, trials=tuple(trials))
-
-
-def linearize(problem: Problem, at: Unknowns) -> Equations:
-    """Normal equations at a point."""
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    p = problem.count
-    H, g = np.zeros((p, p)), np.zeros(p)
-    nearby = _neighbors(problem, at)
-    trials = tuple(
-        _trial_equations(problem, at, trial, coefficients, tree, locations, nearby, H, g)
-        for trial, coefficients in zip(problem.trials, at.motions, strict=True)
-    )
-    for columns, rows, miss in _prior_rows(problem, at):
-        H[columns, columns] += rows.T @ rows
-        g[columns] += rows.T @ miss
-    return Equations(trials, H, g)
-
-
-def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
-    """Trees and marker positions with each length a little longer."""
-    found = []
-    tree = problem.arrays(at)
-    for i in range(len(at.factors) if problem.body else 0):
-        factors = at.factors.copy()
-        factors[i] += LENGTH_STEP
-        pre, post, coefficients = _length_slopes(problem)[i]
-        longer = tree._replace(
-            pre_p=tree.pre_p + LENGTH_STEP * pre,
-            post_p=tree.post_p + LENGTH_STEP * post,
-            functions=tree.functions._replace(coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients),
-        )
-        found.append((longer, problem.placed(factors, at.shifts)))
-    return found
-
-
-@lru_cache(maxsize=4)
-def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
-    """How each length changes the constants of the tree: all but linear, so that once is enough."""
-    given, found = compile_tree(problem.model).arrays, []
-    for i in range(len(problem.lengths)):
-        factors = np.ones(len(problem.lengths))
-        factors[i] += LENGTH_STEP
-        longer = compile_tree(problem.stretched(factors)).arrays
-        pairs = (
-            (longer.pre_p, given.pre_p),
-            (longer.post_p, given.post_p),
-            (longer.functions.coefficients, given.functions.coefficients),
-        )
-        pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
-        found.append((pre, post, coefficients))
-    return found
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class _Slopes:
-    """Derivatives of a trial's frames.
-
-    Attributes
-    ----------
-    rates : (3, frames, 6, free) of the residual in values, rates and accelerations
-    moved : (frames, free, 3 markers) of the markers
-    lengths_of_markers, lengths_of_residual : (frames, 3 markers, lengths), (frames, 6, lengths)
-    turned : (frames, markers, 3, 3) of each marker in its own position
-    masses : (frames, 6, 10 links moved)
-    """
-
-    rates: Array
-    moved: Array
-    lengths_of_markers: Array
-    lengths_of_residual: Array
-    turned: Array
-    masses: Array
-
-
-def slopes(
-    problem: Problem,
-    at: Unknowns,
-    trial: TrialData,
-    rates: tuple[Array, Array, Array],
-    nearby: list[tuple[TreeArrays, Array]],
-) -> _Slopes:
-    """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
-    free, frames, m = problem.markers.free, len(trial.time), len(problem.locations)
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    of_rates, moved = np.empty((3, frames, 6, len(free))), np.empty((frames, len(free), 3 * m))
-
-    def part(start: int, stop: int) -> None:
-        s = slice(start, stop)
-        difference_frames(
-            tree, problem.markers.body, locations, free, *(one[s] for one in rates), trial.measured[s],
-            of_rates[0, s], of_rates[1, s], of_rates[2, s], moved[s],
-        )  # fmt: skip
-
-    over_frames(part, frames)
-    of_rates[:, ~trial.use] = 0.0
-    errors, residual = problem.predict(tree, locations, trial, rates)
-    by_length = np.empty((frames, 3 * m, len(nearby)))
-    residual_by_length = np.empty((frames, 6, len(nearby)))
-    for i, (other, places) in enumerate(nearby):
-        longer, more = problem.predict(other, places, trial, rates)
-        by_length[:, :, i] = (longer - errors).reshape(frames, -1) / LENGTH_STEP
-        residual_by_length[:, :, i] = (more - residual) / LENGTH_STEP
-    turned = np.empty((frames, m, 3, 3))
-    for i in range(3 if problem.body else 0):
-        turned[:, :, :, i] = problem.predict(tree, locations + np.eye(3)[i], trial, rates)[0] - errors
-    by_mass = np.zeros((frames, 6, 0))
-    if problem.masses:
-        by_mass = _by_mass(problem, at, trial, rates)
-    return _Slopes(of_rates, moved, by_length, residual_by_length, turned, by_mass)
-
-
-def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: tuple[Array, Array, Array]) -> Array:
-    moved, model = problem.prior.moved, problem.stretched(at.factors)
-    T = tangents(at.parameters[moved])
-    found = np.zeros((len(trial.time), 6, 10 * len(moved)))
-    motion = Motion(trial.time, problem.model.coordinate_names, *(one.copy() for one in rates))
-    for block in regressor_blocks(model, motion):
-        by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
-        found[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(len(by_link), 6, -1)
-    found[~trial.use] = 0.0
-    return found
-
-
-def _trial_equations(
-    problem: Problem,
-    at: Unknowns,
-    trial: TrialData,
-    coefficients: Array,
-    tree: TreeArrays,
-    locations: Array,
-    nearby: list[tuple[TreeArrays, Array]],
-    H: Array,
-    g: Array,
-) -> TrialEquations:
-    """Normal equations of a trial; what it says of the shared unknowns is added to H, g."""
-    n, p, basis = len(problem.markers.free), problem.count, trial.basis
-    rates = problem.rates(trial, coefficients)
-    errors, residual = problem.predict(tree, locations, trial, rates)
-    of = slopes(problem, at, trial, rates, nearby)
-    weights = _weights(problem, trial)
-    seen = np.isfinite(trial.observed).all(axis=2)
-    marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.markers.weight, 0.0), 3, axis=1))
-    residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
-    misses = marker_root * errors.reshape(len(errors), -1)
-    beyond = _beyond(problem, rates[0][:, problem.markers.free])
-    departed = coefficients - basis.fitted(trial.start[:, problem.markers.free])
-    values, bends = basis.at(departed), basis.at(departed, 2)
-    window = WIDTH * n
-    band, right = np.zeros((window, basis.count * n)), np.zeros(basis.count * n)
-    cross = np.zeros((basis.count * n, p))
-    row, column = np.tril_indices(window)
-    # Markers do not feel masses, which come last.
-    k = problem.columns()[2].start
-    for first in np.unique(basis.first):
-        f = np.flatnonzero(basis.first == first)
-        w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
-        # Residual rows depend on the window through values, rates and accelerations.
-        A = sum(w[:, None, :, None] * of.rates[nu, f][:, :, None, :] for nu, w in enumerate((w0, w1, w2)))
-        A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
-        b = (residual_root[f] * residual[f]).ravel()
-        M = of.moved[f] * marker_root[f, None]
-        shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
-        block = A.T @ A
-        per_frame = np.einsum("fir,fjr->fij", M, M, optimize=True)
-        diagonal = weights.value + weights.bound * (beyond[f] != 0.0)
-        per_frame[:, np.arange(n), np.arange(n)] += diagonal
-        block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(window, window)
-        bend = np.einsum("fa,fb->ab", w2, w2)
-        block += np.kron(bend, np.diag(weights.acceleration))
-        pull = np.einsum("fir,fr->fi", M, misses[f]) + weights.value * values[f] + weights.bound * beyond[f]
-        gradient = np.einsum("fa,fi->ai", w0, pull) + np.einsum("fa,fi->ai", w2, weights.acceleration * bends[f])
-        span = slice(first * n, first * n + window)
-        band[row - column, first * n + column] += block[row, column]
-        right[span] += gradient.ravel() + A.T @ b
-        if p:
-            joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            cross[span, :k] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, k)
-            cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(len(f) * errors[0].size, k)
-            H[:k, :k] += flat.T @ flat
-            H += shared_residual.T @ shared_residual
-            g[:k] += flat.T @ misses[f].ravel()
-            g += shared_residual.T @ b
-    return TrialEquations(band, right, cross)
-
-
-def _shared_rows(
-    problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
-) -> tuple[Array, Array]:
-    """Weighted rows of markers (frames, 3 m, shared but masses) and residuals (6 frames, shared)."""
-    lengths, places, masses = problem.columns()
-    m = len(problem.locations)
-    markers = np.zeros((len(frames), 3 * m, masses.start))
-    residual = np.zeros((len(frames), 6, problem.count))
-    if problem.body:
-        markers[:, :, lengths] = of.lengths_of_markers[frames]
-        own = markers[:, :, places].reshape(len(frames), m, 3, m, 3)
-        own[:, np.arange(m), :, np.arange(m)] = np.swapaxes(of.turned[frames], 0, 1)
-        markers[:, :, places] = own.reshape(len(frames), 3 * m, 3 * m)
-        residual[:, :, lengths] = of.lengths_of_residual[frames]
-    if problem.masses:
-        residual[:, :, masses] = of.masses[frames]
-    markers *= marker_root[frames][:, :, None]
-    residual *= residual_root[frames][:, :, None]
-    return markers, residual.reshape(6 * len(frames), problem.count)
 
 
 def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Array) -> Unknowns:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from myomorph.identify.refine.problem import Equations, Problem, Unknowns, cost, linearize, moved, with_trust
+from myomorph.identify.refine.equations import Equations, cost, linearize, with_trust
+from myomorph.identify.refine.problem import Problem, Unknowns, moved
 from myomorph.model.arrays import Array, read_only
 
 LEAST_GAIN = 1e-3

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from myomorph import __version__
-from myomorph.identify.refine.fit import Errors, Refinement, SubjectTrial, refine
+from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.options import RefineOptions
+from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters

@@ -1,0 +1,146 @@
+"""What refining takes of a recording, and what it gives: body, motion and masses, held against the model before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.ik import InverseKinematicsOptions
+
+MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectTrial:
+    """One recording of a subject.
+
+    Attributes
+    ----------
+    wrenches : external forces as recorded, each with its body
+    tracking : options of its inverse kinematics; weights of markers count here too
+    """
+
+    name: str
+    markers: Markers
+    wrenches: Wrenches
+    tracking: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean squares of a motion on a model.
+
+    Attributes
+    ----------
+    markers : distance of the markers [m]
+    force, moment : of the root's residual vector [N], [N m]; the moment is about the base's origin
+    """
+
+    markers: float
+    force: float
+    moment: float
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedTrial:
+    """A motion before and after.
+
+    Attributes
+    ----------
+    motion : refined, with derivatives that belong to it
+    before : of inverse kinematics, low-pass filtered, on the model as given at the subject's mass
+    after : of the refined motion on the refined model
+    used : frames in which the plates carry all, of all
+    """
+
+    name: str
+    motion: Motion
+    before: Errors
+    after: Errors
+    used: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A recording, or a part of one, predicted by the body and masses refined on the others: plain inverse kinematics.
+
+    Attributes
+    ----------
+    given, refined : errors of the model as given, and of the refined one
+    """
+
+    name: str
+    given: Errors
+    refined: Errors
+
+    @property
+    def ratio(self) -> float:
+        """Refined to given: root mean square of the ratios of force and moment."""
+        ratios = (self.refined.force / self.given.force, self.refined.moment / self.given.moment)
+        return float(np.sqrt(np.mean(np.square(ratios))))
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A subject's model and motions that agree with markers and plates.
+
+    Attributes
+    ----------
+    model : stretched, markers placed, with its masses
+    given : model it began with, at the subject's mass
+    trials : by name
+    factors : (lengths,) of the given model's, and their standard deviations
+    lengths : names of the lengths
+    parameters : (bodies, 10) inertial
+    mass_sd : (bodies,) standard deviation of the masses [kg]
+    predictions : of what was left out, empty where not asked for
+    kept : whether the given body and masses were kept because they predict better
+    converged : whether the last step was small
+    notes : what looks wrong, one line each
+    """
+
+    model: Model
+    given: Model
+    trials: tuple[RefinedTrial, ...]
+    lengths: tuple[str, ...]
+    factors: Array
+    factors_sd: Array
+    parameters: Array
+    mass_sd: Array
+    predictions: tuple[Prediction, ...]
+    kept: bool
+    converged: bool
+    notes: tuple[str, ...]
+
+    @property
+    def before(self) -> Errors:
+        """Of all trials together."""
+        return _together([one.before for one in self.trials], [one.used for one in self.trials], self._frames)
+
+    @property
+    def after(self) -> Errors:
+        """Of all trials together."""
+        return _together([one.after for one in self.trials], [one.used for one in self.trials], self._frames)
+
+    @property
+    def _frames(self) -> list[int]:
+        return [one.frames for one in self.trials]
+
+
+def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:
+    def mean(values: Sequence[float], counts: Sequence[int]) -> float:
+        return float(np.sqrt(np.average(np.square(values), weights=counts)))
+
+    return Errors(
+        mean([one.markers for one in errors], frames),
+        mean([one.force for one in errors], used),
+        mean([one.moment for one in errors], used),
+    )
