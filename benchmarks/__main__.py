@@ -31,6 +31,7 @@ COMPARISONS = {
         "results in a page: from the command to the first pose, frames a second of playback",
     ),
     "rates": ("benchmarks.speed.rates", "what steps of a study take by the size of the model: the table of a dry run"),
+    "draws": ("benchmarks.speed.draws", "limits of results: 200 draws of a 10 s walk beside the walk alone"),
     "dry_run": ("benchmarks.speed.dry_run", "what a dry run expects beside what ten studies take; --first"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "results": ("benchmarks.speed.results", "writing the file of a trial, beside h5netcdf"),

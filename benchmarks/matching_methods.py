@@ -17,9 +17,9 @@ from scipy.interpolate import RBFInterpolator
 
 from benchmarks.leg_shapes import leg_shapes
 from myomorph.model.surface import Surface
-from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.registration.nonrigid import vertex_normals
-from myomorph.morph.registration.smooth import Drift, MatchOptions, fit_smoothly, onto, spread_points
+from myomorph.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Shape
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "morph")]
@@ -76,9 +76,8 @@ def ways() -> dict[str, Way]:
     return {
         "similarity alone": lambda ours, goal, start: start.apply,
         "smooth displacement, point to plane": lambda ours, goal, start: (
-            fit_smoothly(ours, goal, start.apply, None, options).apply
+            fit_smoothly(ours, goal, AffineMap.from_similarity(start), None, options).apply
         ),
-        "rustcpd, coherent point drift": lambda ours, goal, start: Drift(ours, goal, start, None, options).apply,
         "trimesh nricp_amberg": lambda ours, goal, start: _trimesh("nricp_amberg", ours, goal, start),
         "trimesh nricp_sumner": lambda ours, goal, start: _trimesh("nricp_sumner", ours, goal, start),
     }

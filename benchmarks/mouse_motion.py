@@ -37,6 +37,7 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.species.masses import with_segment_shares
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate
@@ -48,6 +49,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.morph_masses import with_envelope_masses
+from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
@@ -360,6 +362,10 @@ def part_masses(folder: Path) -> dict[str, dict[str, float]]:
         "envelope": with_envelope_masses(model, bones, model.mass)[0],
         "envelope with a belly": with_envelope_masses(model, bones, model.mass, together=(trunk,))[0],
     }
+    shares = read_species("human-mouse").masses
+    made["envelope with a belly, segments by the species' table"] = with_segment_shares(
+        made["envelope with a belly"], shares
+    )[0]
     return {
         name: {
             part: sum(body.mass for body in one.bodies if re.search(pattern, body.name.removesuffix("_interim_0")))

@@ -35,7 +35,13 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
 RANKING = {"argmax", "argmin", "argsort", "nanargmax", "nanargmin", "sign", "isfinite", "isnan"}
-EQUAL = {("src/myomorph/contact/carried.py", "@ x[8:12]"): "x has 11 entries"}
+EQUAL = {
+    ("src/myomorph/contact/carried.py", "@ x[8:12]"): "x has 11 entries",
+    ("src/myomorph/identify/body/center_fit.py", "np.round((1.02 * (turn / (0.5 * np.pi))))"): (
+        "near a quarter turn, where it is used, both round alike"
+    ),
+    ("src/myomorph/muscles/ellipsoid.py", "(1.02 * (v * v)) / b2 >= 1.0:"): "Newton comes to the same root from both",
+}
 """Mutants that compute the same, by file and end of the changed line: why. They are counted apart."""
 KERNELS = {"kernel", "inner", "in_place"}
 MARKS = ("<!-- mutants -->", "<!-- end of mutants -->")
@@ -114,6 +120,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--under", default="", help="only files whose path holds this text")
     parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines instead")
+    parser.add_argument(
+        "--kept",
+        action="store_true",
+        help="those of the folder's results whose line still stands, whatever is drawn now",
+    )
     parser.add_argument("--again", action="store_true", help="run only those that have survived, once more")
     parser.add_argument("--long", action="store_true", help="run tests marked long too")
     parser.add_argument(
@@ -133,6 +144,7 @@ def run(
     seed: int = 0,
     under: str = "",
     at: list[str] | None = None,
+    kept: bool = False,
     again: bool = False,
     long: bool = False,
     budget: float = 30.0,
@@ -143,7 +155,9 @@ def run(
 ) -> list[dict[str, object]]:
     """One row a room, then one row a survivor."""
     rooms = rooms or list(ROOMS)
-    wanted = places(at) if at else sample(rooms, count, seed, under)
+    if kept and work is None:
+        raise SystemExit("--kept takes the results of an earlier run: name its folder with --work")
+    wanted = places(at) if at else standing(work) if kept and work else sample(rooms, count, seed, under)
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(work or Path(folder), times=_seconds(times) if times else None)
         outcomes = _tried(copy, wanted, again, long, budget, until)
@@ -151,7 +165,7 @@ def run(
     if failing:
         raise SystemExit(f"fail without a mutant: {', '.join(failing)}")
     if table:
-        write_table(table, outcomes, wanted, seed, budget)
+        write_table(table, outcomes, wanted, "drawn earlier" if kept else f"seed {seed}", budget)
     rows: list[dict[str, object]] = []
     for room in dict.fromkeys(room for room, _, _ in wanted):
         own = [one for one in outcomes if one.room == room]
@@ -179,8 +193,7 @@ def _tried(
 ) -> list[Outcome]:
     """What became of the mutants, kept in `outcomes.jsonl`; those with an outcome do not run again."""
     store = copy.folder / "outcomes.jsonl"
-    rows = [json.loads(line) for line in store.read_text("utf-8").splitlines()] if store.exists() else []
-    known = {(one["file"], one["change"]): Outcome(**one) for one in rows}
+    known = {(one.file, one.change): one for one in recorded(copy.folder)}
     outcomes = []
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:
@@ -204,12 +217,12 @@ def _tried(
 
 
 def write_table(
-    page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], seed: int, budget: float
+    page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], origin: str, budget: float
 ) -> None:
-    """Results between the two marks of a page."""
+    """Results between the two marks of a page; `origin` says where the mutants come from."""
     counted, left = [one for one in outcomes if not one.equal], len(wanted) - len(outcomes)
     killed = sum(bool(one.by) for one in counted)
-    run_of = f"seed {seed}, {len(outcomes)} of {len(wanted)} run" if left else f"seed {seed}"
+    run_of = f"{origin}, {len(outcomes)} of {len(wanted)} run" if left else origin
     lines = [
         f"{killed} of {len(counted)} mutants killed ({run_of}, {budget:g} s of tests each).",
         "",
@@ -257,6 +270,24 @@ def in_kernel(text: str, line: int) -> bool:
             if not KERNELS.isdisjoint(named):
                 return True
     return False
+
+
+def recorded(folder: Path) -> list[Outcome]:
+    """The results in a folder, in the order of their runs."""
+    store = folder / "outcomes.jsonl"
+    lines = store.read_text("utf-8").splitlines() if store.exists() else []
+    return [Outcome(**json.loads(line)) for line in lines]
+
+
+def standing(folder: Path) -> list[tuple[str, Path, Mutation]]:
+    """Mutants of a folder's results whose line the source still has: a sample changes with every line of a room."""
+    found = []
+    for file, change, room in dict.fromkeys((one.file, one.change, one.room) for one in recorded(folder)):
+        text = (ROOT / file).read_text("utf-8") if (ROOT / file).exists() else ""
+        before = change.partition("  ->  ")[0]
+        if any(line.strip() == before for line in text.splitlines()):
+            found += [(room, Path(file), one) for one in mutations(text) if one.described(text) == change][:1]
+    return found
 
 
 def places(at: list[str]) -> list[tuple[str, Path, Mutation]]:

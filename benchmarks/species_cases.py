@@ -20,10 +20,11 @@ from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
-from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.morph.species.architecture import architectures
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
-from myomorph.morph.species.maps import SpeciesBones, coordinate_table, species_bones
+from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
@@ -79,7 +80,8 @@ def mouse(data: Path) -> Bodies:
 def scaling_table(table: SpeciesTable) -> SpeciesTable:
     """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
     box = (LandmarkRule("extent", "box"),)
-    return replace(table, bones=tuple(replace(one, landmarks=box, match="landmarks") for one in table.bones))
+    bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
+    return replace(table, bones=bones, attachments=())
 
 
 METHODS: Mapping[str, tuple[MapKind, str]] = {
@@ -122,7 +124,36 @@ def from_man(data: Path, method: str) -> Morph:
         found.bones if kind == "ssd" else bones,
         coordinates=coordinate_table(table, found.source, target),
         postures=(table.posture, table.target_posture),
+        architecture=sized_architecture(man(data), mouse(data)),
     )
+
+
+def sized_architecture(
+    source: Bodies,
+    target: Bodies,
+    leave_out: tuple[str, ...] = (),
+    only: str = "",
+    bones: Mapping[str, BoneMap] | None = None,
+) -> Mapping[str, Architecture]:
+    """Fibers and forces of the man's muscles in the mouse by the tables of `human-mouse`.
+
+    Parameters
+    ----------
+    leave_out : muscles of the first table, by the anatomist's names, that it shall not have
+    only : a species, whose tables alone are taken
+    bones : maps; muscles on bodies that have none are left out
+    """
+    table = read_species("human-mouse")
+    given = [one for one in table.architecture if not only or one.species == only]
+    if leave_out:
+        given[0] = replace(given[0], rows=tuple(one for one in given[0].rows if one.name not in leave_out))
+    sizes = [size_over(one, table, target.model, target.surfaces) for one in given]
+    muscles = [
+        one.name
+        for one in source.model.muscles
+        if one.name.endswith("_r") and (bones is None or all(point.body in bones for point in one.path.points))
+    ]
+    return architectures(source.model, given, sizes, muscles)
 
 
 class Alignment:

@@ -8,6 +8,7 @@ import numpy as np
 
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Loop, Marker, Model
+from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
@@ -138,3 +139,12 @@ def pinocchio_rates(model, coordinates, velocities, accelerations):
             rows = 6 if loop.kind == "WeldConstraint" else 3
             one, two = (rate(theirs, data, end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector[:rows] for end in frames)
             yield one, two
+
+
+def markers_of(model, values, noise=0.0, seed=0):
+    """What cameras see of a model's markers at coordinates (frames, coordinates), 100 frames a second."""
+    tree = compile_tree(model)
+    bodies = np.array([tree.body_index[one.body] for one in model.markers])
+    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in model.markers]))
+    places = places + np.random.default_rng(seed).normal(scale=noise, size=places.shape)
+    return Markers(np.arange(len(values)) * 0.01, model.marker_names, places)

@@ -1,5 +1,7 @@
 """The mutation run: what it changes in a source text, what it leaves, and which tests it runs first."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -104,7 +106,7 @@ def test_the_table_names_survivors_and_says_what_was_not_run(tmp_path, monkeypat
     ]
     monkeypatch.setattr(mutants, "EQUAL", {("src/myomorph/rigid/a.py", "a + 0"): "0 is nothing"})
     told.append(mutants.Outcome("rigid", "src/myomorph/rigid/a.py", 3, "sign", "a - 0  ->  a + 0", "", 1.0))
-    mutants.write_table(page, told, wanted, 0, 15.0)
+    mutants.write_table(page, told, wanted, "seed 0", 15.0)
     text = page.read_text("utf-8")
     assert text.startswith("before\n\n<!-- mutants -->\n")
     assert text.endswith("\n<!-- end of mutants -->\nafter\n")
@@ -113,6 +115,25 @@ def test_the_table_names_survivors_and_says_what_was_not_run(tmp_path, monkeypat
     assert "| `rigid/a.py:2` | sign | `a \\| b  ->  a & b` |  |" in text
     assert "| `rigid/a.py:3` | sign | `a - 0  ->  a + 0` | computes the same: 0 is nothing |" in text
     assert "old" not in text
+
+
+def test_of_earlier_results_those_stand_whose_line_does(tmp_path, monkeypatch):
+    source = tmp_path / "src" / "a.py"
+    source.parent.mkdir()
+    source.write_text("def f(a):\n    b = a + 1\n    return b * 2\n", "utf-8")
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    told = [
+        mutants.Outcome("rigid", file, 7, "sign", change, "", 1.0)
+        for file, change in (
+            ("src/a.py", "b = a + 1  ->  b = a - 1"),
+            ("src/a.py", "b = a + 2  ->  b = a - 2"),
+            ("src/gone.py", "b = a + 1  ->  b = a - 1"),
+            ("src/a.py", "b = a + 1  ->  b = a - 1"),
+        )
+    ]
+    (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(asdict(one)) + "\n" for one in told), "utf-8")
+    ((room, path, one),) = mutants.standing(tmp_path)
+    assert (room, path, one.line, one.new) == ("rigid", Path("src/a.py"), 2, "-")
 
 
 @pytest.fixture

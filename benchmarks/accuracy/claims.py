@@ -186,14 +186,14 @@ def _of_known_truths() -> tuple[Claim, ...]:
         Claim(
             "Limits of 90 %: joint torques of simulated persons inside [%]",
             "uncertainty_assumed",
-            _span("torques"),
+            _span("torques, widened"),
             "87 to 93",
             "simulated recordings",
         ),
         Claim(
             "The same with errors that the limits do not assume [%]",
             "uncertainty_other",
-            _span("torques"),
+            _span("torques, widened"),
             "80 to 95",
             "simulated recordings",
         ),

@@ -304,10 +304,30 @@ def one_plate(one: Recorded) -> Recorded | None:
     return _with(one, names=("plate",), bodies=("",), forces=force, points=point, torques=torque)
 
 
+def mirrored_plate(one: Recorded) -> Recorded | None:
+    """Each plate mirrored about its own middle along the axis in which the body walks; None where it does not walk."""
+    wrenches = one.wrenches
+    points = np.array(wrenches.points)
+    loaded = np.linalg.norm(wrenches.forces, axis=2) > 0.1 * one.model.weight
+    on_belt = max(
+        float(np.nanpercentile(points[on, k, 0], 95) - np.nanpercentile(points[on, k, 0], 5)) if on.any() else 0.0
+        for k, on in enumerate(loaded.T)
+    )
+    if np.ptp(one.motion["pelvis_tx"]) < 0.5 and on_belt < 0.3:
+        return None
+    for k in range(len(wrenches.names)):
+        if loaded[:, k].any():
+            own = points[loaded[:, k], k, 0]
+            # Feet are put down where the middle of the plate is, so that no distance tells it.
+            points[:, k, 0] = np.nanmin(own) + np.nanmax(own) - points[:, k, 0]
+    return _with(one, points=points)
+
+
 FORCE_FAULTS = (
     Fault("feet exchanged", ("wrong foot",), wrong_foot),
     Fault("all forces on one foot", ("wrong foot",), one_foot),
     Fault("axis to the side mirrored", ("mirrored axis",), mirrored),
+    Fault("plate mirrored about its own middle", ("mirrored plate",), mirrored_plate),
     Fault("axes of forces turned by 90 degrees", ("walking direction",), turned),
     Fault("mm for m", ("mm for m",), millimetres),
     Fault("moments about the ground's origin", ("moments about another origin",), about_the_origin),

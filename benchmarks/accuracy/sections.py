@@ -39,6 +39,7 @@ from benchmarks.accuracy import (
     masspoints,
     models,
     mouse,
+    mouse_morphed,
     muscles,
     pair,
     passive,
@@ -60,8 +61,21 @@ from benchmarks.accuracy import (
     tension_defaults,
     transfer,
     uncertainty,
+    unseen_faults,
+    vendors,
 )
-from benchmarks.accuracy.morph import articular, demo, laws, masses, mirror, real_bones, shapes, species, species_arm
+from benchmarks.accuracy.morph import (
+    articular,
+    correspondence,
+    demo,
+    laws,
+    masses,
+    mirror,
+    real_bones,
+    shapes,
+    species,
+    species_arm,
+)
 from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
 
@@ -156,7 +170,7 @@ def _raw_recordings(folder: Path) -> Page:
         "raw-recordings",
         "From raw recordings to a report",
         "One command on recordings of many laboratories, beside each one's own joint moments.",
-        {"analyze": lambda: analyze.measure(folder)},
+        {"analyze": lambda: analyze.measure(folder), "vendors": lambda: vendors.measure(folder)},
     )
 
 
@@ -222,6 +236,8 @@ def _uncertainty(folder: Path) -> Page:
         {
             "uncertainty_assumed": lambda: uncertainty.measure_assumed(folder),
             "uncertainty_other": lambda: uncertainty.measure_other(folder),
+            "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
+            "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
@@ -307,6 +323,8 @@ def _faults(folder: Path) -> Page:
             "force_faults": lambda: faults.injected_force_faults(folder),
             "force_faults_clean": lambda: faults.clean_forces(folder),
             "force_faults_mended": lambda: faults.mended_torques(folder),
+            "force_faults_unseen": lambda: unseen_faults.injected_unseen(folder),
+            "force_faults_unseen_clean": lambda: unseen_faults.clean_unseen(folder),
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
@@ -426,6 +444,10 @@ def _bone_maps(folder: Path) -> Page:
             "articular_centers": lambda: articular.measure_centers(folder),
             "articular_persons": articular.measure_persons,
             "landmarks_found": articular.measure_landmarks,
+            "correspondence_affine": lambda: correspondence.measure("affine", range(20, 23)),
+            "correspondence_smooth": lambda: correspondence.measure("smooth"),
+            "correspondence_landmarks": lambda: correspondence.measure("landmarks", range(20, 25)),
+            "correspondence_persons": correspondence.measure_persons,
             "morph_laws": lambda: laws.measure(folder),
             "morph_shapes": shapes.measure,
             "morph_shapes_bones": shapes.measure_bones,
@@ -462,6 +484,10 @@ def _species(folder: Path) -> Page:
             "species_muscles": lambda: species.measure_muscles(folder),
             "species_arms": lambda: species.measure_arms(folder),
             "species_alignment": lambda: species.measure_alignment(folder),
+            "species_architecture": lambda: mouse_morphed.measure_architecture(folder),
+            "species_toes": lambda: mouse_morphed.measure_toes(folder),
+            "species_follows": lambda: mouse_morphed.measure_follows(folder),
+            "species_tension": lambda: mouse_morphed.measure_tension(folder),
             "species_arm": lambda: species_arm.measure(folder),
         },
     )

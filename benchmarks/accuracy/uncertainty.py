@@ -7,10 +7,12 @@ sizes; then a study is run as a user would run it, and its limits are held again
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +38,17 @@ from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.spread import LEVEL
+from myomorph.uncertainty.widening import FACTORS
 
 Row = dict[str, object]
 
 HOME = "opencap-subject4-multitask"
 MOTIONS = {"walking1": (0.2, 1.2), "STS1": (0.6, 1.8), "DJ1": (0.8, 1.8)}
 """Recordings and the part of each that is used [s]."""
+FOUND_ON, HELD_OUT = ("walking1", "DJ1"), "STS1"
+"""Motions on which factors of limits are found, and the one that they are held against."""
+TITLES = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
 PEOPLE, DRAWS = 4, 60
 SEED = 7
 """Of the truths; the limits are drawn with another one."""
@@ -59,6 +66,7 @@ flat = true
 [uncertainty]
 draws = {draws}
 contributions = 0
+widened = false
 [options.tension]
 reactions = "child"
 [[subject]]
@@ -79,35 +87,63 @@ class Truth:
 
 def measure_assumed(folder: Path) -> Iterator[Row]:
     """Share of values inside their limits, with errors as assumed."""
-    yield from _simulated(folder, Sources())
+    yield from _shares(_simulated(folder, Sources()))
 
 
 def measure_other(folder: Path) -> Iterator[Row]:
     """The same with errors that the limits do not assume."""
-    yield from _simulated(folder, OTHER)
+    yield from _shares(_simulated(folder, OTHER))
 
 
-def _simulated(folder: Path, errors: Sources) -> Iterator[Row]:
-    inside: dict[str, list[float]] = {}
+def measure_factors(folder: Path) -> Iterator[Row]:
+    """By how much limits have to be widened, found on some motions and held against another."""
+    kinds = {"errors as assumed": _simulated(folder, Sources()), "other errors": _simulated(folder, OTHER)}
+    for table, title in TITLES.items():
+        row: Row = {"limits of": title}
+        for name, apart in kinds.items():
+            row[f"factor, {name}"] = _factor([apart[motion][table] for motion in FOUND_ON])
+        row["factor, both"] = _factor([apart[motion][table] for apart in kinds.values() for motion in FOUND_ON])
+        row["factor of the package"] = FACTORS[table]
+        for name, apart in kinds.items():
+            row[f"{HELD_OUT}, {name}: inside as drawn [%]"] = _inside(apart[HELD_OUT][table], 1.0)
+            row[f"{HELD_OUT}, {name}: inside [%]"] = _inside(apart[HELD_OUT][table], FACTORS[table])
+        yield row
+
+
+@lru_cache(maxsize=2)
+def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array, ...]]]:
+    """By motion and table, how far from the middle of its limits the truth lies, in half widths; of each person."""
+    found: dict[str, dict[str, tuple[Array, ...]]] = {}
     for motion, span in MOTIONS.items():
-        row: dict[str, list[float]] = {}
-        for person in range(PEOPLE):
-            for table, share in _held(folder, motion, span, errors, person).items():
-                row.setdefault(table, []).append(share)
-                inside.setdefault(table, []).append(share)
-        yield _row(motion, row)
-    yield _row("all", inside)
+        people = [_apart(folder, motion, span, errors, person) for person in range(PEOPLE)]
+        found[motion] = {table: tuple(one[table] for one in people) for table in TITLES}
+    return found
 
 
-def _row(name: str, shares: dict[str, list[float]]) -> Row:
-    titles = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
-    return {"inside the limits of 90 % [%]": name} | {
-        title: 100.0 * float(np.mean(shares[table])) for table, title in titles.items()
-    }
+def _shares(apart: dict[str, dict[str, tuple[Array, ...]]]) -> Iterator[Row]:
+    everything = {table: tuple(one for motion in apart.values() for one in motion[table]) for table in TITLES}
+    for name, tables in {**apart, "all": everything}.items():
+        row: Row = {"inside the limits of 90 % [%]": name}
+        for table, title in TITLES.items():
+            row |= {title: _inside(tables[table], 1.0), f"{title}, widened": _inside(tables[table], FACTORS[table])}
+        yield row
 
 
-def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, float]:
-    """By table, the share of values of a simulated recording that lie inside the limits of the study made of it."""
+def _inside(people: tuple[Array, ...], factor: float) -> float:
+    """Share of values inside limits that are widened [%], every person alike."""
+    return 100.0 * float(np.mean([(one <= factor).mean() for one in people]))
+
+
+def _factor(groups: list[tuple[Array, ...]]) -> float:
+    """The least factor by which limits hold 90 % of the values."""
+    return max(1.0, float(np.quantile(np.concatenate([one for people in groups for one in people]), LEVEL)))
+
+
+def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, Array]:
+    """By table, how far the truth of a simulated recording lies from the middle of the limits of the study made of it.
+
+    In half widths, so that limits hold what is at most 1.
+    """
     path = folder / HOME / "models" / "manually_scaled.osim"
     model, moved, wrenches = _recorded(folder, motion, span)
     draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), SEED))
@@ -121,7 +157,7 @@ def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources,
         command("run", here / "study.toml", "--out", here / "out")
         found = read_result(next((here / "out").rglob("motion.nc")))
     strengths = {one.name: one.max_isometric_force for one in model.muscles}
-    shares = {}
+    apart = {}
     for table, (names, values) in truth.tables.items():
         dimension = {"coordinates": "coordinate", "torques": "coordinate", "forces": "muscle"}.get(table)
         columns = found.names[dimension or f"{table}_column"]
@@ -132,8 +168,9 @@ def _held(folder: Path, motion: str, span: tuple[float, float], errors: Sources,
         counted = (high - low) > 1e-9
         if table == "forces":
             counted = np.maximum(values, high) > NEGLIGIBLE * np.array([strengths[name] for name in names])
-        shares[table] = float(((values >= low) & (values <= high))[counted].mean())
-    return shares
+        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-12)
+        apart[table] = (np.abs(values - middle) / half)[counted]
+    return apart
 
 
 def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[Model, Motion, Wrenches]:
@@ -187,25 +224,69 @@ def _truth(model: Model, body: Model, motion: Motion, wrenches: Wrenches, draw: 
 
 def measure_knee(folder: Path) -> Iterator[Row]:
     """Share of the samples of both strides at which the measured force of the knee lies inside its limits."""
+    factor = FACTORS["joint_contact_forces"]
     for stride in STRIDES:
         here = folder / STUDY
         with tempfile.TemporaryDirectory() as work:
-            out = Path(work) / "out"
+            out, sizes = Path(work) / "out", Path(work) / "sizes.toml"
+            sizes.write_text("contributions = 0\nwidened = false\n", encoding="utf-8")
             files = ("--model", here / MODEL, "--motion", here / f"{stride}_ik.mot")
-            points = ("--contact-points", "auto", "--draws", 200)
+            points = ("--contact-points", "auto", "--draws", 200, "--uncertainty", sizes)
             command("tension", *files, "--loads", here / f"{stride}_grf.xml", *points, "--out", out)
             tables = [left_knee(read_sto(out / f"joint_contact_forces{end}.sto")) for end in ("_low", "", "_high")]
         truth, clock = measured(folder, stride)
-        low, middle, high = (at_times(one, clock) for one in tables)
+        low, found, high = (at_times(one, clock) for one in tables)
+        apart = np.abs(truth - 0.5 * (low + high)) / np.maximum(0.5 * (high - low), 1e-9)
         row: Row = {"stride": stride}
         for k, part in enumerate(PARTS):
-            error = np.quantile(middle[:, k] - truth[:, k], [0.05, 0.95])
+            error = np.quantile(found[:, k] - truth[:, k], [0.05, 0.95])
             row |= {
-                f"{part}, inside [%]": 100.0 * float(((truth >= low) & (truth <= high))[:, k].mean()),
-                f"{part}, width [BW]": float((high - low)[:, k].mean()) / BODY_WEIGHT,
+                f"{part}, inside as drawn [%]": 100.0 * float((apart[:, k] <= 1.0).mean()),
+                f"{part}, inside [%]": 100.0 * float((apart[:, k] <= factor).mean()),
+                f"{part}, width [BW]": factor * float((high - low)[:, k].mean()) / BODY_WEIGHT,
                 f"{part}, 90 % of the error [BW]": float(error[1] - error[0]) / BODY_WEIGHT,
             }
         yield row
+
+
+def measure_linear(folder: Path) -> Iterator[Row]:
+    """Standard deviations of the linear way over those sampled, of three recordings."""
+    home = folder / HOME
+    for motion, span in MOTIONS.items():
+        deviations: list[dict[tuple[str, str], float]] = []
+        for method in ("sampled", "linear"):
+            with tempfile.TemporaryDirectory() as work:
+                out, sizes = Path(work) / "out", Path(work) / "sizes.toml"
+                sizes.write_text("contributions = 0\n", encoding="utf-8")
+                files = ("--model", home / "models" / "manually_scaled.osim")
+                files += ("--motion", home / "ik_manual_scaling" / f"{motion}_ik.mot")
+                files += ("--loads", home / "grf" / f"{motion}_external_forces.xml", "--time", *span)
+                drawn = ("--draws", DRAWS, "--method", method, "--uncertainty", sizes)
+                command("tension", *files, "--cutoff", CUTOFF, "--reactions", "child", *drawn, "--out", out)
+                with (out / "uncertainty.csv").open(encoding="utf-8") as stream:
+                    rows = list(csv.DictReader(stream))
+            deviations.append({(one["table"], one["column"]): float(one["sd"]) for one in rows})
+        for table, title in TITLES.items():
+            yield {"motion": motion, "limits of": title, **_ratios(table, *deviations)}
+
+
+def _ratios(
+    table: str, sampled: dict[tuple[str, str], float], linear: dict[tuple[str, str], float]
+) -> dict[str, object]:
+    """How the standard deviations of a table's columns compare, of those that are not nearly 0."""
+    names = [name for name in sampled if name[0] == table and (table != "joint_reactions" or name[1].endswith("_f"))]
+    largest = max(sampled[name] for name in names)
+    ratios = {one[1]: linear[one] / sampled[one] for one in names if sampled[one] > 0.01 * largest}
+    values = np.array(list(ratios.values()))
+    worst = max(ratios, key=lambda name: abs(np.log(max(ratios[name], 1e-6))))
+    return {
+        "columns": len(values),
+        "mean ratio": float(values.mean()),
+        "within 10 % [%]": 100.0 * float((np.abs(values - 1.0) <= 0.1).mean()),
+        "within 20 % [%]": 100.0 * float((np.abs(values - 1.0) <= 0.2).mean()),
+        "furthest": worst,
+        "its ratio": ratios[worst],
+    }
 
 
 def command(*words: object) -> None:

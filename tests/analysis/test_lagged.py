@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.signal import butter, lfilter
 
 from myomorph.analysis.lagged import LagOptions, correlate, lock
@@ -48,6 +49,16 @@ def test_slow_signals_are_not_called_related_by_chance(cutoff: float, lag: float
     found = [correlate(series(noise(random, 4, cutoff)), series(noise(random, 6, cutoff)), options) for _ in range(60)]
     assert 0.01 < np.mean([one.chance < 0.05 for one in found]) < 0.085
     assert np.mean([one.related.any() for one in found]) < 0.2
+
+
+def test_the_best_of_many_lags_has_so_many_tries() -> None:
+    """Student's t at one lag, and 1 + 4 d lag / duration tries of it."""
+    random, lag = np.random.default_rng(5), 0.3
+    found = correlate(series(noise(random, 4, 3.0)), series(noise(random, 3, 3.0)), LagOptions(lag=lag))
+    r, d = found.values, found.freedom
+    single = 2.0 * stats.t.sf(np.abs(r) * np.sqrt((d - 1.0) / (1.0 - r**2)), d - 1.0)
+    tries = np.log1p(-found.chance) / np.log1p(-single)
+    np.testing.assert_allclose(tries, 1.0 + 4.0 * d * lag / (TIME[-1] - TIME[0]), rtol=0.005)
 
 
 def test_plain_correlation_would_call_them_related() -> None:

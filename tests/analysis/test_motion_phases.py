@@ -32,6 +32,9 @@ def test_phases_of_one_stage_are_measured_one_by_one() -> None:
     cutting = cut(Cuttable(SPAN, TIME, (), ("right foot",), touching), ("contacts",))
     assert cutting.by == "contacts"
     assert [one.name for one in cutting.stages] == ["right foot", "no contact"]
+    # Names alone tell no contacts, nor do contacts that never come.
+    for none in (None, np.zeros_like(touching)):
+        assert cut(Cuttable(SPAN, TIME, (), ("right foot",), none), ("contacts",)).stages == ()
     forward = Series(TIME, ("y", "x", "z"), np.stack([0 * TIME, 1.5 * TIME, 0 * TIME], axis=1))
     found = measure(cutting.stages[0], forward, None, TIME, touching)
     assert found.range[1] == pytest.approx(1.5, rel=0.03)

@@ -137,3 +137,13 @@ def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
     forces[:, 0, 1] = force
     wrenches = Wrenches(time, ("plate",), ("",), forces, np.zeros_like(forces), np.zeros_like(forces))
     assert find_movement(wrenches, UP, 700.0).kind != "jump"
+
+
+@pytest.mark.parametrize("begin", [0.0, -3.0, 100.0])
+def test_contacts_last_as_long_as_they_must_whenever_the_clock_begins(begin: float) -> None:
+    """Of 50 N for 0.05, 0.07 and 0.2 s, with a gap of 0.04 s in the last: two last 0.06 s or more."""
+    time = np.arange(0.0, 1.0, 0.001)
+    spans = ((0.1, 0.15), (0.3, 0.37), (0.6, 0.68), (0.72, 0.8))
+    force = sum(np.where((time >= start) & (time < stop), 50.0, 0.0) for start, stop in spans)
+    found = contacts(begin + time, force, 10.0, 0.06)
+    np.testing.assert_allclose(time[np.array(found)], [[0.3, 0.37], [0.6, 0.8]], atol=0.006)

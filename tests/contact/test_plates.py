@@ -212,6 +212,17 @@ def test_an_idle_reading_is_told_and_tared_on_demand(data):
         assert np.ptp(before.forces - after.forces, axis=0).max() < 1e-9
 
 
+@pytest.mark.parametrize(("idle", "named"), [(11, True), (8, False)])
+def test_an_idle_reading_needs_more_than_ten_samples(idle, named):
+    """A plate on which somebody stands all along shows its rest in hardly a sample."""
+    push = np.full(2000, -700.0)
+    push[:idle] = -15.0
+    recording = replace(a_plate(2)[0], channels=np.column_stack((np.zeros((2000, 2)), push, np.zeros((2000, 3)))))
+    found = force_plates(Trial(plate_recordings=(recording,), plate_time=np.arange(2000) / 1000))
+    assert np.count_nonzero(np.isnan(found.plates[0].points[:, 0])) == idle
+    assert any("reads 15 N with nobody on it" in line for line in found.warnings) == named
+
+
 def test_the_samples_a_file_names_as_unloaded_are_its_zero(data):
     trial = read_c3d(data(f"{SAMPLES}/others/Gait.c3d"))
     assert trial.plate_recordings[0].zero == (0, 99)

@@ -9,7 +9,8 @@ import pytest
 from benchmarks.accuracy.sound import impulse_errors, matched
 from benchmarks.simulated_drums import Scene, instruments, record
 
-from myomorph.contact.onsets import SoundOptions, energy_after, listen, onsets
+from myomorph.contact import onsets as onset_module
+from myomorph.contact.onsets import Heard, SoundOptions, energy_after, listen, onsets
 from myomorph.contact.sound import (
     Instrument,
     Stroke,
@@ -48,6 +49,23 @@ def drums():
 
 def times(sound: Sound, **changes) -> np.ndarray:
     return np.array([one.time for one in hear_strokes(sound, [replace(DRUM, **changes)]).strokes])
+
+
+@pytest.mark.parametrize(("share", "time"), [(0.505, 0.5), (0.495, 0.503)])
+def test_the_time_is_that_of_the_fastest_level_with_half_of_the_largest_excess(monkeypatch, share, time):
+    """Two levels whose clicks lie 3 ms apart; how clearly each shows its own is given."""
+    rates = (RATE, RATE / 4.0)
+    levels = tuple(
+        np.where(np.arange(int(rate)) >= at * rate, 1.0, 0.0) for rate, at in zip(rates, (0.5, 0.503), strict=True)
+    )
+    shown = {rates[0]: share, rates[1]: 1.0}
+
+    def excess(signal, rate, hops, options):
+        return np.where(np.arange(hops) == round(0.5 / onset_module.HOP), shown[rate], 0.0)
+
+    monkeypatch.setattr(onset_module, "_excess", excess)
+    (found,) = onsets(Heard("1", tuple(zip(levels, rates, strict=True)), 0.0))
+    assert found.time == pytest.approx(time, abs=5e-4)
 
 
 def test_clicks_are_heard_to_a_fifth_of_a_millisecond():

@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 from made_bodies import MASS, filled, made_body, measured, random_links
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import bone_weights, cog_weights, nearest_weights
-from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.identify.mass_points import MassPointOptions, _Problem, prior_variances, solve_mass_points
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 
@@ -89,6 +89,20 @@ def test_conditions_of_the_optimum_hold(mass, noise):
         assert fit.on_bound > 0.5 * len(body.points)
     if mass is not None:
         assert np.isclose(fit.masses.sum(), mass, rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.01, 30.0])
+def test_balance_is_the_greatest_imbalance_over_the_greatest_miss(size):
+    """Of multipliers far from the optimum, by a matrix that the solver never forms; misses below 1 count as 1."""
+    body, options = made_body(0.1), MassPointOptions(W_phi=0.25)
+    A, b = measured(body, 10, body.parameters(body.reference), noise=100.0)
+    problem = _Problem.of(body, A, b, None, options)
+    y = size * np.random.default_rng(0).normal(size=10)
+    fit = problem.result(y, 0)
+    left = 0.5 * (b - full_matrix(body, A) @ fit.masses) - y
+    expected = np.abs(left).max() / max(np.abs(y).max(), 1.0)
+    assert fit.optimality.balance == pytest.approx(expected, rel=1e-9)
+    assert expected > 0.1
 
 
 def test_targets_that_positive_masses_can_meet_are_met():

@@ -19,7 +19,7 @@ from benchmarks.simulated_subject import (
 )
 from test_simulated_subject import person
 
-from myomorph.identify.refine.fit import SubjectTrial, _opened, problem_of, refine
+from myomorph.identify.refine.fit import SubjectTrial, _far_from_given, _opened, problem_of, refine
 from myomorph.identify.refine.masses import MassPrior, changed, tangents
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import cost, linearize, moved
@@ -134,6 +134,20 @@ def test_sparse_step_is_that_of_the_full_matrix(problem):
     np.testing.assert_allclose(motions[0].ravel(), expected[:n], rtol=1e-4, atol=1e-6)
     # The band does not widen with frames: memory and time grow in proportion to them.
     assert one.band.shape[0] == WIDTH * len(problem.markers.free)
+
+
+def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(problem):
+    at = problem.begin()
+    assert _far_from_given(problem, at) == []
+    parameters = at.parameters.copy()
+    body, pelvis = problem.model.joints[-1].child, problem.model.joints[0].child
+    for name in (body, pelvis):
+        parameters[problem.model.body_names.index(name)] *= 1.6
+    (note,) = _far_from_given(problem, replace(at, parameters=parameters))
+    assert note.startswith(f"2 of {len(problem.model.bodies)} links")
+    assert all(repr(name) in note for name in (body, pelvis, *problem.model.joints[-1].coordinates))
+    # No plate asks for a swing of the floating base.
+    assert not any(repr(name) in note for name in problem.model.joints[0].coordinates)
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from myomorph.identify.body.points import Links
 from myomorph.identify.body.regions import (
     Region,
     center_positions,
@@ -18,7 +19,7 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
-from myomorph.identify.transfer import transfer
+from myomorph.identify.transfer import _nearest, _with_masses, transfer
 from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
@@ -50,6 +51,42 @@ def random_body(random, where):
     points, masses = random.normal(where, (0.1, 0.2, 0.05), (6, 3)), random.uniform(0.1, 1.0, 6)
     wide = np.hstack([points, np.ones((6, 1))])
     return (wide * masses[:, None]).T @ wide
+
+
+def test_how_far_mass_centers_move_is_told(lower):
+    """In a model whose mass centers were put elsewhere: a region's only body goes all the way back."""
+    away = {"femur_r": (0.03, 0.0, 0.0), "calcn_l": (0.0, 0.04, 0.03), "hand_r": (0.0, 0.0, -0.02)}
+    bodies = (replace(one, mass_center=one.mass_center + away.get(one.name, (0.0,) * 3)) for one in lower.bodies)
+    regions = regions_of(lower)
+    moved = replace(lower, bodies=tuple(bodies))
+    _, matches = _with_masses(lower, moved, REST, REST, (regions, regions), np.eye(3))
+    alone = {one.higher_bodies[0]: one.largest_shift for one in matches if len(one.higher_bodies) == 1}
+    assert set(away) <= set(alone)
+    for body, shift in alone.items():
+        assert shift == pytest.approx(np.linalg.norm(away.get(body, 0.0)), abs=1e-9), body
+
+
+def test_the_nearest_bone_is_nearest_along_all_of_its_length():
+    """A short bone 13 cm beside the middle of a long one, another behind its end, and one without length."""
+    bones = np.array(
+        [
+            [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
+            [[0.9, 0.13, 0.0], [1.1, 0.13, 0.0]],
+            [[2.1, 0.0, 0.0], [3.0, 0.0, 0.0]],
+            [[0.0, 0.0, 5.0], [0.0, 0.0, 5.0]],
+        ]
+    )
+    names = ("long", "short", "behind", "point")
+    links = Links(names, np.tile(np.eye(3), (4, 1, 1)), bones[:, 0], bones.mean(axis=1), bones, np.arange(4))
+    places = {
+        "long": ((1.99, 0.055, 0.0), (1.0, 0.0649, 0.0), (2.04, 0.0, 0.0), (-0.5, 0.0, 0.0)),
+        "short": ((1.0, 0.0651, 0.0), (0.9, 0.09, 0.0)),
+        "behind": ((2.06, 0.0, 0.0),),
+        "point": ((1.0, 0.0, 3.0),),
+    }
+    for name, near in places.items():
+        assert [_nearest(np.array(one), links, names) for one in near] == [name] * len(near)
+    assert _nearest(np.array([1.0, 0.07, 0.0]), links, ("long", "behind")) == "long"
 
 
 @pytest.mark.parametrize("size", [0.2, 1.0, 3.0])

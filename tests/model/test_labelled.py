@@ -51,7 +51,7 @@ def test_forces_have_units():
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch):
-    for name in ("xarray", "pandas", "igl", "rustcpd"):
+    for name in ("xarray", "pandas", "igl"):
         monkeypatch.setitem(sys.modules, name, None)
     series = Series(TIME, ("a", "b"), VALUES)
     with pytest.raises(MissingPackage, match=r"needs the package 'xarray': .*myomorph\[xarray\]"):

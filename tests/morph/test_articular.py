@@ -11,7 +11,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
-from myomorph.morph.shapes.quadrics import fit_cylinder, fit_sphere
+from myomorph.morph.shapes.quadrics import _bent, fit_cylinder, fit_sphere
 
 CENTER = np.array([0.3, -0.2, 0.9])
 AXIS = np.array([2.0, 9.0, -4.0]) / np.sqrt(101.0)
@@ -91,6 +91,20 @@ def test_a_sphere_with_noise_and_wrong_points(share, within):
         assert np.linalg.norm(found.center - CENTER) < min(within, 4 * found.deviation)
         assert found.coverage == pytest.approx(share, rel=0.2)
         assert found.rms == pytest.approx(3e-4, rel=0.2)
+
+
+@pytest.mark.parametrize(("radii", "bent"), [((1.0, 1.0, 1.0), 1.0), ((1.0, 2.0, 4.0), 0.25), ((1.0, -1.0, 2.0), 0.0)])
+def test_how_bent_normals_say_a_surface_is_does_not_depend_on_where_it_is(radii, bent):
+    """Normals that are a linear map of places, of one over the radii: the least bent way, or none of a saddle."""
+    places = on_sphere(0.6)
+    for shift in (np.zeros(3), np.array([4.0, -7.0, 2.0])):
+        assert _bent(places + shift, places / radii, np.ones(len(places))) == pytest.approx(bent, abs=1e-6)
+
+
+@pytest.mark.parametrize("weights", [np.ones(7), np.ones((600, 1)), np.zeros(600), -np.ones(600), np.full(600, np.nan)])
+def test_weights_that_are_none_are_refused(weights):
+    with pytest.raises(BadData, match="weights that are not negative"):
+        fit_sphere(on_sphere(0.4), weights=weights)
 
 
 def test_a_socket_is_told_from_a_head():

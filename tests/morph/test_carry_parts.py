@@ -10,6 +10,7 @@ import trimesh
 from given_maps import given, similar
 
 from myomorph.io.osim.read import read_osim
+from myomorph.model.errors import BadData
 from myomorph.model.functions import SineProduct, constant, linear, piecewise_linear, polynomial, simm_spline
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
@@ -19,11 +20,15 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import MorphOptions, TransferredPoint
-from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.bodies import bones_around
+from myomorph.morph.transfer.carrier import Carrier, scaled_map
+from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.model import morph_model
 from myomorph.morph.transfer.moving_points import reparametrized, translated_path
 from myomorph.morph.transfer.paths import level, points_left_outside, surface_points, transferred_wrap
 from myomorph.morph.transfer.points import combined, put_on_surface
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 
 X = np.linspace(-2.0, 2.0, 41)
 SPLINE = simm_spline([-1.0, -0.3, 0.4, 1.2], [0.1, 0.4, -0.2, 0.3])
@@ -36,6 +41,50 @@ FUNCTIONS = {
     "other spline": simm_spline([-1.5, 0.0, 0.7, 1.0], [0.3, -0.4, 0.2, 0.1]),
 }
 STILL = Transform.identity()
+
+
+def test_what_slides_goes_further_and_what_turns_does_not():
+    """A slider that also turns, on bones half as large again: 1.5 of the slide and equal turns put all 1.5 as far."""
+    axes = (
+        Axis("rotation", np.array([0.0, 0.6, 0.8]), linear(1.0), ("turn",)),
+        Axis("translation", np.array([1.0, 0.0, 0.0]), linear(1.0), ("slide",)),
+    )
+    at = Transform(rotation_from_euler_xyz((0.3, 0.2, 0.1)), np.array([0.1, -0.2, 0.05]))
+    joints = (
+        Joint("base", "WeldJoint", "ground", "thigh", STILL, STILL),
+        Joint("knee", "CustomJoint", "thigh", "shank", at, STILL, axes, ("turn", "slide")),
+    )
+    bodies = tuple(Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("thigh", "shank"))
+    coordinates = (Coordinate("turn", range=(-1.0, 2.0)), Coordinate("slide", "translational", range=(-0.1, 0.2)))
+    model = Model("slider", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]))
+    bones = {"ground": given("ground", 1.5 * np.eye(3), np.zeros(3)), **similar(model, 1.5)}
+    carriers = {name: Carrier(bone, name) for name, bone in bones.items()}
+    found = transferred_joints(model, carriers, CenterFinder(carriers, fitted=False, together=True))
+    assert dict(found.travel) == {"slide": pytest.approx(1.5)}
+    turn, slide = found.skeleton.coordinates
+    assert turn.range == (-1.0, 2.0)
+    assert slide.range == pytest.approx((-0.15, 0.3))
+    before, after = (
+        forward_kinematics(compile_tree(one), np.array([values])).origins[0]
+        for one, values in ((model, (0.7, 0.1)), (found.skeleton, (0.7, 0.15)))
+    )
+    np.testing.assert_allclose(after, 1.5 * before, atol=1e-12)
+
+
+def test_sizes_of_bodies_without_bones_are_positive_numbers():
+    np.testing.assert_array_equal(scaled_map("link", 0.5).apply(np.ones((1, 3))), [[0.5, 0.5, 0.5]])
+    for size in (-1.0, 0.0, np.inf, np.nan):
+        with pytest.raises(BadData, match="the size of 'link' would be"):
+            scaled_map("link", size)
+
+
+def test_a_virtual_link_needs_two_bones_that_have_maps():
+    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.2, np.zeros(3)), np.zeros(3))
+    ours = {"pelvis": bones["pelvis"]}
+    assert bones_around(model, bones, {"femur": ("pelvis", "femur")}) == {"femur": ("pelvis", "femur")}
+    for around, known in ((("pelvis",), bones), ((), bones), (("pelvis", "femur"), ours)):
+        with pytest.raises(BadData, match="virtual link 'femur' needs at least two bones"):
+            bones_around(model, known, {"femur": around})
 
 
 def test_functions_of_one_coordinate_add_up():

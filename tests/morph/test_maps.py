@@ -243,6 +243,19 @@ def test_too_few_points_are_named(kind: str) -> None:
         fit_map(features(same, same), options)
 
 
+@pytest.mark.parametrize(("width", "enough"), [(0.0195, False), (0.0205, True)])
+def test_points_are_on_a_line_up_to_a_fiftieth_of_their_length(width: float, enough: bool) -> None:
+    """A cross of four points: its lengths are the singular values over the root of two."""
+    cross = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, width, 0.0], [0.0, -width, 0.0]])
+    wide = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    for source, target in ((cross, wide), (wide, cross)):
+        if enough:
+            assert np.isfinite(procrustes(source @ TURN.T, target).rotation).all()
+        else:
+            with pytest.raises(BadData, match="on a line"):
+                procrustes(source @ TURN.T, target)
+
+
 @pytest.mark.parametrize("kind", ["ssd", "rbf", "affine"])
 def test_three_points_move_as_a_similarity_across_their_plane(kind: str) -> None:
     source = bone(3)

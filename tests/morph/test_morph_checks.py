@@ -13,7 +13,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph, distinct_bones
 from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
 from myomorph.morph.checks.penetration import Penetration, Solid, bones_beside
-from myomorph.morph.checks.warnings import CheckOptions, bone_warnings
+from myomorph.morph.checks.warnings import CheckOptions, bone_warnings, surface_warnings
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.simulate.jump_model import leg_model
 
@@ -127,6 +127,21 @@ def test_attachments_fibers_and_joints_are_held_against_the_source():
     assert "extensor-P1 lies 6.0 mm outside the bone of thigh, source 1.0 mm" in checks.of("surface")[0].text
     assert "from 0.35 to 1.25 of their optimal length, source from 0.50 to 1.20" in checks.of("fiber")[0].text
     assert "5.0 mm apart" in checks.of("joint")[0].text
+
+
+@pytest.mark.parametrize(("off", "warned"), [(0.00202, True), (0.00198, False)])
+@pytest.mark.parametrize("size", [1.0, 0.5])
+def test_an_attachment_may_leave_its_surface_by_a_share_of_the_longest_bone(off, size, warned):
+    """Half a percent of 0.4 m, both ways, after the source's depth has grown with the bone."""
+    source = leg()
+    morph = morph_of(source, grown(source, size), size)
+    points = (
+        replace(morph.points[0], depth_source=0.003, depth_target=0.003 * size + off),
+        replace(morph.points[1], depth_source=-0.003, depth_target=-0.003 * size - off),
+        replace(morph.points[2], depth_source=0.003, depth_target=0.003 * size - off),
+    )
+    found = list(surface_warnings(replace(morph, points=points), 0.4, CheckOptions(off_surface=0.005)))
+    assert len(found) == (2 if warned else 0)
 
 
 def test_other_coordinates_are_compared_as_a_table_pairs_them():

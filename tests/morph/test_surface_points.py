@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from myomorph.model.surface import Surface
-from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.shapes.surface_points import Boxes, Shape
 
 SLOPE = np.tan(np.radians(8.0))
 
@@ -29,6 +29,19 @@ def test_two_faces_back_to_back_have_no_side():
     points = np.random.default_rng(0).uniform((0.0, -0.3, 0.1), (1.0, 0.3, 0.3), (2000, 3))
     inside = points[:, 0] < 0.5
     np.testing.assert_array_equal(Shape(surface).signed(points) < 0.0, inside)
+
+
+def test_what_a_box_and_a_ball_hold():
+    """Of points all over their bounding box; the ball's triangles lie up to 1 % inside of it."""
+    points = np.random.default_rng(1).uniform(-1.2, 1.2, (2000, 3))
+    for mesh, far in (
+        (trimesh.creation.box((2.0, 2.0, 2.0)), np.abs(points).max(axis=1)),
+        (trimesh.creation.icosphere(subdivisions=3), np.linalg.norm(points, axis=1)),
+    ):
+        clear = np.abs(far - 1.0) > 0.01
+        inside = Boxes(np.array(mesh.vertices), np.array(mesh.faces)).holds(points)
+        np.testing.assert_array_equal(inside[clear], far[clear] < 1.0)
+    assert not Boxes(np.array(mesh.vertices), np.array(mesh.faces)).holds(points[:0]).size
 
 
 @pytest.mark.parametrize("apart", [False, True])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looped import four_bar, four_bar_angles, looped_tree
+from looped import four_bar, four_bar_angles, looped_tree, markers_of
 from myomorph.io.formats import read_model
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import motion_from_table, read_sto
@@ -31,14 +31,6 @@ from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_co
 from myomorph.rigid.tree import compile_tree
 
 BONES = "shoulder-bonepin/"
-
-
-def markers_of(model, values, noise=0.0, seed=0):
-    tree = compile_tree(model)
-    bodies = np.array([tree.body_index[one.body] for one in model.markers])
-    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in model.markers]))
-    places = places + np.random.default_rng(seed).normal(scale=noise, size=places.shape)
-    return Markers(np.arange(len(values)) * 0.01, model.marker_names, places)
 
 
 def marked(seed, functional, kinds=("PointConstraint", "WeldConstraint")):
@@ -100,37 +92,6 @@ def test_the_closed_optimum_is_stationary_in_noise():
         rank = np.linalg.matrix_rank(J[frame], tol=1e-9)
         allowed = np.linalg.svd(J[frame])[2][rank:]
         assert np.abs(allowed @ gradient[frame]).max() < 1e-5 * np.abs(gradient[frame]).max() + 1e-7
-
-
-def test_bounds_hold_while_the_loop_stays_closed():
-    """The crank swings; the rocker may only go so far, and then all three stop."""
-    model = four_bar()
-    true = four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 120)))
-    low, high = np.quantile(true[:, 2], [0.2, 0.8])
-    coordinates = list(model.coordinates)
-    coordinates[2] = replace(coordinates[2], clamped=True, range=(low, high))
-    bounded = replace(model, coordinates=tuple(coordinates))
-    fit = inverse_kinematics(bounded, markers_of(model, true))
-    assert fit.converged.all()
-    assert fit.closure.max() < 1e-9
-    rocker = fit.motion["rocker"]
-    assert rocker.min() >= low - 1e-9
-    assert rocker.max() <= high + 1e-9
-    assert ((rocker < low + 1e-9) | (rocker > high - 1e-9)).sum() > 20
-    inside = (true[:, 2] > low + 1e-6) & (true[:, 2] < high - 1e-6)
-    np.testing.assert_allclose(fit.motion.values[inside], true[inside], atol=1e-5)
-    at_bound = (np.abs(rocker - high) < 1e-9) | (np.abs(rocker - low) < 1e-9)
-    reached = four_bar_angles(fit.motion["crank"][at_bound])
-    np.testing.assert_allclose(fit.motion.values[at_bound], reached, atol=1e-6)
-
-
-def test_a_locked_coordinate_of_a_loop_stops_all_of_it():
-    model = four_bar()
-    true = four_bar_angles(np.linspace(1.0, 1.4, 5))
-    coordinates = list(model.coordinates)
-    coordinates[0] = replace(coordinates[0], locked=True, default=1.2)
-    fit = inverse_kinematics(replace(model, coordinates=tuple(coordinates)), markers_of(model, true))
-    np.testing.assert_allclose(fit.motion.values, np.tile(four_bar_angles(np.array([1.2])), (5, 1)), atol=1e-9)
 
 
 def test_a_loop_that_cannot_close_is_named():

@@ -178,6 +178,42 @@ def test_a_coordinate_that_no_marker_shows_is_told():
     assert not [one for one in checked_kinematics(model, markers).findings if one.kind == "undetermined"]
 
 
+def test_frames_that_do_not_show_where_the_body_is_are_left_empty():
+    """A walker who enters the view: two of its markers tell no pose, and the frames with all are as they were."""
+    model = bounded_walker()
+    markers, _ = recorded(model, 0.2, 0.0)
+    values = np.array(markers.values)
+    values[:2, 2:] = np.nan
+    entering = replace(markers, values=values)
+    found = checked_kinematics(model, entering)
+    (finding,) = [one for one in found.findings if one.kind == "hidden frames"]
+    assert finding.mended
+    assert "2 of 10 frames" in finding.text
+    assert f"as few as 2 of {len(markers.names)}" in finding.text
+    np.testing.assert_array_equal(found.fit.seen, np.arange(10) >= 2)
+    assert np.isnan(found.fit.motion.values[:2]).all()
+    clean = checked_kinematics(model, markers)
+    np.testing.assert_allclose(found.fit.motion.values[2:], clean.fit.motion.values[2:], atol=1e-6)
+    assert not {one.kind for one in clean.findings} & {"hidden frames", "hidden in part"}
+    told = checked_kinematics(model, entering, checks=MarkerCheckOptions(mend=False))
+    assert told.fit.seen.all()
+    assert [one.mended for one in told.findings if one.kind == "hidden frames"] == [False]
+
+
+def test_a_coordinate_hidden_in_part_of_the_frames_is_named_with_them():
+    model = bounded_walker()
+    markers, _ = recorded(model, 0.2, 0.0)
+    values = np.array(markers.values)
+    shank = [i for i, name in enumerate(markers.names) if model.marker(name).body in ("shank_l", "cap_l")]
+    values[4:7, shank] = np.nan
+    found = checked_kinematics(model, replace(markers, values=values))
+    (finding,) = [one for one in found.findings if "hidden" in one.kind]
+    assert finding.kind == "hidden in part"
+    assert finding.place == "knee_l"
+    assert finding.times == ((markers.time[4], markers.time[6]),)
+    assert found.fit.seen.all()
+
+
 def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)

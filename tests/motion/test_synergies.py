@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg
 from myomorph.motion.emg_delay import EmgCalibration, SynergyWeights
-from myomorph.motion.synergies import find_synergies
+from myomorph.motion.synergies import _factors, find_synergies
 
 NAMES = tuple("abcdef")
 
@@ -33,6 +33,16 @@ def test_as_many_as_were_mixed(mixed):
     assert (courses >= 0.0).all()
     error = courses @ found.vectors * found.scale - envelopes
     assert np.sum(error**2) < 0.01 * np.sum(envelopes**2)
+
+
+def test_what_factors_leave_is_orthogonal_to_what_they_explain(mixed):
+    """As of any least-squares fit of which a multiple fits no better: of the data, <D - H V, H V> = 0."""
+    rng = np.random.default_rng(0)
+    for data in (mixed[2], rng.random((60, 5))):
+        for count in (1, 2):
+            courses, vectors = _factors(data, count)
+            explained = courses @ vectors
+            assert np.sum(data * explained) == pytest.approx(np.sum(explained**2), rel=1e-4)
 
 
 def test_units_of_a_channel_make_no_difference(mixed):

@@ -12,10 +12,8 @@ from myomorph.muscles.fiber_equations import degroote_stretch, tendon_factor
 from myomorph.muscles.fiber_jets import FLOOR, TAKEN_UP, TONE, fiber_jet, tendon_jet
 from myomorph.muscles.hill import active_length_factor, passive_length_factor, velocity_factor
 from myomorph.rigid.kernels import kernel
-from myomorph.tension.elastic.elements import elements, integrate
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
-FRAMES, COUNT = 7, 30
 
 
 @kernel
@@ -33,9 +31,9 @@ def _pulls(E, x, u, a, out):
 
 
 @kernel
-def _stretches(E, f, out):
+def _stretch_jets(E, f, out):
     for k in range(f.shape[0]):
-        out[k] = tendon_jet(E, 0, f[k])[0]
+        out[k, 0], out[k, 1], out[k, 2] = tendon_jet(E, 0, f[k])
 
 
 def model(kind: str, count: int = 1) -> Model:
@@ -51,35 +49,33 @@ def arrays(kind: str, count: int = 1, passive: bool = True):
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
-    E, own, rng = arrays(kind, COUNT), np.arange(COUNT), np.random.default_rng(0)
-    shape = (FRAMES - 1, COUNT)
-    f, a = rng.uniform(0.03, 1.3, (FRAMES, COUNT)), rng.uniform(0.05, 0.95, shape)
-    H, steps = E.hill, np.full(FRAMES - 1, 0.02)
-    lengths = 1.02 * H.tendon + H.fiber * rng.uniform(0.6, 1.4, shape)
-    speeds = H.fiber * rng.uniform(-3.0, 3.0, shape)
+def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind):
+    """Slopes of the pull over length, speed and activation, their slopes, and both slopes of a tendon's stretch."""
+    E, rng, h = arrays(kind), np.random.default_rng(0), 1e-6
+    at = np.stack([rng.uniform(0.6, 1.4, 200), rng.uniform(-3.0, 3.0, 200), rng.uniform(0.05, 0.95, 200)])
+    scale = np.array([E.hill.fiber[0], E.hill.fiber[0], 1.0])
 
-    def of(f, a):
-        out, fibers = np.empty((*shape, 10)), np.empty((*shape, 2))
-        elements(E, own, f, a, lengths, speeds, steps, out, fibers)
+    def of(x, u, a):
+        out = np.empty((200, 10))
+        _pulls(E, x * scale[0], u * scale[1], a, out)
         return out
 
-    at, h = of(f, a), 1e-6
-    over_a = (of(f, a + h) - of(f, a - h)) / (2.0 * h)
-    over = []
-    for first in (0, 1):
-        # Every second frame moves, so that of each element one end does.
-        moved = np.zeros_like(f)
-        moved[first::2] = h
-        over.append((of(f + moved, a) - of(f - moved, a)) / (2.0 * h))
-    even = (np.arange(FRAMES - 1) % 2 == 0)[:, None, None]
-    over_k, over_n = np.where(even, over[0], over[1]), np.where(even, over[1], over[0])
-    told = at[..., [1, 2, 3, 4, 5, 6, 7, 8, 9]]
-    found = np.stack(
-        [over_k[..., 0], over_n[..., 0], over_a[..., 0], over_k[..., 1], over_k[..., 2], over_n[..., 2],
-         over_k[..., 3], over_n[..., 3], over_a[..., 3]], axis=-1,
-    )  # fmt: skip
-    assert np.abs((told - found) / (1.0 + np.abs(found))).max() < 1e-7
+    told, over = of(*at), []
+    for step in h * np.eye(3):
+        over.append((of(*(at + step[:, None])) - of(*(at - step[:, None]))) / (2.0 * h))
+    x, u, a = (one / size for one, size in zip(over, scale, strict=True))
+    found = np.column_stack(
+        [x[:, 0], u[:, 0], a[:, 0], x[:, 1], x[:, 2], u[:, 2], x[:, 3], u[:, 3], a[:, 3]],
+    )
+    size = np.array([1, 1, 0, 2, 2, 2, 1, 1, 0])
+    error = np.abs(told[:, 1:] - found) * scale[0] ** size
+    assert (error / (1.0 + np.abs(found) * scale[0] ** size)).max() < 1e-7
+    f = rng.uniform(0.03, 1.3, 200)
+    jets = [np.empty((200, 3)) for _ in range(3)]
+    for shift, jet in zip((-h, 0.0, h), jets, strict=True):
+        _stretch_jets(E, f + shift, jet)
+    slopes = (jets[2] - jets[0]) / (2.0 * h)
+    np.testing.assert_allclose(jets[1][:, 1:], slopes[:, :2], rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", CLASSES)
@@ -117,31 +113,13 @@ def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
 def test_the_stretch_of_a_tendon_is_the_inverse_of_its_force(kind):
     one = model(kind)
     f = np.linspace(0.002, 1.8, 300)
-    stretch = np.empty_like(f)
-    _stretches(compile_elastic(one, True), f, stretch)
-    muscle = one.muscles[0]
+    jets = np.empty((300, 3))
+    _stretch_jets(compile_elastic(one, True), f, jets)
+    stretch, muscle = jets[:, 0], one.muscles[0]
     if kind == "DeGrooteFregly2016Muscle":
         assert np.allclose(stretch, degroote_stretch(muscle, f), atol=1e-14)
     else:
         assert np.allclose(tendon_factor(muscle, stretch), f, atol=1e-9)
-
-
-@pytest.mark.parametrize("kind", CLASSES)
-def test_forces_integrated_from_activations_are_in_equilibrium_as_steps_shrink(kind):
-    E, own = arrays(kind, 5), np.arange(5)
-    missed = []
-    for frames in (50, 200):
-        time = np.linspace(0.0, 1.0, frames)
-        middle = 0.5 * (time[1:] + time[:-1])[:, None]
-        a = 0.4 + 0.2 * np.sin(5.0 * middle) + np.zeros(5)
-        lengths = 1.03 * E.hill.tendon + E.hill.fiber * (1.0 + 0.1 * np.sin(4.0 * middle))
-        speeds = E.hill.fiber * 0.4 * np.cos(4.0 * middle)
-        f, out, fibers = np.empty((frames, 5)), np.empty((frames - 1, 5, 10)), np.empty((frames - 1, 5, 2))
-        integrate(E, own, a, lengths, speeds, np.diff(time), 1e-3, 2.0, f)
-        elements(E, own, f, a, lengths, speeds, np.diff(time), out, fibers)
-        missed.append(np.abs(out[frames // 5 :, :, 0]).max())
-    assert missed[0] < 0.1
-    assert missed[1] < 0.4 * missed[0]
 
 
 def test_a_tendon_that_the_model_calls_rigid_is_not_elastic():

@@ -65,6 +65,23 @@ def test_equilibrium_stands_still_where_the_path_does(kind):
     assert found.tendon_force.min() > 100.0
 
 
+def test_thelens_fibers_move_at_the_speed_of_his_formula():
+    """Thelen 2003, eq. 3 (passive force), 4 (active force and length), 6 and 7 (speed), of the tendon's force."""
+    a, af, most = 0.4, 0.25, 1.4
+    lengths = np.linspace(0.295, 0.312, 11)[:, None]
+    found, _ = fiber_states(one_muscle("Thelen2003Muscle"), lengths, SPEEDS, states_of("Thelen2003Muscle", a))
+    x = found.fiber_length / SIZES["optimal_fiber_length"]
+    pull = found.tendon_force / SIZES["max_isometric_force"] / np.sqrt(1.0 - (np.sin(0.2) / x) ** 2)
+    passive = np.where(x > 1.0, np.expm1(5.0 * (x - 1.0) / 0.6) / np.expm1(5.0), 0.0)
+    isometric, force = a * np.exp(-((x - 1.0) ** 2) / 0.45), pull - passive
+    lengthening = (2.0 + 2.0 / af) * (isometric * most - force) / (most - 1.0)
+    b = np.where(force <= isometric, isometric + force / af, lengthening)
+    inside = (force > 0.0) & (force < 0.95 * most * isometric)
+    assert np.count_nonzero(inside & (passive > 0.003)) >= 3
+    speeds = (0.25 + 0.75 * a) * (force - isometric) / b
+    np.testing.assert_allclose(found.normalized_velocity[inside], speeds[inside], rtol=1e-6, atol=1e-9)
+
+
 def test_a_rigid_tendon_gives_the_rigid_tendons_forces():
     model = one_muscle("Millard2012EquilibriumMuscle", ignore_tendon_compliance=1.0, fiber_damping=0.0)
     found, _ = fiber_states(model, LENGTHS, SPEEDS, {("m", "activation"): np.full(11, 0.3)})

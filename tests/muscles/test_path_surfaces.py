@@ -72,6 +72,24 @@ def compared(ways, folder, seed, reach):
     return model, theirs, state, all_values, lengths, expected, straight, paths, values
 
 
+def test_a_first_surface_that_is_not_touched_gives_way_to_a_second_that_a_point_is_inside_of(tmp_path):
+    """OpenSim then changes their order: 12 and 69 mm in the length of these two frames, as the third is touched."""
+    surfaces = (
+        Surface("sphere", "+y", place=(-0.001, -0.232, 0.167), turn=(-0.9, 0.66, 0.63)),
+        Surface("cylinder", "-y", place=(0.082, -0.17, -0.029), turn=(-0.12, 0.26, -0.24)),
+        Surface("sphere", "+y", place=(-0.148, -0.073, 0.022), turn=(-0.14, -0.75, 0.93)),
+    )
+    theirs, state, path = opensim_model(opensim, (Way("three", surfaces),), tmp_path)
+    model = read_model(path)
+    values = np.zeros((2, 12))
+    values[:, [model.coordinate_names.index(name) for name in TRANSLATIONS]] = (
+        (0.16251631, -0.20869628, -0.06575598, -0.16903512, 0.0611899, 0.10598657),
+        (0.1402605, -0.16156231, 0.34858819, -0.30600267, 0.07815434, -0.36188466),
+    )
+    expected, _ = opensim_kinematics(theirs, state, model.muscle_names, model.coordinate_names, values, arms=False)
+    np.testing.assert_allclose(compile_paths(model).evaluate(values)[0], expected, atol=SAME)
+
+
 @pytest.mark.parametrize(("ways", "reach"), [(tuple(single_ways()), 0.5), (tuple(several_ways()), 0.6)])
 def test_lengths_and_moment_arms_equal_opensim(ways, reach, tmp_path):
     model, theirs, state, at, lengths, expected, straight, paths, arms = compared(ways, tmp_path, 3, reach)

@@ -12,7 +12,9 @@ from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.rigid import loops
 from myomorph.rigid.couplers import couple_frames, couple_rates_frames
+from myomorph.rigid.loop_kernels import half_rotation
 from myomorph.rigid.loops import (
     close_loops,
     closure,
@@ -86,6 +88,18 @@ def test_a_weld_tells_any_turning():
         assert abs(along) == pytest.approx(2 * np.sin(abs(angle) / 2), abs=1e-9)
         np.testing.assert_allclose(error[:3], (error[:3] @ axis) * axis, atol=1e-7)
         np.testing.assert_allclose(error[3:], 0.0, atol=1e-12)
+
+
+AXES = (*np.eye(3), (0.6, 0.0, -0.8), (0.48, 0.8, 0.36), (0.8, -0.48, 0.36), (0.36, 0.48, 0.8), (0.0, 0.8, 0.6))
+
+
+@pytest.mark.parametrize("axis", AXES, ids=str)
+def test_half_a_turn_has_its_axis_and_no_cosine(axis):
+    """2 n n^T - 1 turns by half a turn about the unit vector n."""
+    n = np.array(axis)
+    a, u = half_rotation.py_func(tuple((2.0 * np.outer(n, n) - np.eye(3)).ravel()))
+    assert a == 0.0
+    np.testing.assert_allclose(np.outer(u, u), np.outer(n, n), atol=1e-12)
 
 
 @pytest.mark.parametrize("functional", [False, True])
@@ -172,6 +186,25 @@ def test_four_bars_close_from_anywhere(held):
     tree = compile_tree(four_bar())
     given = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, 3))
     assert np.abs(closure(tree, close_loops(tree, given, held=held))).max() < 1e-12
+
+
+def test_random_poses_tried_fill_what_a_hinge_may_take(monkeypatch):
+    """Its range, and at most half a turn from its default: limits (-1, 2), (-9, 9), and (1, 9) with the default 2."""
+    model, tried = four_bar(), []
+    ranges, defaults = ((-1.0, 2.0), (-9.0, 9.0), (1.0, 9.0)), (0.0, 0.5, 2.0)
+    coordinates = (
+        replace(one, range=limits, default=default)
+        for one, limits, default in zip(model.coordinates, ranges, defaults, strict=True)
+    )
+    tree = compile_tree(replace(model, coordinates=tuple(coordinates)))
+    monkeypatch.setattr(loops, "_shut", lambda tree, starts, free, scale: tried.append(starts.copy()) or starts)
+    given = np.array([0.1, 0.2, 0.3])
+    loops._elsewhere(tree, given, np.arange(3), np.ones(3))
+    np.testing.assert_array_equal(tried[0][0], defaults)
+    lows, highs = (-1.0, 0.5 - np.pi, 1.0), (2.0, 0.5 + np.pi, 2.0 + np.pi)
+    for values, low, high in zip(tried[0][1:].T, lows, highs, strict=True):
+        assert low <= values.min() < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < values.max() <= high
 
 
 def test_what_cannot_be_closed_is_named():

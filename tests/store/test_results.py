@@ -58,6 +58,17 @@ def test_series_survive(tmp_path, values):
     assert store.get_fit(found) is None
 
 
+def test_forces_of_which_none_is_left_are_no_forces(tmp_path, values):
+    """Plates on which nobody steps while a motion lasts are left out, all of them in the end."""
+    none = Wrenches(TIME, (), (), *(np.zeros((5, 0, 3)) for _ in range(3)))
+    with new_result(tmp_path / "x.nc") as writer:
+        writer.time(TIME)
+        store.put_torques(writer, Series(TIME, NAMES, values), none)
+    found = read_result(tmp_path / "x.nc")
+    np.testing.assert_array_equal(store.get_torques(found).values, values)
+    assert store.get_wrenches(found) is None
+
+
 def test_fit_survives_with_gaps(tmp_path, values):
     class Model:
         """Enough of a model to tell units."""

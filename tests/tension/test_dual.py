@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from readable import balance, effort, nearness, program, solve_program
 
 from myomorph.model.arrays import frozen_array
-from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, solve_separable
+from myomorph.rigid.kernels import kernel
+from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, _step, solve_separable
 from myomorph.tension.separable import Separable, no_links, no_penalties, pattern
 
 
@@ -90,6 +91,16 @@ def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, rese
     assert np.all(gradient[x[0] < high] > -1e-6 * size)
 
 
+def test_the_exponent_3_is_solved_as_those_beside_it():
+    """It has roots of its own; pulled towards intervals, some of its variables lie outside these."""
+    directions, low, high, torques = muscles(5)
+    penalties = np.zeros((1, 3, len(low)))
+    penalties[0, 0, ::2], penalties[0, 1, ::2], penalties[0, 2, ::2] = 0.3, 0.4, 2.0
+    own, near = (solve(directions, low, high, torques, one, penalties=penalties)[0] for one in (3.0, 3.0 + 1e-9))
+    np.testing.assert_allclose(own, near, atol=1e-6)
+    assert ((own[0, ::2] < 0.3) | (own[0, ::2] > 0.4)).any()
+
+
 def test_warm_and_cold_starts_end_in_the_same_place():
     directions, low, high, _ = muscles(3)
     torques = np.array([muscles(3)[3] * (1.0 + 0.02 * k) for k in range(12)])
@@ -109,6 +120,45 @@ def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():
     least = lsq_linear(directions, 4.0 * torques, (low, high)).x
     missed = np.linalg.norm(directions @ x[0] - 4.0 * torques)
     assert missed < 1.1 * np.linalg.norm(directions @ least - 4.0 * torques)
+
+
+def test_torques_at_the_border_of_strength_are_reached():
+    """All muscles work at a bound, and multipliers are huge: few frames are left open, and by less than 5 mN m."""
+    tried = []
+    for seed in (2, 3, 8, 9, 14, 15, 20, 21, 26, 27, 44, 45, 62, 63, 68, 69, 80, 81, 86, 87, 92, 93):
+        rng = np.random.default_rng(seed)
+        directions, low, high, _ = muscles(seed, 4 + seed % 9, 12 + seed % 30, 0.0, (0.0, 0.01)[seed % 2])
+        middle = directions @ (0.5 * (low + high))
+        most = directions @ np.where(directions.T @ rng.normal(size=len(directions)) > 0.0, high, low)
+        shares = (1.0, 1.0 - 1e-12, 1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-4)
+        for torques in (middle + share * (most - middle) for share in shares):
+            x, status, residual, _, _ = solve(directions, low, high, torques, exponent=3.0)
+            assert np.abs(directions @ x[0] - torques).max() == pytest.approx(residual[0], abs=1e-9)
+            tried.append((status[0], residual[0]))
+    status, residual = np.array(tried).T
+    assert residual.max() < 5e-3
+    assert np.mean(status == OPTIMAL) > 0.97
+    assert not (status == INFEASIBLE).any()
+
+
+def _bisected_on(wide):
+    """Slope of a dual that falls by 1 within `wide` about a third of a step, and the step that `_step` takes."""
+    shape = pattern(np.zeros(1, np.int64), np.zeros(1, np.int64), (1, 1))
+    each = (np.array([one]) for one in (0.5 * wide, 2.0, 0.0, 1.0))
+    fixed = Separable(shape.start, shape.row, shape.first, *each)
+    return _stepped(fixed, np.zeros(1), np.zeros((3, 1)), np.array([-1.0 / 3.0]), np.ones(1), 0.5, 0.0)
+
+
+@kernel
+def _stepped(S, targets, penalty, s, ds, constant, linear):
+    """`_step`, which only kernels may call."""
+    return _step(S, targets, penalty, s, ds, constant, linear)
+
+
+@pytest.mark.parametrize("wide", [1e-2, 1e-6, 1e-10])
+def test_a_step_ends_where_the_dual_is_level_however_sharp_its_bend(wide):
+    """A muscle wakes between s = 0 and s = `wide`; half awake it holds the torque: at 1/3 + `wide` / 2 of the step."""
+    assert _bisected_on(wide) == pytest.approx(1.0 / 3.0 + 0.5 * wide, abs=0.06 * wide)
 
 
 def test_frames_with_missing_input_are_marked_and_do_not_spread():

@@ -8,8 +8,10 @@ from readable import frame_program, solve_program
 from walking import task, walk
 
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.series import Emg, Series
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -120,3 +122,21 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
     for wrong, message in (({"mode": "hard"}, "unknown use of EMG 'hard'"), ({"weight": 0.0}, "EMG weight 0")):
         with pytest.raises(BadData, match=message):
             EmgOptions(**wrong)
+
+
+def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):
+    """The first frame is not known: gains are found from the rest, with contacts that nobody measured too."""
+    model, motion, _, told = walker
+    tau = inverse_dynamics(model, motion)
+    values = np.array(tau.values)
+    values[0] = np.nan
+    ask, emg = task(model, motion), Emg(motion.time, MUSCLES, told)
+    tells = np.array([[muscle == name for name in MUSCLES] for muscle in model.muscle_names], dtype=float)
+    whole, part = (
+        tracked_frames(model, motion, Series(tau.time, tau.names, one), emg, tells, None, None, ask, 1)
+        for one in (tau.values, values)
+    )
+    assert len(part.time) == len(whole.time) - 1
+    np.testing.assert_array_equal(part.columns, whole.columns[1:])
+    assert np.isfinite(part.others).all()
+    assert np.abs(part.others).max() == pytest.approx(np.abs(whole.others).max(), rel=0.2)

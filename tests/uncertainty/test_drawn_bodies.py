@@ -11,8 +11,10 @@ from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
 from myomorph.model.series import Motion
+from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
+from myomorph.muscles.path import compile_paths, compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -74,3 +76,16 @@ def test_points_of_paths_move_by_their_size(model):
 def test_a_size_that_is_none_is_refused(name, value):
     with pytest.raises(BadData, match=name):
         Sources(**{name: value})
+
+
+def test_arrays_of_a_drawn_model_are_those_that_compiling_it_anew_makes(data):
+    model = read_model(data("opencap-subject4-multitask/models/manually_scaled.osim"))
+    drawn = drawn_model(model, Draw(3, Sources(), Normals(5)))
+    for kept, anew in (
+        (compile_tree_as(drawn, model).arrays, compile_tree(replace(drawn)).arrays),
+        (compile_paths_as(drawn, model).arrays, compile_paths(replace(drawn)).arrays),
+        (compile_hill_as(drawn, model), compile_hill(replace(drawn))),
+    ):
+        for name, one, other in zip(kept._fields, kept, anew, strict=True):
+            if isinstance(one, np.ndarray) and name != "pre_is_shift":
+                np.testing.assert_allclose(one, other, atol=1e-14, err_msg=name)

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from myomorph.uncertainty import spread as spreads
-from myomorph.uncertainty.spread import Draws
+from myomorph.uncertainty.spread import Draws, Spread
+from myomorph.uncertainty.widening import widened
 
 TIME, NAMES = np.arange(3) / 10.0, ("a", "b")
 SCALE = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
@@ -51,3 +52,12 @@ def test_between_its_frames_limits_keep_their_distance():
     between = found.over(time, own, nominal)
     np.testing.assert_allclose(between.high[::2] - nominal[::2], found.high - own)
     np.testing.assert_allclose(between.high[1] - nominal[1], 0.5 * ((found.high[0] + found.high[1]) - 20.0))
+
+
+def test_widened_limits_are_further_apart_and_never_below_what_can_be():
+    time, low, high = np.zeros(1), np.array([[1.0, 10.0]]), np.array([[3.0, 30.0]])
+    spread = Spread(time, ("knee", "hip_f"), low, high, np.ones((1, 2)))
+    wider = widened("torques", spread, 3.0)
+    np.testing.assert_allclose([wider.low, wider.high], [[[-1.0, 0.0]], [[5.0, 50.0]]])
+    assert (widened("forces", spread, 3.0).low == 0.0).all()
+    assert widened("forces", spread, 1.0) is spread

@@ -167,6 +167,11 @@ def find_strides(
     up = np.asarray(up, dtype=np.float64)
     along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
     tracks: dict[str, FootTrack] = {}
+    sides = [split_side(limb.name)[1] for limb in limbs]
+    # An event names a side: on a body with two feet of one side it is that of neither.
+    alone = len(set(sides)) == len(sides)
+    if events and not alone:
+        notes.append("events of the recording are not used: they name a side, on which there are several feet")
     for limb in limbs:
         track = foot_track(
             points.time,
@@ -179,7 +184,8 @@ def find_strides(
         if track is None:
             notes.append(f"{limb.name}: the foot is not seen to go forward and back")
             continue
-        track = on_events(on_events(track, limb, running, "running"), limb, events)
+        if alone:
+            track = on_events(on_events(track, limb, running, "running"), limb, events)
         if wrenches is not None and weight is not None:
             track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
         tracks[limb.name] = track

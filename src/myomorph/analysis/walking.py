@@ -110,29 +110,20 @@ def walking_strides(
     points = walking_points(model, motion, fit)
     if not feet_move(points):
         return None
-    # On a belt the root, the last of the points, only drifts.
-    travels = _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
-    ground, root = 0.0 if travels else None, model.body_names[:1]
     feet = {body for limb in limbs for body in limb.bodies}
     plates = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
-    running = [
-        Event(time, label, split_side(foot)[1].capitalize())
-        for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
-        for interval in intervals
-        for time, label in zip(interval, ("Foot Strike", "Foot Off"), strict=True)
-    ]
     try:
         found = find_strides(
             points,
             limbs,
-            root,
+            model.body_names[:1],
             model.up,
-            ground_speed=ground,
+            ground_speed=ground_speed(points),
             wrenches=plates,
             weight=None if plates is None else model.weight,
             events=events,
-            running=running,
-            facing=_facing(model, motion, limbs),
+            running=running_events(model, motion, limbs),
+            facing=facing_of(model, motion, limbs),
             options=options,
         )
     except BadData:
@@ -148,7 +139,23 @@ def walking_strides(
     return found if unlike < STEADY else None
 
 
-def _facing(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
+def ground_speed(points: Series) -> float | None:
+    """0 where the root goes over the ground; None where it stays in place, as on a belt whose speed is not known."""
+    # On a belt the root, the last of the points, only drifts.
+    return 0.0 if _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0) else None
+
+
+def running_events(model: Model, motion: Motion, limbs: Sequence[Limb]) -> tuple[Event, ...]:
+    """Foot strikes and foot offs of a run, from its flights; () for a walk."""
+    return tuple(
+        Event(time, label, split_side(foot)[1].capitalize())
+        for foot, intervals in running_contacts(model, motion, [limb.name for limb in limbs]).items()
+        for interval in intervals
+        for time, label in zip(interval, ("Foot Strike", "Foot Off"), strict=True)
+    )
+
+
+def facing_of(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
     """(3,) mean direction from the feet's joints to their centers of mass; None where they have none."""
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)

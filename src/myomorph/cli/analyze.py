@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import DrawCount, EmgMuscles, Threads, use_threads
+from myomorph.cli.options import DrawCount, EmgMuscles, Threads, Time, use_threads
 from myomorph.cli.output import said
 
 
@@ -21,7 +21,9 @@ def analyze_command(
     /,
     *,
     mass: Annotated[float, Parameter(help="Of the subject [kg].")],
-    height: Annotated[float | None, Parameter(help="Of the subject [m]: the markers are held against it.")] = None,
+    height: Annotated[
+        float | None, Parameter(help="Of the subject [m]: scales the generic model, and is held against the markers.")
+    ] = None,
     static: Annotated[
         Path | None,
         Parameter(help="Recording of standing still; by default found among or beside the recordings."),
@@ -33,6 +35,19 @@ def analyze_command(
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
+    loads: Annotated[
+        Path | None,
+        Parameter(help="Forces of the one recording, as of `id`; by default its plates, or what lies beside it."),
+    ] = None,
+    force_columns: Annotated[
+        str, Parameter(help="Names of the columns of a table of forces: time,Fx1,Fy1,Fz1,COPx1,...; - leaves one out.")
+    ] = "",
+    force_rate: Annotated[float, Parameter(help="Rows a second of a table of forces without times [Hz].")] = 0.0,
+    force_origins: Annotated[
+        str, Parameter(help="Points that moments without a center of pressure are about [m]: 'x,y,z; x,y,z'.")
+    ] = "",
+    force_shift: Annotated[float, Parameter(help="Added to the times of external forces [s].")] = 0.0,
+    time: Time = None,
     draws: DrawCount = None,
     emg_muscles: EmgMuscles = (),
     emg_side: Annotated[
@@ -58,6 +73,7 @@ def analyze_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.cli.study import dry_run_plan, run_plan
     from myomorph.model.errors import BadData
+    from myomorph.store.settings import ForceOptions
     from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
     from myomorph.study.analyze.own_protocols import read_protocols
     from myomorph.study.plan.plan import read_plan
@@ -80,6 +96,14 @@ def analyze_command(
         emg_mvc,
         shlex.join(["myomorph", *sys.argv[1:]]),
         draws,
+        time,
+        loads,
+        ForceOptions(
+            force_shift=force_shift,
+            force_columns=force_columns,
+            force_rate=force_rate,
+            force_origins=force_origins,
+        ),
     )
     prepared = prepare_study(request, out)
     said("assumed:")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +12,7 @@ from cyclopts import Parameter
 from myomorph.cli.options import Threads, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.registration.smooth import MatchOptions
@@ -41,11 +44,19 @@ def morph_command(
         bool, Parameter(negative=(), help="The bones share one frame, as a scan shows them: joints must meet.")
     ] = False,
     mirror: Annotated[
-        bool, Parameter(negative=(), help="A body without a bone takes the mirrored one of its other side.")
+        bool,
+        Parameter(negative=(), help="The other side's bones, or with --target muscles, are this side's mirrored."),
     ] = False,
     across: Annotated[
         Literal["x", "y", "z"], Parameter(help="Axis of ground across the source's plane of symmetry, for --mirror.")
     ] = "z",
+    link: Annotated[
+        list[str] | None,
+        Parameter(
+            negative=(),
+            help="A body without a bone on which muscles branch, and the bones that carry it: LINK=BONE,BONE.",
+        ),
+    ] = None,
     species: Annotated[
         str,
         Parameter(help="Instead of bones: which bones correspond to those of another species, a name or .toml file."),
@@ -57,6 +68,9 @@ def morph_command(
         Path | None, Parameter(help="Folder of the skeleton's meshes, where they do not lie beside it.")
     ] = None,
     beside: Annotated[bool, Parameter(negative=(), help="Keep the muscles that the skeleton has.")] = False,
+    protocol: Annotated[
+        str, Parameter(help="With --target, whose recordings the model shall follow: a marker table of the species.")
+    ] = "",
     options: MorphSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -74,17 +88,21 @@ def morph_command(
     if species or target is not None:
         if bones is not None or target is None:
             raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
-        mine = (("landmarks", landmarks), ("skin", skin), ("mass", mass), ("mirror", mirror), ("together", together))
-        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints and masses")
+        mine = (("landmarks", landmarks), ("together", together), ("link", link or None))
+        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
         from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
         files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
+        files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
         morphed, drawn = species_files(files, settings)
     elif bones is None:
         raise BadData("expected --bones FOLDER of the target's bones, or --target with the skeleton of another species")
     else:
-        _not_given((("target-geometry", target_geometry), ("beside", beside)), "goes with --target")
-        told = (landmarks, geometry, skin, unit, mass, together, mirror, across)
+        _not_given(
+            (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
+            "goes with --target",
+        )
+        told = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
         morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *told), settings), None
     lost = morphing.write_morphed(morphed, out, bones=drawn)
     notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
@@ -93,6 +111,18 @@ def morph_command(
         said(line)
     said(f"wrote {out} and {tables}")
     return 0
+
+
+def _links(given: list[str]) -> Mapping[str, tuple[str, ...]]:
+    """Virtual links and the bones around each, of LINK=BONE,BONE."""
+    found = {}
+    for one in given:
+        name, equals, around = one.partition("=")
+        bones = tuple(bone.strip() for bone in around.split(",") if bone.strip())
+        if not equals or not name.strip() or len(bones) < 2:
+            raise BadData(f"--link '{one}': expected LINK=BONE,BONE with two bones or more around it")
+        found[name.strip()] = bones
+    return FrozenMap(found)
 
 
 def _not_given(options: tuple[tuple[str, object], ...], why: str) -> None:

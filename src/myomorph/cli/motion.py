@@ -9,6 +9,8 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
+    DrawMethod,
+    DrawProcesses,
     ForceBodies,
     LabelsFile,
     LoadsFile,
@@ -32,7 +34,7 @@ from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial, open_trial
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
-from myomorph.study.trial.uncertainty_file import drawn_settings
+from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
 IdOptions = options_class(*dynamics.STEP.options)
@@ -48,13 +50,15 @@ def ik_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
+    method: DrawMethod = None,
+    workers: DrawProcesses = None,
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
     files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
-    drawn = drawn_settings(draws, uncertainty)
+    drawn = drawn_settings(draws, uncertainty, method, workers)
     trial = open_trial(files, {"ik": settings_dict(options), **drawn})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         output = StepOutput(writer, folder)
@@ -64,7 +68,7 @@ def ik_command(
     poses = results[ik.Poses]
     warn((*results.notes, *trial.warnings))
     assert poses.fit is not None
-    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}; wrote {out}")
+    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}{limits_summary(results)}; wrote {out}")
     return 0
 
 
@@ -79,6 +83,8 @@ def id_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
+    method: DrawMethod = None,
+    workers: DrawProcesses = None,
     options: IdOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -86,7 +92,7 @@ def id_command(
     use_threads(threads)
     named = bodies_of(bodies, plates)
     files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
-    drawn = drawn_settings(draws, uncertainty)
+    drawn = drawn_settings(draws, uncertainty, method, workers)
     trial, poses = open_motion_trial(files, {"id": settings_dict(options), **drawn})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         output = StepOutput(writer, folder)
@@ -99,5 +105,5 @@ def id_command(
     counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
     residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
     filtered = dynamics.filter_summary(trial, poses.recorded)
-    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}; wrote {out}")
+    said(f"{counts}{f'; {residual}' if residual else ''}{filtered}{limits_summary(results)}; wrote {out}")
     return 0

@@ -9,6 +9,8 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
+    DrawMethod,
+    DrawProcesses,
     EmgMuscles,
     ForceBodies,
     LoadsFile,
@@ -35,7 +37,7 @@ from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
-from myomorph.study.trial.uncertainty_file import drawn_settings
+from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 MusclesOptions = options_class(*muscles.STEP.options)
 TensionSettings = options_class(*tension.STEP.options)
@@ -127,6 +129,8 @@ def tension_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
+    method: DrawMethod = None,
+    workers: DrawProcesses = None,
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -161,7 +165,7 @@ def tension_command(
         contact_points=contact_points,
         time=time,
     )
-    drawn = drawn_settings(draws, uncertainty)
+    drawn = drawn_settings(draws, uncertainty, method, workers)
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options), **drawn})
     with folder_with(out, "tension") as (folder, writer):
         output = StepOutput(writer, folder)
@@ -171,5 +175,5 @@ def tension_command(
         put_fit_beside(writer, motion, trial.model, results[tension.Tensions].tension.time)
     warn((*results.notes, *trial.warnings), f"the report lists them ('myomorph report {out}')")
     summary = tension_line(trial.model, results[tension.Tensions].tension) + filter_summary(trial, poses.recorded)
-    said(f"{summary}; wrote {out}")
+    said(f"{summary}{limits_summary(results)}; wrote {out}")
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -63,6 +63,20 @@ DrawCount = Annotated[
         name="--draws",
         help="Compute it anew so many times with errors in all inputs, 200 for example; beside every table stand its "
         "limits of 90 % (NAME_low, NAME_high), and uncertainty.csv says what contributes.",
+    ),
+]
+DrawProcesses = Annotated[
+    int | None,
+    Parameter(
+        name="--workers",
+        help="Processes that share the draws; by default as many as threads, where that is worth their start.",
+    ),
+]
+DrawMethod = Annotated[
+    Literal["sampled", "linear"] | None,
+    Parameter(
+        name="--method",
+        help="sampled (default) computes every draw in full; linear lets poses follow errors by derivatives: faster.",
     ),
 ]
 UncertaintyFile = Annotated[

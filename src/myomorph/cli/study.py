@@ -120,6 +120,8 @@ def _report(outcome: Outcome) -> None:
         return
     rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
     said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
+    for text in outcome.findings:
+        said(f"  {text}")
 
 
 def run_command(

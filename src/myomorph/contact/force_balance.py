@@ -20,6 +20,9 @@ CUTOFF = 6.0
 MASS = 0.09
 """Part by which plates and model may differ in weight."""
 
+LIGHTEST, HEAVIEST = 0.4, 2.5
+"""Plates that carry a share of the model's weight beyond these carry something else than a body, or another unit."""
+
 CARRIED = 0.55
 """Share of the weight that walkers put on plates whenever all standing feet are on them."""
 
@@ -211,7 +214,12 @@ def check_mass(inspection: Inspection) -> None:
     low, middle, high = np.percentile(ratios, [10, 50, 90])
     ratio = float(carried[steady].sum() / wanted[steady].sum())
     # A part of the weight that another contact carries changes; a wrong mass is the same in all frames.
-    if high - low > SPREAD * middle or abs(ratio - middle) > 0.05 or not 0.6 < ratio < 1.7 or abs(ratio - 1.0) < MASS:
+    if (
+        high - low > SPREAD * middle
+        or abs(ratio - middle) > 0.05
+        or not LIGHTEST < ratio < HEAVIEST
+        or abs(ratio - 1.0) < MASS
+    ):
         return
     inspection.found(
         "mass",

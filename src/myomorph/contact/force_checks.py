@@ -16,6 +16,7 @@ from myomorph.contact.foot_poses import foot_poses
 from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import check_feet, check_origins, check_shared_plates
+from myomorph.contact.force_progress import check_progress
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
@@ -46,7 +47,8 @@ def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Find
 def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True) -> CheckedForces:
     """Hold external forces against the motion, put right what is safe and name the rest.
 
-    Looked for are forces that pull instead of push, turned axes or a mirrored one, other units, moments about another
+    Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored about
+    its own middle, other units, moments about another
     point than the center of pressure, a wrong foot, two feet on one plate, forces under no foot, a mass that is not the
     model's, and a clock that is not the motion's. Models without feet are not looked at.
 
@@ -63,6 +65,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     inside = np.zeros(len(motion), bool)
     if len(wrenches):
         inside = (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
+        inside &= _between_gaps(motion)
     if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
     feet = foot_poses(model, _smooth(motion, inside))
@@ -76,6 +79,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
         check_signs,
         check_origins,
         check_directions,
+        check_progress,
         check_feet,
         check_shared_plates,
         check_mass,
@@ -85,6 +89,13 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     findings = tuple(inspection.findings)
     changed = any(one.mended for one in findings)
     return CheckedForces(inspection.wrenches if changed else wrenches, findings)
+
+
+def _between_gaps(motion: Motion) -> NDArray[np.bool_]:
+    """Frames (frames,) from the first with a pose to the last: before and after, a body is out of the cameras' view."""
+    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    frames = np.arange(len(motion))
+    return (frames >= seen[0]) & (frames <= seen[-1]) if len(seen) else np.zeros(len(motion), bool)
 
 
 def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:

@@ -69,7 +69,7 @@ def determined(
     samples : frames that make one independent sample; noise that repeats itself counts so much less
     forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself where None
     scores : (draws, 10 bodies) how noise of the motion pulls at the estimate (`MotionNoise.scores`), which adds to its
-        standard deviation
+        standard deviation; more than three draws
     """
     links = len(points.links.names)
     covariance = prior_covariance(points, LINK_SD)
@@ -92,8 +92,9 @@ def determined(
     variance: Array = np.einsum("ij,jk,ik->i", left, truth, left)
     forces = A if forces is None else forces
     variance = variance + samples * np.square(after @ forces.T).sum(axis=1)
-    if scores is not None and len(scores) > 1:
-        variance = variance + np.square(after @ scores.T).sum(axis=1) / (len(scores) - 1)
+    if scores is not None:
+        # Known from few draws only: the variance of Student's t, not of a normal distribution.
+        variance = variance + np.square(after @ scores.T).sum(axis=1) / (len(scores) - 3)
     table = (links, 10)
     return Determined(
         shares.reshape(table),

@@ -215,12 +215,14 @@ def identify(
     few = thinned(points[first])
     paper = generic if options.prior == "paper" else None
     strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
+    noise, tried, best = strength.choose(parts)
     moved = None
     if options.motion_sd and paper is None:
         moved = motion_noise(generic, used, parts, options.motion_sd, recording.cutoff if recording else None)
-        moved = moved.at_most(parts.rms(strength.generic), strength.generic)
+        # What parts that were not fitted leave is as much as noise can have made.
+        moved = moved.at_most(tried[best], strength.fit(parts, noise, best))
         parts = moved.corrected
-    noise, tried, best = strength.choose(parts)
+        noise, tried, best = strength.choose(parts)
     rows = parts.rows(noise)
     solved = _solved(points, rows, mass, best, options, advance)
     if paper is not None:

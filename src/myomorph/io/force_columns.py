@@ -14,13 +14,14 @@ from myomorph.model.series import Table, Wrenches
 
 OPENSIM = re.compile(r"(?P<before>.*?)(?P<kind>force|torque|moment)(?P<after>.*?)_?(?P<part>[vpm]?)_?(?P<axis>[xyz])$")
 LABORATORY = re.compile(
-    r"(?P<before>.*?)(?P<kind>cop|grf|grm|[fmtp])(?P<after>[_. ]?\d*)[_. ]?(?P<axis>[xyz])(?P<end>[_. ]?\w*)$"
+    r"(?P<before>.*?)(?P<kind>cop|grf|grm|[fmtp]|(?<![a-z])[ac])(?P<after>[_. ]?\d*)[_. ]?(?P<axis>[xyz])"
+    r"(?P<end>[_. ]?\w*)$"
 )
 UNIT = re.compile(r"\s*[\[(](?P<unit>[\w.*·]+)[\])]$")
 WORDS = re.compile(r"ground|forces?|moments?|torques?|cop|grf|grm|[_. ]")
 PARTS = {
     "force": "force", "f": "force", "grf": "force", "v": "force",
-    "cop": "point", "p": "point",
+    "cop": "point", "p": "point", "c": "point", "a": "point",
     "torque": "torque", "moment": "torque", "m": "torque", "t": "torque", "grm": "torque",
 }  # fmt: skip
 UNITS = {"mm": 1e-3, "cm": 1e-2, "kn": 1e3, "nmm": 1e-3, "n.mm": 1e-3, "n*mm": 1e-3, "n·mm": 1e-3}
@@ -65,13 +66,13 @@ def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
     for key, parts in found.items():
         force, point = parts.get("force", {}), parts.get("point", {})
         torque = parts.get("torque", {})
-        if len(force) < 3 or (len(point) < 3 and not torque):
+        if len(force) < 3 or (len(point) < 2 and not torque):
             continue
         forces.append(
             ForceColumns(
                 titles[key].strip("_. ") or f"force{key}",
                 tuple(force[axis] for axis in "xyz"),
-                tuple(point[axis] for axis in "xyz") if len(point) == 3 else (),
+                tuple(point.get(axis, "") for axis in "xyz") if len(point) > 1 else (),
                 tuple(torque.get(axis, "") for axis in "xyz") if torque else (),
             )
         )
@@ -129,6 +130,10 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
         f"force '{name}' has no center of pressure: its moment was taken to be about the ground's origin"
         for name, one in zip(names, chosen, strict=True)
         if not one.point
+    ) + tuple(
+        f"force '{name}' has a center of pressure without {'xyz'[one.point.index('')]}: taken as 0"
+        for name, one in zip(names, chosen, strict=True)
+        if "" in one.point
     )
     parts = [
         np.stack([_vectors(table, getattr(one, part)) for one in chosen], axis=1)

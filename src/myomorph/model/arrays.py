@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 PLAIN = re.compile(r"(tuple\[)?(str|int|float|bool)(, \.\.\.\])?( \| None)?")
 """Types of fields that hold no array, as they are written."""
 _Class = TypeVar("_Class", bound=type)
+_Value = TypeVar("_Value")
 
 
 def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *, finite: bool = False) -> Array:
@@ -111,6 +112,21 @@ def read_only(cls: _Class) -> _Class:
 
     kind.__init__, kind.__setstate__, kind._arrays_are_read_only = initialize, restore, True
     return cls
+
+
+def changed(value: _Value, **fields: Any) -> _Value:
+    """`dataclasses.replace` without the checks of the class, where fields are surely right: ten times as fast.
+
+    Parameters
+    ----------
+    fields : arrays among them have been made for this alone; they become read-only
+    """
+    made = object.__new__(type(value))
+    for one in fields.values():
+        if isinstance(one, np.ndarray):
+            one.setflags(write=False)
+    made.__dict__.update(value.__dict__, **fields)
+    return made
 
 
 @cache

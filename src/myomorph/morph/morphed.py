@@ -12,6 +12,9 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.morph.maps.fields import BoneMap
 
+UNKNOWN = float("nan"), float("nan")
+"""An interval that nothing tells."""
+
 
 @dataclass(frozen=True)
 class MorphOptions:
@@ -30,6 +33,8 @@ class MorphOptions:
         bones' length), "mass" (of the body, over fiber length) or stays ("keep")
     pennation : "keep" leaves the angle at optimal fiber length, "thickness" keeps the muscle's thickness in proportion
         to the bones
+    architecture : "tables" takes fibers, force and pennation from the tables of a species file, where it has some,
+        "maps" from the bones' maps as above
     """
 
     surface_within: float = 0.02
@@ -38,6 +43,7 @@ class MorphOptions:
     fibers: Literal["range", "path", "keep"] = "range"
     force: Literal["volume", "area", "mass", "keep"] = "volume"
     pennation: Literal["keep", "thickness"] = "keep"
+    architecture: Literal["tables", "maps"] = "tables"
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.surface_within <= 0.2:
@@ -57,6 +63,7 @@ class TransferredPoint:
     source, target : (3,) in their frames, in the middle of its way for a moving point [m]
     lifted : how far it was moved onto the surface [m]; 0 where it was not
     depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN without surfaces
+    within : distance from the target within which the point belongs with 90 % [m]; NaN where nothing is known
     """
 
     owner: str
@@ -68,6 +75,7 @@ class TransferredPoint:
     lifted: float = 0.0
     depth_source: float = float("nan")
     depth_target: float = float("nan")
+    within: float = float("nan")
 
 
 @read_only
@@ -93,6 +101,26 @@ class RebuiltJoint:
 
 
 @dataclass(frozen=True)
+class Architecture:
+    """Fiber length and force that a muscle is given, from tables of the target's species or its relatives.
+
+    Attributes
+    ----------
+    fiber, force : [m], [N]
+    pennation : [rad], None to keep the source's
+    basis : species and citation that it comes from
+    fiber_interval, force_interval : 90 % intervals as factors, NaN where nothing tells them
+    """
+
+    fiber: float
+    force: float
+    pennation: float | None
+    basis: str
+    fiber_interval: tuple[float, float] = UNKNOWN
+    force_interval: tuple[float, float] = UNKNOWN
+
+
+@dataclass(frozen=True)
 class MuscleChange:
     """What became of a muscle's parameters, target over source.
 
@@ -102,6 +130,8 @@ class MuscleChange:
     fiber, tendon, force : optimal fiber length, tendon slack length, maximum isometric force
     pennation : difference [rad]
     range_source, range_target : least and greatest normalized fiber length over the joints' ranges
+    basis : what fiber and force come from, "" for the bones' maps
+    fiber_interval, force_interval : 90 % intervals as factors, NaN where nothing tells them
     """
 
     name: str
@@ -112,6 +142,9 @@ class MuscleChange:
     pennation: float
     range_source: tuple[float, float]
     range_target: tuple[float, float]
+    basis: str = ""
+    fiber_interval: tuple[float, float] = UNKNOWN
+    force_interval: tuple[float, float] = UNKNOWN
 
 
 @dataclass(frozen=True, eq=False)

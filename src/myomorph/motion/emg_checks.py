@@ -236,14 +236,19 @@ def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
     return found
 
 
-def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
-    """An envelope that changes as fast as EMG itself: rectified only, or raw with an offset."""
-    if len(column) < 64 or emg.rate <= 2.0 * FAST:
-        return []
+def fast_share(column: Array, rate: float) -> float:
+    """Share of the variance of a channel (samples,) above 20 Hz; nan where it is too short or slow to show."""
+    if len(column) < 64 or rate <= 2.0 * FAST or not np.isfinite(column).any():
+        return float("nan")
     changes = np.nan_to_num(column - np.nanmean(column)) * np.hanning(len(column))
     power = np.abs(np.fft.rfft(changes)) ** 2
-    share = power[np.fft.rfftfreq(len(changes), 1.0 / emg.rate) > FAST].sum() / max(power.sum(), 1e-300)
-    if share <= FAST_SHARE:
+    return float(power[np.fft.rfftfreq(len(changes), 1.0 / rate) > FAST].sum() / max(power.sum(), 1e-300))
+
+
+def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
+    """An envelope that changes as fast as EMG itself: rectified only, or raw with an offset."""
+    share = fast_share(column, emg.rate)
+    if not share > FAST_SHARE:
         return []
     told = f"has {100.0 * share:.0f} % of its variance above {FAST:g} Hz: rectified or raw with an offset, no envelope"
     return [_fault(emg, name, "fast", np.ones(len(column), dtype=bool), told)]

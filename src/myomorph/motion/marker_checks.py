@@ -15,6 +15,7 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
+from myomorph.motion.hidden_frames import without_hidden
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, marker_arrays
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_names import name_findings
@@ -38,8 +39,8 @@ class MarkerCheckOptions:
 
     Attributes
     ----------
-    mend : put right what is evident: exchanged labels, and a jumping marker bridged in these frames; else it is only
-        reported
+    mend : put right what is evident: exchanged labels, a jumping marker bridged in these frames, frames left empty
+        that show too few markers; else it is only reported
     """
 
     mend: bool = True
@@ -87,11 +88,13 @@ def checked_kinematics(
     fit = inverse_kinematics(model, used, options, progress)
     used, fit, swapped = _without_swaps(model, used, fit, options, checks, unit)
     arrays = marker_arrays(compile_tree(model), fit.marker_names, fit.weights, options)
+    fit, hidden = without_hidden(model, used, fit, arrays, checks.mend)
     matched = len(fit.marker_names)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
     findings = [*name_findings(fit.missing_markers, unknown, matched), *swapped]
     findings += [one if checks.mend else _only_told(one) for one in in_time]
+    findings += hidden
     # What a body under wrong labels does says nothing more.
     if all(one.mended for one in swapped):
         findings += place_findings(model, used, fit, arrays, unit)

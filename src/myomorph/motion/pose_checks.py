@@ -28,6 +28,9 @@ AT = 1e-9
 BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
 """What the markers must ask for beyond a bound for the bound to matter [rad or m]."""
 
+OVER = np.radians(90.0)
+"""An angle so far outside the model's range has turned a joint over [rad]."""
+
 SAMPLES = 24
 LIES, MOSTLY = 60.0, 0.8
 
@@ -46,6 +49,7 @@ def pose_findings(
         return
     yield from _bound_findings(model, markers, fit, arrays, options)
     yield from _blind_findings(model, markers, fit, arrays)
+    yield from turned_findings(model, fit)
     yield from _upright_findings(model, fit)
     yield from _convergence_findings(fit)
 
@@ -112,6 +116,29 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: 
             "not measured, or add markers"
         )
         yield Finding("undetermined", ", ".join(names), text)
+
+
+def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
+    """Angles of joints far outside their range: two neighbors that turn over together look much the same to markers."""
+    floating = set(floating_coordinates(model))
+    for one in model.coordinates:
+        low, high = one.range
+        if one.name in floating or one.motion == "translational" or not 0.0 < high - low < np.pi + 0.1:
+            continue
+        angles = fit.motion[one.name]
+        with np.errstate(invalid="ignore"):
+            over = (angles < low - OVER) | (angles > high + OVER)
+        if not over.any():
+            continue
+        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(over)]
+        far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
+        text = (
+            f"coordinate '{one.name}' is up to {np.degrees(far):.0f} degrees from the middle of its range "
+            f"({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in {int(over.sum())} of {len(angles)} frames "
+            f"from {spans[0][0]:.2f} s on: the joint turned over, and torques there are wrong: clamp it, or check the "
+            "markers"
+        )
+        yield Finding("joint turned over", one.name, text, tuple(spans))
 
 
 def _counted(names: list[str]) -> str:

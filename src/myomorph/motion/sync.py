@@ -18,6 +18,11 @@ LOADED = 0.02
 REACH = 40
 """Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding."""
 
+SAME_LENGTH = 1.5
+"""Recordings of one length differ by fewer samples of the slower."""
+MIN_SAMPLES = 20
+"""Samples of the slower from which on an equal length is no chance."""
+
 SeriesKind = TypeVar("SeriesKind", bound=Series)
 
 
@@ -85,7 +90,7 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     if time[0] < wrenches.time[0] - slack or time[-1] > wrenches.time[-1] + slack:
         raise BadData(
             f"external forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {time[0]:g} to "
-            f"{time[-1]:g} s: cut the motion with --time START END"
+            f"{time[-1]:g} s: cut the motion with --time START END, or move the forces with --force-shift SECONDS"
         )
     forces, points, torques = wrenches.forces, wrenches.points, wrenches.torques
     if cutoff is None and np.isfinite(points).all():
@@ -121,6 +126,28 @@ def refuse_other_times(what: str, given: Array, time: Array) -> None:
             f"{what} have {len(given)} frames from {given[:1]} s, the motion {len(time)} from {time[:1]} s: both must "
             "have the same times, so resample them to its times first"
         )
+
+
+def clock_shift(time: Array, other: Array) -> float | None:
+    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s].
+
+    Programs that write a motion or a table anew often begin at zero, while the other file goes on counting. Two that
+    last equally long, to one and a half samples of the slower, are of one recording.
+
+    Returns
+    -------
+    0 where they share time; the shift where both last equally long and share less than half of it; None where they
+    share no time and nothing says by how much they are apart
+    """
+    step = max((float(np.median(np.diff(one))) for one in (time, other) if len(one) > 1), default=0.0)
+    apart = float(time[0] - other[0])
+    lasts = float(time[-1] - time[0]), float(other[-1] - other[0])
+    common = min(time[-1], other[-1]) - max(time[0], other[0])
+    alike = abs(lasts[0] - lasts[1]) <= SAME_LENGTH * step and min(lasts) > MIN_SAMPLES * step
+    # Less is left to the checks of forces, which see what the body needs.
+    if alike and common < 0.5 * min(lasts):
+        return apart
+    return None if common < 0.0 else 0.0
 
 
 def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:

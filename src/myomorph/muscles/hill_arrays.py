@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
+from myomorph.model.latest import Latest
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.muscles.hill_classes import ACCELERATION, KINDS, MILLARD, THELEN, class_parameters
@@ -48,7 +48,6 @@ class HillArrays(NamedTuple):
     curves: CurveArrays
 
 
-@lru_cache(maxsize=8)
 def compile_hill(model: Model) -> HillArrays:
     """The model's muscles as flat arrays, in the model's order; the same model compiles once.
 
@@ -57,17 +56,43 @@ def compile_hill(model: Model) -> HillArrays:
     BadModel
         for a class whose curves are not known, or parameters no curve can be made of
     """
+    return _latest(model)
+
+
+def compile_hill_as(model: Model, like: Model) -> HillArrays:
+    """`compile_hill` of a model made of another by changing forces, fiber and tendon lengths of its muscles alone.
+
+    Parameters
+    ----------
+    like : the other one, with the same muscles in the same order; what was compiled of it is used again
+    """
+    arrays = compile_hill(like)
+    made = arrays._replace(
+        **_columns([_sizes(one, kind) for one, kind in zip(model.muscles, arrays.kind, strict=True)])
+    )
+    _latest.put(model, made)
+    return made
+
+
+def _compile(model: Model) -> HillArrays:
     curves: list[Curve] = []
     index: dict[tuple[object, ...], int] = {}
     rows = [_compile_muscle(muscle, curves, index) for muscle in model.muscles]
-    numbers = np.array([row[1] for row in rows], dtype=np.float64).reshape(len(rows), 8)
     return HillArrays(
         kind=np.array([row[0] for row in rows], np.int64),
-        **{name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)},
+        **_columns([row[1] for row in rows]),
         parameters=np.array([row[2] for row in rows], dtype=np.float64).reshape(len(rows), 6),
         curve=np.array([row[3] for row in rows], np.int64).reshape(len(rows), 3),
         curves=pack_curves(curves),
     )
+
+
+_latest = Latest(_compile)
+
+
+def _columns(rows: list[list[float]]) -> dict[str, Any]:
+    numbers = np.array(rows, dtype=np.float64).reshape(len(rows), len(_NUMBERS))
+    return {name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)}
 
 
 def _compile_muscle(
@@ -86,12 +111,17 @@ def _compile_muscle(
         used = [_numbered(key, maker, curves, index) for key, maker in makers]
     except BadModel as error:
         raise BadModel(f"muscle '{muscle.name}': {error}") from error
+    return kind, _sizes(muscle, kind), numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
+
+
+def _sizes(muscle: Muscle, kind: int) -> list[float]:
+    """What `_NUMBERS` names."""
     height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
     most = muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
     most = np.pi / 2 if kind == ACCELERATION else most
     clamped = kind in (THELEN, MILLARD, ACCELERATION)
     shortest = (height / np.sin(most) if most > 1e-14 else 0.01 * muscle.optimal_fiber_length) if clamped else height
-    sizes = [
+    return [
         muscle.max_isometric_force,
         muscle.optimal_fiber_length,
         muscle.tendon_slack_length,
@@ -101,7 +131,6 @@ def _compile_muscle(
         np.cos(muscle.pennation_at_optimal),
         muscle.max_contraction_velocity * muscle.optimal_fiber_length,
     ]
-    return kind, sizes, numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
 
 
 def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.labelled import Labelled, Variable
+from myomorph.model.latest import Latest
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
@@ -35,6 +36,7 @@ from myomorph.muscles.path_arrays import (
     POINTS,
     WRAPS,
     PathArrays,
+    moved_paths,
     path_arrays,
 )
 from myomorph.muscles.path_kernels import coupler_slopes, path_frames
@@ -200,7 +202,6 @@ class Paths:
         return found
 
 
-@lru_cache(maxsize=8)
 def compile_paths(model: Model) -> Paths:
     """The model's muscle paths as flat arrays; the same model compiles once.
 
@@ -211,8 +212,28 @@ def compile_paths(model: Model) -> Paths:
     BadModel
         a path has fewer than two points, or mixes the wraps of OpenSim and MuJoCo
     """
+    return _latest(model)
+
+
+def compile_paths_as(model: Model, like: Model) -> Paths:
+    """`compile_paths` of a model made of another by moving path points and resizing surfaces, and as `compile_tree_as`.
+
+    Parameters
+    ----------
+    like : the other one, with the same parts in the same order; what was compiled of it is used again
+    """
+    arrays = moved_paths(compile_paths(like).arrays, model)
+    made = Paths(compile_tree(model), arrays)
+    _latest.put(model, made)
+    return made
+
+
+def _compile(model: Model) -> Paths:
     tree = compile_tree(model)
     return Paths(tree, path_arrays(model, tree))
+
+
+_latest = Latest(_compile)
 
 
 @kernel

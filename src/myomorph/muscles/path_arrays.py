@@ -99,6 +99,21 @@ def path_arrays(model: Model, tree: Tree) -> PathArrays:
     return builder.arrays()
 
 
+def moved_paths(arrays: PathArrays, model: Model) -> PathArrays:
+    """Arrays of paths whose points lie elsewhere and whose surfaces have other sizes: all else is as it was."""
+    points = (point for muscle in model.muscles for point in muscle.path.points)
+    place = arrays.place.copy()
+    for row, point in zip(place, points, strict=True):
+        if isinstance(point, PathPoint):
+            row[: Z + 1] = point.location
+    return arrays._replace(place=place, object_size=_sizes(model))
+
+
+def _sizes(model: Model) -> Array:
+    """(surfaces, 3) sizes of the surfaces that paths wrap around [m]."""
+    return _floats([[*one.size, 0.0, 0.0][:3] for one in model.wrap_objects], 3)
+
+
 class _Builder:
     """Collects the rows of `PathArrays` muscle by muscle."""
 
@@ -228,7 +243,7 @@ class _Builder:
             wrap_side=_floats(self.wrap_side, 3),
             object=_ints([self._object_row(one) for one in objects], 5),
             object_pose=_floats([[*one.pose.rotation.ravel(), *one.pose.translation] for one in objects], 12),
-            object_size=_floats([[*one.size, 0.0, 0.0][:3] for one in objects], 3),
+            object_size=_sizes(self.model),
             axis=_ints(self.axis, 6),
             support=np.array(self.support, dtype=np.int64),
             arm=_ints(self.arm, 2),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, check_name
 from myomorph.model.functions import Function
+from myomorph.model.latest import Latest
 from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
@@ -172,10 +173,51 @@ def compile_tree(model: Model) -> Tree:
     BadModel
         where couplers go round in a circle
     """
-    return _compile(model)
+    return _latest(model)
 
 
-@lru_cache(maxsize=8)
+def compile_tree_as(model: Model, like: Model) -> Tree:
+    """`compile_tree` of a model made of another by changing joint frames, masses, mass centers and inertias alone.
+
+    Parameters
+    ----------
+    like : the other one, with the same parts in the same order; what was compiled of it is used again
+    """
+    tree = compile_tree(like)
+    T = tree.arrays
+    pre_R, pre_p, shift, post_R, post_p = (one.copy() for one in (T.pre_R, T.pre_p, T.pre_is_shift, T.post_R, T.post_p))
+    before = {joint.child: joint for joint in like.joints}
+    for joint in model.joints:
+        was, b = before[joint.child], tree.body_index[joint.child]
+        if joint.parent_frame is was.parent_frame and joint.child_frame is was.child_frame:
+            continue
+        k = T.axis_start[b]
+        moved = joint.parent_frame @ was.parent_frame.inverse()
+        end = was.child_frame @ joint.child_frame.inverse()
+        if k < T.axis_start[b + 1]:
+            pre_R[k], pre_p[k] = moved.rotation @ pre_R[k], moved.apply(pre_p[k])
+            shift[k] = False
+        else:
+            end = Transform(post_R[b], post_p[b]) @ end
+            post_R[b], post_p[b] = moved.rotation @ end.rotation, moved.apply(end.translation)
+            continue
+        post_p[b] += post_R[b] @ end.translation
+        post_R[b] = post_R[b] @ end.rotation
+    arrays = T._replace(
+        pre_R=pre_R,
+        pre_p=pre_p,
+        pre_is_shift=shift,
+        post_R=post_R,
+        post_p=post_p,
+        mass=np.array([0.0] + [body.mass for body in model.bodies]),
+        mass_center=_stack([np.zeros(3)] + [body.mass_center for body in model.bodies], (3,)),
+        inertia=_stack([np.zeros((3, 3))] + [body.inertia for body in model.bodies], (3, 3)),
+    )
+    made = Tree(model, arrays, tree.body_index)
+    _latest.put(model, made)
+    return made
+
+
 def _compile(model: Model) -> Tree:
     names = model.coordinate_names
     body_index = {GROUND: 0} | {body.name: i + 1 for i, body in enumerate(model.bodies)}
@@ -221,6 +263,9 @@ def _compile(model: Model) -> Tree:
         gravity=np.array(model.gravity),
     )
     return Tree(model, arrays, body_index)
+
+
+_latest = Latest(_compile)
 
 
 def _stack(parts: list[Array], shape: tuple[int, ...]) -> Array:

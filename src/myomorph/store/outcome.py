@@ -37,6 +37,7 @@ class Outcome:
     condition : that the trial was recorded in
     timed : each step that was computed now, and how long it took [s]
     full : whether it stopped because no space is left where results go
+    findings : what checks of markers and forces found, one line each
     """
 
     subject: str
@@ -54,6 +55,7 @@ class Outcome:
     condition: str = ""
     timed: tuple[tuple[str, float], ...] = ()
     full: bool = False
+    findings: tuple[str, ...] = ()
 
     @property
     def key(self) -> Key:

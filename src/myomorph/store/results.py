@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import tempfile
@@ -25,7 +26,8 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
 
 STORED = ".nc"
-PROVENANCE = "provenance_"
+PROVENANCE, REMARKS = "provenance_", "warnings_"
+"""What facts of a single step begin with: what its values were made from, and what it found doubtful."""
 STEP = "step"
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
 WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
@@ -164,6 +166,21 @@ class ResultWriter:
         """Write what a step's values were made from."""
         self.fact(PROVENANCE + provenance.step, provenance.to_json())
 
+    def remarks(self, step: str, texts: Sequence[str]) -> None:
+        """Write what a step found doubtful, one line each."""
+        self.fact(REMARKS + step, json.dumps(list(texts)))
+
+    def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
+        """Put what the steps of this file found doubtful together, in their order and before other lines.
+
+        A step of a result that an older version wrote left its lines among all of them.
+        """
+        facts = self._file.attributes
+        known = [one for one in steps if REMARKS + one in facts]
+        found = [text for one in known for text in json.loads(facts[REMARKS + one])]
+        kept = [] if len(known) == len(steps) else json.loads(facts.get("warnings", "[]"))
+        self.fact("warnings", json.dumps(list(dict.fromkeys([*found, *others, *kept]))))
+
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block, unless it is here already."""
         with open_netcdf(path) as other:
@@ -176,7 +193,7 @@ class ResultWriter:
             if VARIABLES.get(one.name, one.name) not in self._file and (not made_by or made_by in steps):
                 self._copy_variable(one, other.dimensions_of(one))
         for name, value in other.attributes.items():
-            marked = name.startswith(PROVENANCE) and name[len(PROVENANCE) :] not in steps
+            marked = any(name.startswith(one) and name[len(one) :] not in steps for one in (PROVENANCE, REMARKS))
             if FACTS.get(name, name) not in self._file.attributes and not marked:
                 self.fact(FACTS.get(name, name), value)
 

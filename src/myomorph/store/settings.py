@@ -69,10 +69,18 @@ class ForceOptions:
     force_checks : external forces are held against the motion: mend what is wrong and safe to mend, report it only, or
         none
     force_shift : added to the times of external forces, where their clock is not the motion's [s]
+    force_columns : names of the columns of a table of forces in their order, between commas, where its heading does
+        not say them: time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mx1, ...; - for a column to leave out
+    force_rate : rows a second of a table of forces without times [Hz]
+    force_origins : points that moments of forces without a center of pressure are about, along the table's axes [m]:
+        x,y,z of each force, between semicolons; by default the origin
     """
 
     force_checks: Literal["mend", "report", "none"] = "mend"
     force_shift: float = 0.0
+    force_columns: str = ""
+    force_rate: float = 0.0
+    force_origins: str = ""
 
     def __post_init__(self) -> None:
         if not abs(self.force_shift) < float("inf"):

@@ -114,7 +114,8 @@ def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None
     meaning = "generalized force of inverse dynamics"
     writer.names("coordinate", torques.names)
     writer.put("generalized_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
-    if wrenches is not None:
+    # Plates on which nobody steps are left out: there may be no force among those that were measured.
+    if wrenches is not None and wrenches.names:
         writer.names("external_force", wrenches.names)
         writer.names("axis", XYZ)
         writer.texts("external_force_body", "external_force", wrenches.bodies)

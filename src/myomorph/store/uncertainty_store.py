@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.results import ResultWriter, Stored
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""
 ENDINGS = {
-    "low": "lower limit of 90 % of the draws",
-    "high": "upper limit of 90 % of the draws",
+    "low": "lower limit of 90 %",
+    "high": "upper limit of 90 %",
     "sd": "standard deviation of the draws",
 }
 GROUP = "error_group"
@@ -36,6 +39,7 @@ def put_uncertainty(writer: ResultWriter, found: Uncertainty, units: dict[str, s
             for kind, values in (("alone", shares.alone), ("total", shares.total)):
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
     writer.fact("draws", f"{found.draws} {found.failed}")
+    writer.fact("limits_widened", json.dumps(dict(found.factors)))
 
 
 def get_uncertainty(stored: Stored) -> Uncertainty | None:
@@ -50,7 +54,8 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
             parts = (stored.values[f"{name}_{one}"] for one in ("alone", "total"))
             shares[name] = Shares(stored.names[GROUP], *parts)
     draws, failed = map(int, stored.facts["draws"].split())
-    return Uncertainty(spreads, shares, draws, failed)
+    factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
+    return Uncertainty(spreads, shares, draws, failed, factors=factors)
 
 
 def _dimension(name: str) -> str:

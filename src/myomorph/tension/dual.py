@@ -28,6 +28,9 @@ STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
 TOLERANCE = 1e-9
 """Equilibrium residual, relative to 1 + max |b|, at which a frame is solved."""
 
+SETTLED = 1e-3
+"""The same of a frame that cannot balance, relative to what it misses."""
+
 PATIENCE = 25
 """Passes over linked frames without a new least change, after which they are no longer over-relaxed."""
 
@@ -56,6 +59,20 @@ def _pulled(w, p, target, near, pull, x, s):
 
 
 @inner
+def _cubic(w, low, high, pull, target, s):
+    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its time."""
+    size = np.sqrt(abs(s) / (3.0 * w))
+    x = target + (size if s > 0.0 else -size)
+    slope = min((1.0 if size < 1e-3 else 0.5) / (3.0 * w * max(size, 1e-30)), 1e8 / w)
+    if pull > 0.0 and not low <= x <= high:
+        left = s - 2.0 * pull * (target - (low if x < low else high))
+        size = abs(left) / (pull + np.sqrt(pull * pull + 3.0 * w * abs(left)))
+        x = target + (size if left > 0.0 else -size)
+        slope = 0.5 / (3.0 * w * max(size, 1e-9) + pull)
+    return x, slope
+
+
+@inner
 def _bent(w, p, low, high, pull, target, s):
     """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose exponent is not 2."""
     if p == 2.0:
@@ -64,6 +81,8 @@ def _bent(w, p, low, high, pull, target, s):
             near = low if x < low else high
             x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
         return x, slope
+    if p == 3.0:
+        return _cubic(w, low, high, pull, target, s)
     size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
     x = target + (size if s > 0.0 else -size)
     slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-9 if p < 2.0 else 1e-30) ** (p - 2.0))
@@ -154,6 +173,15 @@ def _step(S, targets, penalty, s, ds, constant, linear):
 
 
 @inner
+def _pull(S, A, y, s):
+    """A^T y."""
+    for i in range(s.shape[0]):
+        s[i] = 0.0
+        for a in range(S.start[i], S.start[i + 1]):
+            s[i] += A[a] * y[S.row[a]]
+
+
+@inner
 def _free_stiffness(S, values, slope, diagonal):
     """Diagonal of A D A^T with no variable on a bound, at |x| = 1; `slope` gets that D."""
     for j in range(diagonal.shape[0]):
@@ -173,7 +201,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
 
     Returns
     -------
-    worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took
+    worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite and NaN
+        where the multipliers have overflowed
     """
     n, variables = b.shape[0], x.shape[0]
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
@@ -186,11 +215,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         slack[j] = relative * max(slack[j], 1.0)
         floor[j] = 10.0 * slack[j]
         scale = max(scale, 1.0 + abs(b[j]))
-    for i in range(variables):
-        s[i] = 0.0
-        for a in range(S.start[i], S.start[i + 1]):
-            s[i] += A[a] * y[S.row[a]]
-    iteration = 0
+    _pull(S, A, y, s)
+    iteration, checked, before = 0, False, 0.0
     while True:
         for j in range(n):
             residual[j] = b[j]
@@ -207,9 +233,20 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         for j in range(n):
             worst = max(worst, abs(residual[j]))
             z[j] = residual[j] - slack[j] * y[j]
+            if not abs(z[j]) < np.inf:
+                # The multipliers have overflowed; `max` ignores NaN.
+                return np.inf, np.nan, iteration
             left = max(left, abs(z[j]))
+        if checked and left <= SETTLED * worst:
+            return worst, before, iteration
         if left <= TOLERANCE * scale or iteration == most:
-            return worst, left, iteration
+            if checked or iteration == 0 or worst <= TOLERANCE * scale:
+                return worst, left, iteration
+            # s is updated step by step: multipliers that were huge for a while leave rounding errors in it.
+            checked, before = True, left
+            _pull(S, A, y, s)
+            continue
+        checked = False
         iteration += 1
         _assemble(S, A, slope, slack, M)
         if S.peak > 0.0:
@@ -220,10 +257,7 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
         for j in range(n):
             constant += (b[j] - slack[j] * y[j]) * z[j]
             linear += slack[j] * z[j] * z[j]
-        for i in range(variables):
-            ds[i] = 0.0
-            for a in range(S.start[i], S.start[i + 1]):
-                ds[i] += A[a] * z[S.row[a]]
+        _pull(S, A, z, ds)
         t = _step(S, targets, penalty, s, ds, constant, linear)
         for j in range(n):
             y[j] += t * z[j]
@@ -269,7 +303,7 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
         if k == 0 and left <= TOLERANCE * scale:
             stuck = True
             break
-        settled = left <= TOLERANCE * scale or left <= 1e-3 * worst
+        settled = left <= TOLERANCE * scale or left <= SETTLED * worst
         cold = k == 0
         if k > 1 and not settled:
             # The last slack that could be solved for is the answer: x again, without a step.
@@ -278,9 +312,9 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
                 y[j] = by_row[4, j]
             continue
         for j in range(b.shape[0]):
-            by_row[4, j] = y[j]
-            if k == 0:
+            if k == 0 or not worst < np.inf:
                 y[j] = 0.0
+            by_row[4, j] = y[j]
         if k > 0:
             # Less slack, but the same residual: nothing is left that could take it.
             stuck = settled and worst > 0.5 * before

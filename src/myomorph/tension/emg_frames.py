@@ -83,22 +83,24 @@ def tracked_frames(
     whole[:, shape.row, np.repeat(np.arange(len(shape.weight)), np.diff(shape.start))] = given.values
     whole, right = whole[:, rows], given.right[:, rows]
     count = len(model.muscles)
-    size = np.sqrt(np.mean(right**2)) + 1e-12
+    # Frames that are not known (a body not in sight) say nothing of how large the others are.
+    known = np.nan_to_num(whole)
+    size = np.sqrt(np.mean(right[np.isfinite(right)] ** 2)) + 1e-12
     others = [np.zeros((len(few), len(rows), 0))]
     if problem.contacts is not None:
         amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
-        largest = np.abs(amplitudes).max(axis=(0, 1), initial=0.0)
+        largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(axis=(0, 1), initial=0.0)
         others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
     added = {one.name for one in default_reserves(model)} if actuators is None else {one.name for one in actuators}
     place = problem.unknowns.of(problem.actuators)
     own = [k for k, name in enumerate(problem.unknowns.names[place]) if name not in added]
     others.append(whole[:, :, place][:, :, own])
-    reached = np.abs(whole[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
+    reached = np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
     # Contacts that nobody measured act on all rows at once, so that one row says something of the others.
     kept = reached if contacts is None else np.ones(len(rows), dtype=bool)
     acting = np.concatenate(others, axis=2)[:, kept]
     good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
-    muscles = np.nan_to_num(whole[:, :, :count]).reshape(-1, count)
+    muscles = known[:, :, :count].reshape(-1, count)
     gram = muscles.T @ muscles
     return TrackedFrames(few.time[good], whole[good][:, kept, :count], right[good][:, kept], acting[good], emg, gram)
 

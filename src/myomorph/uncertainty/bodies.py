@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, changed
 from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
@@ -47,21 +48,21 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     model : as it was given
     draw : which errors
     """
-    has = draw.sources
+    has, parts = draw.sources, dict[str, Any]()
     if has.segment_mass or has.mass_center or has.inertia:
-        model = replace(model, bodies=_bodies(model, draw))
+        parts["bodies"] = _bodies(model, draw)
     if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
         # Where a body floats in the laboratory, no joint holds it.
         joints = (one if floating.intersection(one.coordinates) else _joint(one, draw) for one in model.joints)
-        model = replace(model, joints=tuple(joints))
+        parts["joints"] = tuple(joints)
     if has.placement:
-        model = replace(model, markers=tuple(_marker(one, draw) for one in model.markers))
+        parts["markers"] = tuple(_marker(one, draw) for one in model.markers)
     if has.attachment or has.strength or has.fiber_length or has.slack_length:
-        model = replace(model, muscles=tuple(_muscle(one, draw) for one in model.muscles))
+        parts["muscles"] = tuple(_muscle(one, draw) for one in model.muscles)
     if has.wrap_radius:
-        model = replace(model, wrap_objects=tuple(_surface(one, draw) for one in model.wrap_objects))
-    return model
+        parts["wrap_objects"] = tuple(_surface(one, draw) for one in model.wrap_objects)
+    return replace(model, **parts) if parts else model
 
 
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
@@ -98,7 +99,7 @@ def _marker(marker: Marker, draw: Draw) -> Marker:
 def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
     name = muscle.name
     slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(draw.of("slack_length", name)[0])
-    return replace(
+    return changed(
         muscle,
         path=_path(muscle.path, name, draw),
         max_isometric_force=muscle.max_isometric_force * draw.factor("strength", name),
@@ -112,12 +113,12 @@ def _path(path: Path, muscle: str, draw: Draw) -> Path:
     if not draw.sources.attachment:
         return path
     points = tuple(
-        replace(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3))
+        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3))
         if isinstance(one, PathPoint)
         else one
         for k, one in enumerate(path.points)
     )
-    return replace(path, points=points)
+    return changed(path, points=points)
 
 
 def _surface(surface: WrapObject, draw: Draw) -> WrapObject:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.signal import oaconvolve
 from scipy.special import ndtri
 
 from myomorph.model.arrays import Array
@@ -45,15 +46,23 @@ class Normals:
 
     def process(self, draw: int, source: str, name: str, frames: int, width: float, size: int = 3) -> Array:
         """(frames, size) numbers of variance 1 that a Gaussian of `width` frames correlates; 0 for white noise."""
-        rng = np.random.default_rng((self.seed, crc32(source.encode()), crc32(name.encode()), draw))
-        if not width > 0.0:
-            return np.asarray(rng.standard_normal((frames, size)))
-        before = int(np.ceil(REACH * width))
-        white = rng.standard_normal((frames + 2 * before, size))
-        smooth = gaussian_filter1d(white, width, axis=0, truncate=REACH)[before : before + frames]
-        impulse = np.zeros(2 * before + 1)
-        impulse[before] = 1.0
-        return np.asarray(smooth / np.linalg.norm(gaussian_filter1d(impulse, width, truncate=REACH)))
+        return self.processes(draw, source, (name,), frames, width, size)[:, 0]
+
+    def processes(
+        self, draw: int, source: str, names: Sequence[str], frames: int, width: float, size: int = 3
+    ) -> Array:
+        """(frames, names, size) numbers of several items at once."""
+        before = int(np.ceil(REACH * width)) if width > 0.0 else 0
+        white = np.empty((frames + 2 * before, len(names), size))
+        for k, name in enumerate(names):
+            rng = np.random.default_rng((self.seed, crc32(source.encode()), crc32(name.encode()), draw))
+            white[:, k] = rng.standard_normal((len(white), size))
+        if not before:
+            return white
+        offsets = np.arange(-before, before + 1)
+        weights = np.exp(-0.5 * (offsets / width) ** 2)
+        flat = oaconvolve(white.reshape(len(white), -1), weights[:, None] / np.linalg.norm(weights), "valid", axes=0)
+        return np.asarray(flat.reshape(frames, len(names), size))
 
 
 @lru_cache(maxsize=8192)

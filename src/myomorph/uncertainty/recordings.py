@@ -57,20 +57,16 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
     sizes = skin_sizes(model, draw, residuals)
     bodies = {one.name: one.body for one in model.markers}
     values, noise = np.array(markers.values), draw.sources.marker_noise
-    shared: dict[str, Array] = {}
-    for k, name in enumerate(markers.names):
-        if name not in sizes:
-            continue
-        if noise:
-            values[:, k] += noise * draw.normals.process(draw.number, "noise", name, frames, 0.0)
-        together, own = sizes[name]
-        if not own:
-            continue
-        body = bodies[name]
-        if body not in shared:
-            shared[body] = draw.normals.process(draw.number, "skin", body, frames, width)
-        values[:, k] += together * shared[body]
-        values[:, k] += own * draw.normals.process(draw.number, "skin of marker", name, frames, width)
+    known = [k for k, name in enumerate(markers.names) if name in sizes]
+    names = [markers.names[k] for k in known]
+    if noise:
+        values[:, known] += noise * draw.normals.processes(draw.number, "noise", names, frames, 0.0)
+    if any(sizes[name][1] for name in names):
+        together, own = np.array([sizes[name] for name in names]).T[..., None]
+        hold = list(dict.fromkeys(bodies[name] for name in names))
+        shared = draw.normals.processes(draw.number, "skin", hold, frames, width)
+        values[:, known] += together * shared[:, [hold.index(bodies[name]) for name in names]]
+        values[:, known] += own * draw.normals.processes(draw.number, "skin of marker", names, frames, width)
     return replace(markers, values=values)
 
 

@@ -81,6 +81,7 @@ class Uncertainty:
     spreads : by the tables' names
     shares : by the tables' names, what each group of sources contributes
     draws, failed : how many inputs were drawn, and of how many there is no solution
+    factors : by which the limits of tables are wider than those that hold 90 % of the draws
     """
 
     spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
@@ -88,6 +89,14 @@ class Uncertainty:
     draws: int = 0
     failed: int = 0
     notes: tuple[str, ...] = ()
+    factors: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+
+    @property
+    def summary(self) -> str:
+        """How limits were found, as the end of a line."""
+        wider = ", ".join(f"{name.replace('_', ' ')} {one:g}" for name, one in self.factors.items() if one != 1.0)
+        found = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
+        return f"{found}, widened by factors ({wider})" if wider else found
 
 
 class Draws:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from myomorph.identify.body.fit_pose import landmark_of_marker
 from myomorph.identify.body.points import fill
-from myomorph.identify.body.shape import DENSITY, body_shape, circumference, measurements
+from myomorph.identify.body.shape import DENSITY, _centers, body_shape, circumference, measurements
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body
 from myomorph.model.errors import BadData
@@ -23,6 +24,32 @@ needs_anny = pytest.mark.skipif(absent, reason="needs the optional package anny:
 def subject():
     """[D]'s subject."""
     return body_shape(1.822, 0.870, 66.8, "male")
+
+
+def test_joint_centers_are_where_bones_begin():
+    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's top is a vertex."""
+    rng = np.random.default_rng(0)
+    paired = (
+        "upperleg01",
+        "lowerleg01",
+        "foot",
+        "upperarm01",
+        "lowerarm01",
+        "wrist",
+        *(f"toe{i}-1" for i in range(1, 6)),
+    )
+    bones = ("spine03", "neck01", *(f"{name}.{side}" for name in paired for side in "RL"))
+    heads, vertices = rng.normal(size=(len(bones), 3)), np.array([[0.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])
+    rig = SimpleNamespace(bones=bones, faces=np.array([[1, 2, 1]]))
+    found = _centers(rig, vertices, heads)
+    hips = heads[bones.index("upperleg01.R")], heads[bones.index("upperleg01.L")]
+    np.testing.assert_array_equal(found["right hip"], hips[0])
+    np.testing.assert_allclose(found["pelvis"], np.mean(hips, axis=0), atol=1e-15)
+    toes = [heads[bones.index(f"toe{i}-1.L")] for i in range(1, 6)]
+    np.testing.assert_allclose(found["left toes"], np.mean(toes, axis=0), atol=1e-15)
+    np.testing.assert_array_equal(found["left wrist"], heads[bones.index("wrist.L")])
+    np.testing.assert_array_equal(found["neck"], heads[1])
+    np.testing.assert_array_equal(found["head top"], vertices[2])
 
 
 @needs_anny

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from myomorph.model.series import Motion
+from myomorph.motion.ik import KinematicsFit
+from myomorph.motion.pose_checks import turned_findings
 from myomorph.motion.protocols import protocols
+from myomorph.motion.root import floating_coordinates
 from myomorph.muscles.path import compile_paths
 from myomorph.study.analyze.generic_model import generic_model, legs_and_trunk, placed
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
@@ -32,6 +36,29 @@ def test_every_protocol_shows_pelvis_and_legs(name: str) -> None:
     assert {protocols().protocols[name].labels[label].segment for label in without} <= {
         "head", "upper_arm", "forearm", "hand",
     }  # fmt: skip
+
+
+def test_no_joint_of_the_leg_turns_over() -> None:
+    """Ankle and subtalar joint, both free, went once around together in a walk: 125 N m at the hip for 30."""
+    model, _ = generic_model(protocols().protocols["plug_in_gait"].labels)
+    floating = floating_coordinates(model)
+    for one in model.coordinates:
+        if one.motion == "rotational" and one.name not in floating:
+            assert one.locked or (one.clamped and one.range[1] - one.range[0] < np.pi + 0.1)
+
+
+def test_a_joint_that_turned_over_is_named() -> None:
+    model, _ = generic_model(protocols().protocols["plug_in_gait"].labels)
+    values = np.zeros((5, len(model.coordinates)))
+    values[3:, model.coordinate_names.index("ankle_angle_l")] = np.radians(380.0)
+    fit = KinematicsFit(
+        Motion(0.01 * np.arange(5.0), model.coordinate_names, values), (), np.zeros((5, 0)), np.zeros(0),
+        np.ones(5, bool), np.zeros(5, int), (), (),
+    )  # fmt: skip
+    (found,) = turned_findings(model, fit)
+    assert found.place == "ankle_angle_l"
+    assert found.times == ((0.03, 0.04),)
+    assert "2 of 5 frames from 0.03 s" in found.text
 
 
 def test_paths_in_opensims_form_have_mujocos_lengths() -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from made_standing import standing
+from myomorph.io.formats import read_model
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData
+from myomorph.motion.measurements import default_markers
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
 from myomorph.study.plan.plan import read_plan
@@ -45,10 +49,26 @@ def test_a_prepared_study_is_read_as_a_plan(tmp_path: Path) -> None:
     assert any("No force was measured" in text for text in prepared.assumed)
 
 
-def test_a_wrong_height_is_said_first(tmp_path: Path) -> None:
+def test_height_is_held_against_the_markers_and_scales_the_generic_model(tmp_path: Path) -> None:
+    body = standing(0.3)
+    sizes = []
+    for height in (1.53, 1.7):
+        walk = tmp_path / f"{height}" / "walk.trc"
+        walk.parent.mkdir()
+        write_trc(replace(body, values=height / 1.7 * body.values), walk)
+        prepared = prepare_study(AnalyzeRequest((walk,), 70.0, height=height), walk.parent / "out")
+        assert prepared.assumed[0].startswith(f"Height {height:g} m (--height): the markers of walk.trc show")
+        model = read_model(walk.parent / "out" / "generic.osim")
+        sizes.append(default_markers(model, ("LASI", "LANK"))[:, 1])
+    np.testing.assert_allclose(np.ptp(sizes[0]), 0.9 * np.ptp(sizes[1]), rtol=1e-6)
+
+
+@pytest.mark.parametrize("height", [1.2, 170.0])
+def test_a_wrong_height_is_said_first_and_not_used(tmp_path: Path, height: float) -> None:
     write_trc(standing(0.3), tmp_path / "walk.trc")
-    prepared = prepare_study(AnalyzeRequest((tmp_path / "walk.trc",), 70.0, height=1.2), tmp_path / "out")
-    assert any("WARNING" in text and "--height" in text for text in prepared.assumed)
+    prepared = prepare_study(AnalyzeRequest((tmp_path / "walk.trc",), 70.0, height=height), tmp_path / "out")
+    assert re.match(rf"WARNING: the markers of walk.trc show .*[+-]\d+ % of --height {height:g} m", prepared.assumed[0])
+    assert not any("from those of a body" in text for text in prepared.assumed)
 
 
 def test_a_study_file_that_was_changed_is_not_lost(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from myomorph.study.trial.steps.tension import STEP as TENSION
 
 RUN = {"out": "run --out", "threads": "run --workers", "options": "[options.STEP]"}
 """Parameters that belong to a run of the whole study."""
-TABLES = {"draws": "uncertainty", "uncertainty": "uncertainty"}
+TABLES = dict.fromkeys(("draws", "uncertainty", "method", "workers"), "uncertainty")
 """Parameters whose place is a table of their own, a step's."""
 
 COMMANDS = {

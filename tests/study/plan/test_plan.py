@@ -20,6 +20,8 @@ trials = ["walk*.trc"]
 steps = ["ik", "id", "muscles", "tension", "report"]
 """
 
+FORCES = ("force_checks", "force_shift", "force_columns", "force_rate", "force_origins")
+
 
 @pytest.fixture
 def folder(tmp_path):
@@ -165,7 +167,7 @@ def test_options_are_those_of_the_steps():
     own = {one.name for options in (TensionOptions, ContactOptions, RecruitmentOptions) for one in fields(options)}
     emg = {name for name in settings if name.startswith("emg_")}
     assert emg >= {"emg_mode", "emg_weight", "emg_slack", "emg_display_only"}
-    assert set(settings) - emg == own | {"cutoff", "force_checks", "force_shift", "reactions", "intervals"}
+    assert set(settings) - emg == own | {"cutoff", *FORCES, "reactions", "intervals"}
     assert settings["passive"].default is TensionOptions().passive
     assert all(one.help for each in step_settings().values() for one in each)
 

@@ -195,9 +195,10 @@ def test_landmarks_of_a_body_that_is_not_there_are_named(leg, tmp_path):
         (("--bones", "nowhere"), "nowhere"),
         (("--bones", "nowhere", "--target", "mouse.xml"), "no --bones"),
         (("--target", "mouse.xml", "--species", "human-dog"), "human-mouse"),
-        (("--target", "mouse.xml", "--mass", "3"), "--mass goes with --bones"),
-        (("--target", "mouse.xml", "--mirror"), "--mirror goes with --bones"),
+        (("--target", "mouse.xml", "--landmarks", "mouse.xml"), "--landmarks goes with --bones"),
+        (("--bones", "nowhere", "--protocol", "lab"), "--protocol goes with --target"),
         (("--bones", "nowhere", "--beside"), "--beside goes with --target"),
+        (("--bones", "nowhere", "--link", "skin=femur_r"), "LINK=BONE,BONE"),
     ],
 )
 def test_what_the_command_cannot_do_ends_in_one_line(leg, tmp_path, capsys, told, answer):

@@ -104,29 +104,43 @@ def test_the_tables_come_with_the_package():
     assert (files("myomorph.morph") / "data" / "human_mouse.toml").is_file()
 
 
+def table_bodies() -> list[str]:
+    """Bodies of both hindlimbs."""
+    return [name for one in read_species("human-mouse").masses for name in one.bodies]
+
+
 @pytest.mark.long
 def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
     given = SpeciesFiles(
         data("rajagopal-walk-emg/subject_walk_scaled.osim"),
         data("mouse-skeleton-keypoints/mouse_with_meshes.xml"),
         geometry=data("bones-opensim-rajagopal/Geometry"),
+        mirror=True,
+        mass=0.025,
+        protocol="mouse-gait",
     )
     morphed, bones = species_files(given, MorphSettings(match=MatchOptions(features="landmarks")))
     model = morphed.morph.model
-    assert len(model.muscles) == 40
+    assert len(model.muscles) == 80
     assert all(name.endswith("_l") for name in morphed.morph.left_out)
-    assert model.mass == pytest.approx(0.033, abs=0.001)
-    for muscle, change in zip(model.muscles, morphed.morph.muscles, strict=True):
+    assert model.mass == pytest.approx(0.025)
+    legs = sum(body.mass for name in table_bodies() for body in (model.body(name),))
+    assert 0.07 < legs / model.mass < 0.1
+    assert {"RightKNEE", "LeftKNEE", "TAIL"} <= set(model.marker_names)
+    assert not model.coordinate("mouse__LKnee_flexion").locked
+    assert model.coordinate("mouse__RBPhalange3_flexion").locked
+    assert model.muscle("recfem_r").max_isometric_force == pytest.approx(4.162 * (0.025 / 0.0205) ** (2 / 3), rel=1e-3)
+    for muscle, change in zip(model.muscles[:40], morphed.morph.muscles, strict=True):
         assert 0.03 < change.path < 0.1, muscle.name
         assert {point.body for point in muscle.path.points} <= set(model.body_names)
     for name in ("ehl_r", "fhl_r"):
-        # The skeleton counts toes from the outer side: the inner ones are its fourth and fifth.
-        assert model.muscle(name).path.points[-1].body in ("mouse__RBPhalange4", "mouse__RBPhalange5")
+        # The skeleton counts toes from the outer side: the first is its fifth.
+        assert model.muscle(name).path.points[-1].body == "mouse__RBPhalange5"
     write_morphed(morphed, tmp_path / "mouse.osim", bones=bones)
     back = read_osim(tmp_path / "mouse.osim")
     assert (tmp_path / back.body("mouse__RFemur").meshes[0].file).is_file()
     pytest.importorskip("opensim")
     found = ask({"mouse": tmp_path / "mouse.osim"}, tmp_path)["mouse"]
     assert isinstance(found, dict), found
-    assert len(found["muscles"]) == 40
+    assert len(found["muscles"]) == 80
     assert all(np.isfinite(length) and length > 0.0 for length in found["poses"][0]["lengths"].values())

@@ -133,3 +133,20 @@ def test_noise_of_a_real_recording_takes_no_part(data, walker):
     named = open_emg(path, walker, {"Voltage.R Gast": ("gasmed_r",)})
     assert named.muscles["Voltage.R Gast"] == ("gasmed_r",)
     assert any("takes part, as its muscles are named" in text for text in named.notes)
+
+
+@pytest.mark.parametrize("offset", [-0.02, 0.05])
+def test_raw_channels_with_an_offset_are_raw(raw, walker, tmp_path, offset):
+    path, table = raw
+    write_sto(Table(table.time, table.names, table.values + offset), tmp_path / "offset.sto")
+    found, plain = (open_emg(one, walker, {"soleus_r": ("soleus_r",)}) for one in (tmp_path / "offset.sto", path))
+    assert any("raw EMG" in note for note in found.notes)
+    np.testing.assert_allclose(found.emg["soleus_r"], plain.emg["soleus_r"], atol=0.02)
+
+
+def test_rectified_channels_are_not_raw(raw, walker, tmp_path):
+    _, table = raw
+    write_sto(Table(table.time, table.names, np.abs(table.values)), tmp_path / "rectified.sto")
+    found = open_emg(tmp_path / "rectified.sto", walker, {"soleus_r": ("soleus_r",)})
+    assert any("rectified" in note for note in found.notes)
+    assert not any("made into envelopes" in note for note in found.notes)

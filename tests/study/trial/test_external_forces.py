@@ -12,9 +12,10 @@ from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate, Trial
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
+from myomorph.motion.sync import clock_shift, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.regressor import sum_of_wrenches
+from myomorph.store.settings import ForceOptions
 from myomorph.study.subject.identifying import open_motions
 from myomorph.study.trial.external_forces import bodies_of, read_loads, recording_wrenches
 from myomorph.study.trial.inputs import open_model, read_motion
@@ -80,6 +81,46 @@ def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path)
         mine = by_body(named, body, motion)
         expected = np.where((alone[inside] & (mine[:, 1] > 30.0))[:, None], mine, 0.0)
         assert np.abs(by_body(found, body, motion) - expected).max() < 30.0
+
+
+def test_forces_that_count_from_another_zero_are_moved_or_the_option_is_named(walk, tmp_path) -> None:
+    """A table that lasts as long as the motion and begins elsewhere is the same table later; any other is refused."""
+    model, motion, named = walk
+    inside = (named.time >= motion.time[0] - 1e-9) & (named.time <= motion.time[-1] + 1e-9)
+    parts = {part: getattr(named, part)[inside] for part in ("forces", "points", "torques")}
+    same = replace(named, time=named.time[inside], **parts)
+    plain = read_loads(table_of(same, tmp_path / "same.mot"), model, motion)
+    later = read_loads(table_of(same, tmp_path / "later.mot", time=same.time + 40.0), model, motion)
+    np.testing.assert_allclose(later.time, plain.time, atol=1e-6)
+    np.testing.assert_allclose(later.forces, plain.forces, atol=1e-6)
+    assert later.findings[0].kind == "clock zero"
+    assert "moved by -40" in later.findings[0].text
+    assert "clock zero" not in {one.kind for one in plain.findings}
+    with pytest.raises(BadData, match=r"--force-shift SECONDS; -40"):
+        read_loads(tmp_path / "later.mot", model, motion, options=ForceOptions(force_checks="report"))
+    half = {part: getattr(same, part)[: len(same) // 2] for part in ("time", "forces", "points", "torques")}
+    path = table_of(replace(same, **half), tmp_path / "half.mot", time=half["time"] + 40.0)
+    with pytest.raises(BadData, match=r"no time in common.*--force-shift"):
+        read_loads(path, model, motion)
+    stated = read_loads(path, model, motion, options=ForceOptions(force_shift=-40.0))
+    np.testing.assert_allclose(stated.time, half["time"], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "shift"),
+    [
+        (0.0, 3.6, 0.0),
+        (12.4, 16.0, -12.4),
+        (0.3, 3.9, 0.0),
+        (2.4, 6.0, -2.4),
+        (0.01, 3.605, 0.0),
+        (-5.0, 30.0, 0.0),
+        (40.0, 60.0, None),
+    ],
+)
+def test_recordings_of_one_length_have_one_clock(start, stop, shift) -> None:
+    found = clock_shift(np.arange(0.0, 3.605, 0.01), np.arange(start, stop + 5e-4, 1e-3))
+    assert found == shift if shift is None else found == pytest.approx(shift, abs=1e-9)
 
 
 def test_prefixes_and_plates_as_texts() -> None:

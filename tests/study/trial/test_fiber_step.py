@@ -67,11 +67,11 @@ def solved(data) -> tuple[Model, Motion, Tension]:
 @pytest.fixture(scope="module")
 def stored(solved, tmp_path_factory):
     """What the step writes of it: the folder, its notes, and the result as it is read again."""
-    model, motion, tension = solved
+    model, _, tension = solved
     folder = tmp_path_factory.mktemp("fibers")
     with new_result(folder / "tension.nc") as writer:
         put_tension(writer, tension, ("",) * len(tension.reserve_names))
-        notes = write_fibers(tension, model, motion, StepOutput(writer, folder))
+        notes = write_fibers(tension, model, None, StepOutput(writer, folder))
     return folder, notes, read_result(folder / "tension.nc")
 
 
@@ -107,7 +107,7 @@ def test_rigid_tendons_write_nothing(data, tmp_path):
     tension = solve_tension(model, motion, torques)
     with new_result(tmp_path / "tension.nc") as writer:
         put_tension(writer, tension, ("",) * len(tension.reserve_names))
-        assert write_fibers(tension, model, motion, StepOutput(writer, tmp_path)) == ()
+        assert write_fibers(tension, model, None, StepOutput(writer, tmp_path)) == ()
     assert [one.name for one in tmp_path.iterdir()] == ["tension.nc"]
     assert get_tension(read_result(tmp_path / "tension.nc"), TensionOptions()).fibers is None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData
+from myomorph.model.series import Wrenches
 from myomorph.store.outcome import Outcome
+from myomorph.store.results import value_source
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import reporting
@@ -192,3 +195,22 @@ def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch)
     page = (tmp_path / "report.html").read_bytes()
     assert reporting.report_folder(tmp_path) == [tmp_path / "report.html"]
     assert (tmp_path / "report.html").read_bytes() == page
+
+
+def test_what_every_step_found_doubtful_is_kept(tmp_path):
+    """A step after the first adds its own, and takes them away again when it finds nothing any more."""
+    body = walker()
+    write_osim(body, tmp_path / "walker.osim")
+    write_trc(recording(body, np.random.default_rng(5), 0.5), tmp_path / "walk.trc")
+    trial = open_trial(TrialFiles(tmp_path / "walker.osim", markers=tmp_path / "walk.trc"), {})
+
+    def loads(motion):
+        none = np.zeros((len(motion), 1, 3))
+        return Wrenches(motion.time, ("plate",), ("foot_r",), none, none, none, notes=("a doubtful plate",))
+
+    for expected, one in ((True, replace(trial, loads=loads)), (False, trial)):
+        sources = (*trial.sources, value_source("loads", "plate", str(expected)))
+        outcome = run_trial(replace(one, sources=sources), ("ik", "id"), tmp_path / "out")
+        assert outcome.error == ""
+        rows = read_quality(outcome.folder / QUALITY)
+        assert any(row["detail"] == "a doubtful plate" for row in rows) is expected

@@ -15,12 +15,15 @@ from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
+from myomorph.study.trial.steps import draw_workers
+from myomorph.study.trial.steps.draw_workers import attempts
 from myomorph.study.trial.steps.drawn_trials import chain_of
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
+from myomorph.uncertainty.widening import FACTORS
 
 NONE = {name: 0.0 for names in GROUPS.values() for name in names}
 STUDY = """
@@ -37,11 +40,11 @@ trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
 """
 
 
-def opened(arm, thin, **sizes):
+def opened(arm, thin, linear=False, **sizes):
     files = TrialFiles(model=arm.model, motion=arm.motion, loads=arm.loads)
     trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
     torques = solve_dynamics(trial, poses.recorded)
-    return chain_of(trial, poses, torques, True, thin), torques, trial.options[Sources]
+    return chain_of(trial, poses, torques, True, thin, linear), torques, trial.options[Sources]
 
 
 @pytest.mark.parametrize("thin", [False, True])
@@ -88,6 +91,72 @@ def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
     np.testing.assert_allclose(values.std(axis=0), expected, rtol=0.12)
 
 
+def test_processes_that_share_the_draws_come_to_the_same(arm, monkeypatch):
+    chain, _, sources = opened(arm, True, placement=0.002, plate_gain=0.02)
+    draws = [Draw(k, sources, Normals(9)) for k in range(9)]
+    alone, begun = list(attempts(chain, draws, 1)), []
+    begin = draw_workers._begin
+    monkeypatch.setattr(draw_workers, "_begin", lambda: begun.append(begin()) or begun[-1])
+    together = attempts(chain, draws, 3)
+    found = [next(together) for _ in range(3)]
+    # One of them is lost: the others take what it had.
+    begun[0].kill()
+    found += together
+    assert [one.poll() is not None for one in begun] == [True, True]
+    for one, other in zip(alone, found, strict=True):
+        for name, values in one.items():
+            np.testing.assert_array_equal(other[name], values)
+
+
+def test_linear_poses_are_those_of_small_errors(arm):
+    """The smaller the errors, the nearer: what is left out falls with their square."""
+    apart = []
+    for size in (0.004, 0.001):
+        full, _, sources = opened(arm, False, placement=size, skin_arm=size, joint_center=size)
+        linear, _, _ = opened(arm, False, linear=True, placement=size, skin_arm=size, joint_center=size)
+        draws = [Draw(k, sources, Normals(4)) for k in range(4)]
+        one, other = (np.stack([chain.drawn(draw)["coordinates"] for draw in draws]) for chain in (full, linear))
+        apart.append(np.abs(one - other).max() / np.abs(one - full.recorded.values).max())
+    assert apart[0] < 0.1
+    assert apart[1] < 0.3 * apart[0]
+
+
+def test_linear_limits_by_command_agree_with_those_sampled(arm, command):
+    found = {}
+    for method in ("sampled", "linear"):
+        out = arm.folder / f"{method}.mot"
+        words = ("ik", "--model", arm.model, "--markers", arm.markers, "--draws", 40, "--method", method)
+        done = command(*words, "--out", out)
+        assert done.status == 0, done.err
+        with (arm.folder / f"{method}_uncertainty.csv").open(encoding="utf-8") as stream:
+            found[method] = list(csv.DictReader(stream))
+    for one, other in zip(*found.values(), strict=True):
+        assert float(other["sd"]) == pytest.approx(float(one["sd"]), rel=0.05)
+        assert other["placement_alone"] == other["placement_total"]
+
+
+def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
+    sizes, words = arm.folder / "sizes.toml", ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
+    found = {}
+    for state in ("true", "false"):
+        sizes.write_text(f"draws = 12\ncontributions = 0\nwidened = {state}\n")
+        done = command(*words, "--uncertainty", sizes, "--out", arm.folder / "torques.sto")
+        assert done.status == 0, done.err
+        assert (f"torques {FACTORS['torques']:g}" in done.out) == (state == "true")
+        assert "limits of 90 % from 12 draws" in done.out
+        low, high = (read_sto(arm.folder / f"torques{one}.sto").values for one in ("_low", "_high"))
+        found[state] = 0.5 * (low + high), high - low
+    np.testing.assert_allclose(found["true"][0], found["false"][0], atol=1e-6)
+    np.testing.assert_allclose(found["true"][1], FACTORS["torques"] * found["false"][1], rtol=1e-5, atol=1e-6)
+
+
+def test_who_draws_is_nobodys_business_without_draws(arm, command):
+    out = arm.folder / "torques.sto"
+    done = command("id", "--model", arm.model, "--motion", arm.motion, "--out", out, "--workers", 2)
+    assert (done.status, len(done.err.splitlines())) == (2, 1)
+    assert "--workers 2 without --draws" in done.err
+
+
 def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
     out = arm.folder / "torques.sto"
     words = ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--cutoff", 6)
@@ -116,6 +185,8 @@ def test_angles_have_limits_in_degrees(arm, command):
         ("segment_mas = 0.1", "'segment_mas'.*'segment_mass'"),
         ("placement = -0.01", "'placement' is -0.01: expected 0 or more"),
         ("placement = 'far'", "'far'.*expected a number"),
+        ("widened = 1", "'1' as 'widened'; expected true or false"),
+        ("method = 'quick'", "'quick' as 'method'.*expected sampled or linear"),
     ],
 )
 def test_a_file_of_sizes_that_is_wrong_is_refused_in_one_line(arm, command, line, text):

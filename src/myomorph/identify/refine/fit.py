@@ -17,7 +17,7 @@ from myomorph.identify.refine.spline import Basis
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays, tracked_markers
@@ -512,10 +512,22 @@ def _far_from_given(problem: Problem, at: Unknowns) -> list[str]:
         return []
     names = problem.model.body_names
     listed = ", ".join(f"'{names[i]}' {after[i]:.2f} kg (given {before[i]:.2f})" for i in far[:4])
+    swung = dict.fromkeys(name for i in far[:4] for name in _joint_above(problem.model, names[i]))
+    how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
     return [
-        f"{len(far)} of {len(names)} links weigh far from the given model: {listed}; something that no plate measures "
-        "may carry a part of the body, or hold masses with a smaller mass_sd"
+        f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a recording{how} with "
+        "nothing but plates to touch (a chair, a rail or a hand carries a part of the body), or hold masses with a "
+        "smaller mass_sd"
     ]
+
+
+def _joint_above(model: Model, body: str) -> tuple[str, ...]:
+    """Coordinates of the nearest joint above a body that moves it; none where only the floating base does."""
+    above = {one.child: one for one in model.joints}
+    while body in above and not above[body].coordinates:
+        body = above[body].parent
+    joint = above.get(body)
+    return () if joint is None or joint.parent == GROUND else joint.coordinates
 
 
 def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:

@@ -96,7 +96,8 @@ def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
     with readable(path):
         data = path.read_bytes()
     if len(data) < BLOCK:
-        raise BadFile(path, "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)")
+        what = "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)"
+        raise BadFile(path, what, "give the recording again, as the program of the laboratory exports it")
     if data[1] != KEY:
         raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
     remarks: list[str] = []

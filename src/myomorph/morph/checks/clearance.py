@@ -22,6 +22,7 @@ from myomorph.morph.checks.penetration import Depth, Poses, Solid, body_poses, p
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.morph.morphed import TransferredPoint
+from myomorph.morph.shapes.articular import mm
 from myomorph.muscles.path import Paths, compile_paths
 
 SAME = 1e-7
@@ -239,7 +240,20 @@ def cleared(
     moved = (
         replace(one, target=places[one.owner, one.name]) if (one.owner, one.name) in shifts else one for one in points
     )
-    return found.model, tuple(moved), found.notes
+    return found.model, tuple(moved), (*found.notes, *_beyond_interval(points, shifts))
+
+
+def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]) -> list[str]:
+    """A line where points were brought out of bone further than they may have been wrong by."""
+    known = {(one.owner, one.name): one.within for one in points}
+    far = {name: shift for name, shift in shifts.items() if shift > known.get(name, np.nan)}
+    if not far:
+        return []
+    worst = max(far, key=lambda name: far[name])
+    return [
+        f"{len(far)} via points were brought out of bone further than their place is uncertain by: most "
+        f"'{worst[0]}' ({worst[1]}), by {mm(far[worst])} where {mm(known[worst])} are likely"
+    ]
 
 
 def clear_paths(target: Model, ground: Ground) -> Clearance:

@@ -51,12 +51,14 @@ class FeaturePoints:
     target : (n, 3) in the target body's frame [m]
     weights : (n,) how much each counts in fits of the whole bone, 1 by default; maps that go through every point use
         it only for that fit
+    radii : (n,) within which the target's points belong with 90 % [m]; NaN of landmarks, None where nothing is known
     """
 
     names: tuple[str, ...]
     source: Array
     target: Array
     weights: Array | None = None
+    radii: Array | None = None
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -69,6 +71,8 @@ class FeaturePoints:
             object.__setattr__(self, side, array)
         if self.weights is not None:
             object.__setattr__(self, "weights", frozen_array(self.weights, (count,)))
+        if self.radii is not None:
+            object.__setattr__(self, "radii", frozen_array(self.radii, (count,)))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -171,6 +175,9 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     return FeaturePoints(tuple(features.names[k] for k in first), mean(features.source), mean(features.target), weights)
 
 
+AROUND = 3
+"""Features that say how surely a point is known."""
+
 Basis: TypeAlias = Literal["bone", "landmarks", "neighbors", "surrounding", "given"]
 
 
@@ -202,6 +209,20 @@ class BoneMap:
     features: FeaturePoints | None = None
     measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
+
+    def within(self, points: ArrayLike) -> Array:
+        """Distances (n,) within which points (n, 3) of the source belong with 90 % [m]; NaN where nothing is known.
+
+        Those of the nearest features by their distance: what a point off the bone adds is not known.
+        """
+        asked = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        known = self.features
+        if known is None or known.radii is None or np.isfinite(known.radii).sum() < AROUND:
+            return np.full(len(asked), np.nan)
+        kept = np.isfinite(known.radii)
+        away, index = cKDTree(known.source[kept]).query(asked, AROUND)
+        share = 1.0 / np.maximum(away, SAME_PLACE)
+        return np.asarray((share * known.radii[kept][index]).sum(axis=1) / share.sum(axis=1))
 
 
 def neighbors_of(model: Model) -> dict[str, list[str]]:

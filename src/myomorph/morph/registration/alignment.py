@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,9 +18,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import Similarity, procrustes
-from myomorph.morph.registration.rigid import RoughFit, SurfaceOptions, register_surface, rough_fits
-from myomorph.morph.registration.smooth import Drift, MatchOptions, onto
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
+from myomorph.morph.registration.affine import EXACT, STRAIN, WAYS, Way, affine_ways, lay_affinely
+from myomorph.morph.registration.rigid import SurfaceOptions, rough_fits
+from myomorph.morph.registration.smooth import MatchOptions, SmoothFit, fit_smoothly, onto
 from myomorph.morph.shapes.articular import articular_sphere, spherical_patches, warning_of
 from myomorph.morph.shapes.quadrics import SphereFit
 from myomorph.morph.shapes.surface_points import Shape
@@ -33,9 +35,9 @@ APART = 20.0
 HOPELESS = 3.0
 """Ways to lie that leave more than so many times the best one's distance are not tried with a deformation."""
 
-AMBIGUOUS = 1.5
-"""A second way to lie that leaves, after a deformation, less than so many times the first's distance might be the right
-one. Of femurs, tibias and pelves of living persons it leaves twice as much or more, of patellas 1.0 to 1.4 times."""
+AMBIGUOUS = 2.0
+"""A second way to lie that costs less than so many times the first might be the right one. Of 26 patellas of LLP26 laid
+by the mean of the others in any frame one lies upside down, at 1.4 times; of the others one is nearer than twice."""
 
 UPRIGHT = 30.0
 """Of ways that may be right, one that turns the frame by less than this is taken: files of bones often keep the body's
@@ -44,11 +46,20 @@ frame [degrees]."""
 LINE = 0.05
 """Landmarks whose spread across their line is below this share of that along it do not say how a bone is turned."""
 
-QUICK = 400
+QUICK = 500
 """Points in the deformations that only choose between ways to lie."""
 
-ASKED = 1500
-"""Points of either surface whose distance to the other is asked."""
+ROUGH = (0.01, 0.004, 0.002, 0.001)
+"""Exactness of the planes in each of their steps."""
+
+MIRRORED_WAYS = 2
+"""Ways of the mirrored source that are tried with a deformation."""
+
+BENT = 1000.0
+"""Squares of a deformation's coefficients that make a way as unlikely as a distance e times as large."""
+
+UNLIKE = 0.01
+"""Share of the bone's length that a deformation leaves where the hulls do not say how the bones lie."""
 
 MIRROR = np.array([1.0, 1.0, -1.0])
 
@@ -61,11 +72,13 @@ class Alignment:
 
     Attributes
     ----------
-    similarity : from the source's frame to the target's
-    distance : root mean square, after a quick deformation [m]; NaN where landmarks said how the bones lie
+    affine : from the source's frame to the target's
+    similarity : nearest to it over the source's bone
+    distance : that remains after a quick deformation, more where that is unlikely [m]
     others : other ways to lie, with their distances, the nearest first
     """
 
+    affine: AffineMap
     similarity: Similarity
     distance: float = float("nan")
     others: tuple[tuple[Similarity, float], ...] = ()
@@ -73,10 +86,11 @@ class Alignment:
     def warnings(self) -> tuple[str, ...]:
         """Another way to lie that may be the right one."""
         for other, distance in self.others:
-            if distance < AMBIGUOUS * self.distance:
+            if distance < AMBIGUOUS * max(self.distance, EXACT):
                 return (
                     f"the bone fits nearly as well turned by {turn_between(other, self.similarity):.0f} degrees "
-                    f"({distance / self.distance:.2f} times the distance): landmarks would tell how it lies",
+                    f"({distance / max(self.distance, EXACT):.2f} times the distance): landmarks would tell how it "
+                    "lies",
                 )
         return ()
 
@@ -88,10 +102,10 @@ def align_bones(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> Alignment:
-    """The similarity from a whole bone to another, of which a part may be missing.
+    """The affine map from a whole bone to another of about unit length, of which a part may be missing.
 
-    Where landmarks do not say how the bones lie, every way that fits is tried with a deformation. Of those that fit
-    about equally well one that keeps the frame's axes is taken, if there is one.
+    Every way that fits, and lies near the landmarks or the start where there are some, is tried with a deformation. Of
+    those that fit about equally well one that keeps the frame's axes is taken, if nothing else says how the bones lie.
 
     Parameters
     ----------
@@ -102,34 +116,84 @@ def align_bones(
     ------
     BadData : a surface without area
     """
+    ours, goal = Shape(source), Shape(target)
     if landmarks is not None and spans_a_plane(landmarks.source) and spans_a_plane(landmarks.target):
-        return Alignment(_laid(source, target, procrustes(landmarks.source, landmarks.target, scale=True)).similarity)
-    tried = _tried(source, target, start, options or MatchOptions())
-    if start is not None:
-        return Alignment(_laid(source, target, tried[0][0]).similarity, tried[0][1])
-    equal = [one for one in tried if one[1] < AMBIGUOUS * tried[0][1]]
-    chosen = next((one for one in equal if turned_by(one[0]) < UPRIGHT), tried[0])
-    others = tuple(one for one in tried if one is not chosen)
-    return Alignment(_laid(source, target, chosen[0]).similarity, chosen[1], others)
+        start = procrustes(landmarks.source, landmarks.target, scale=True)
+    tried = _tried(ours, goal, start, landmarks, options or MatchOptions())
+    chosen = tried[0]
+    if start is None:
+        equal = [one for one in tried if one[2] < AMBIGUOUS * max(tried[0][2], EXACT)]
+        chosen = next((one for one in equal if turned_by(one[1]) < UPRIGHT), chosen)
+    others = tuple(one[1:] for one in tried if one is not chosen and turn_between(one[1], chosen[1]) > APART)
+    return Alignment(*chosen, others if start is None else ())
 
 
 def mirrored_share(source: Surface, target: Surface, distance: float, options: MatchOptions | None = None) -> float:
     """Distance that the mirrored source leaves at its best, over that of the source: below 1 it fits better."""
-    mirrored = Surface(source.vertices * MIRROR, source.faces[:, ::-1])
-    return _tried(mirrored, target, None, options or MatchOptions())[0][1] / max(distance, 1e-12)
+    mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
+    tried = _tried(mirrored, Shape(target), None, None, options or MatchOptions(), MIRRORED_WAYS)
+    return max(tried[0][2], EXACT) / max(distance, EXACT)
+
+
+Tried: TypeAlias = tuple[AffineMap, Similarity, float]
 
 
 def _tried(
-    source: Surface, target: Surface, start: Similarity | None, options: MatchOptions
-) -> list[tuple[Similarity, float]]:
-    """Ways to lie and the distances that a deformation leaves, the nearest first."""
-    ways = [RoughFit(one.similarity.inverse(), one.rms) for one in rough_fits(target, source, RIGID)]
+    ours: Shape,
+    goal: Shape,
+    start: Similarity | None,
+    landmarks: FeaturePoints | None,
+    options: MatchOptions,
+    most: int = WAYS,
+) -> list[Tried]:
+    """Ways to lie, the similarities nearest to them and the distances that a deformation leaves, the nearest first.
+
+    Where hulls do not lead to a good one, as those of a part, similarities are tried.
+    """
+    ways = affine_ways(ours, goal)
+    tried = _deformed(ours, goal, ways, start, landmarks, options, most)
+    if most == WAYS and (not tried or tried[0][2] > UNLIKE):
+        ways += _similar_ways(ours, goal)
+        tried = _deformed(ours, goal, ways, start, landmarks, options, most)
+    return tried
+
+
+def _deformed(
+    ours: Shape,
+    goal: Shape,
+    ways: list[Way],
+    start: Similarity | None,
+    landmarks: FeaturePoints | None,
+    options: MatchOptions,
+    most: int,
+) -> list[Tried]:
+    """The likeliest ways after a deformation, the nearest first."""
+    points = ours.samples(ASKED).points
+    quick = replace(options, match_points=min(QUICK, options.match_points))
+    laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
     if start is not None:
-        near = [way for way in ways if turn_between(way.similarity, start) < TURNED]
-        ways = [_laid(source, target, start), *near]
-    ours, goal = Shape(source), Shape(target)
-    tried = [(way.similarity, _deformed_distance(ours, goal, way.similarity, options)) for way in _distinct(ways)]
-    return sorted(tried, key=lambda one: one[1])
+        laid = [one for one in laid if turn_between(one[1], start) < TURNED]
+        if not laid:
+            near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
+            laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
+    laid.sort(key=lambda one: one[0].cost)
+    tried: list[Tried] = []
+    for way, similarity in laid:
+        if len(tried) == most or way.cost > HOPELESS * laid[0][0].cost:
+            break
+        if any(turn_between(similarity, other[1]) < APART for other in tried):
+            continue
+        fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
+        unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
+        tried.append((way.affine, similarity, _distance(ours, goal, fit) * float(np.exp(unlikely))))
+    return sorted(tried, key=lambda one: one[2])
+
+
+def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
+    """Ways to lie of a bone that may be a part, which the registration expects of what it lays on something whole."""
+    theirs, own = (Surface(one.vertices, one.faces) for one in (goal, ours))
+    starts = (one.similarity.inverse() for one in rough_fits(theirs, own, RIGID))
+    return [lay_affinely(ours, goal, AffineMap.from_similarity(one)) for one in starts]
 
 
 def spans_a_plane(points: Array) -> bool:
@@ -151,27 +215,9 @@ def turn_between(one: Similarity, other: Similarity) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _laid(source: Surface, target: Surface, start: Similarity) -> RoughFit:
-    # The target may be a part, which the registration expects of what it lays on something whole.
-    found = register_surface(target, source, start.inverse(), RIGID)
-    return RoughFit(found.similarity.inverse(), found.rms)
-
-
-def _distinct(ways: list[RoughFit]) -> list[RoughFit]:
-    """Those that may be right and differ from better ones, the best first."""
-    found: list[RoughFit] = []
-    for way in sorted(ways, key=lambda one: one.rms):
-        if found and way.rms > HOPELESS * found[0].rms:
-            break
-        if all(turn_between(way.similarity, other.similarity) > APART for other in found):
-            found.append(way)
-    return found
-
-
-def _deformed_distance(ours: Shape, goal: Shape, start: Similarity, options: MatchOptions) -> float:
-    """Root mean square distance both ways after a deformation from a start, between points that face the same way."""
-    warp = Drift(ours, goal, start, None, replace(options, match_points=QUICK))
-    deformed = Shape(Surface(warp.apply(ours.vertices), ours.faces))
+def _distance(ours: Shape, goal: Shape, fit: SmoothFit) -> float:
+    """Root mean square distance both ways after a deformation, between points that face the same way."""
+    deformed = Shape(Surface(fit.apply(ours.vertices), ours.faces))
     away = []
     for asked, other in ((deformed.samples(ASKED), goal), (goal.samples(ASKED), deformed)):
         away.append(np.sum((onto(other, asked.points, asked.normals).points - asked.points) ** 2, axis=1))
@@ -179,6 +225,9 @@ def _deformed_distance(ours: Shape, goal: Shape, start: Similarity, options: Mat
         away = away[1:]
     return float(np.sqrt(np.mean(np.concatenate(away))))
 
+
+ASKED = 1500
+"""Points of either surface whose distance to the other is asked."""
 
 POINTS = 20000
 """Spread over each surface, among which its ends are looked for."""

@@ -64,7 +64,7 @@ def map_bone(
     With both surfaces the map goes through points spread over them and through the landmarks; with one or none,
     or where the options say so, through the landmarks alone. If none are given then, they are found by rules.
 
-    Source: Franke 1982; Duchon 1977; Myronenko and Song 2010; see docs/bone-maps.md.
+    Source: Franke 1982; Duchon 1977; see docs/bone-maps.md.
 
     Parameters
     ----------
@@ -250,9 +250,18 @@ def _joined(first: FeaturePoints, then: FeaturePoints) -> FeaturePoints:
         np.concatenate([first.source, then.source]),
         np.concatenate([first.target, then.target]),
         weights,
+        _radii(first, then),
     )
+
+
+def _radii(first: FeaturePoints, then: FeaturePoints) -> Array | None:
+    """Of both; landmarks have none."""
+    if then.radii is None:
+        return None
+    return np.concatenate([np.full(len(first), np.nan) if first.radii is None else first.radii, then.radii])
 
 
 def _chosen(points: FeaturePoints, kept: np.ndarray) -> FeaturePoints:
     weights: Array | None = None if points.weights is None else points.weights[kept]
-    return FeaturePoints(tuple(points.names[k] for k in kept), points.source[kept], points.target[kept], weights)
+    radii: Array | None = None if points.radii is None else points.radii[kept]
+    return FeaturePoints(tuple(points.names[k] for k in kept), points.source[kept], points.target[kept], weights, radii)

@@ -1,7 +1,7 @@
 """Dense correspondence of two bones: which point of the target each point of the source becomes.
 
-A similarity first (landmarks, or iterative closest points from many starts, of which a deformation by coherent point
-drift chooses), then a smooth displacement, then the nearest point of the target's surface that faces the same way.
+An affine map first (by the moments of both hulls, from many starts, of which a deformation chooses), then a smooth
+displacement, then the nearest point of the target's surface that faces the same way.
 All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
 """
 
@@ -14,9 +14,11 @@ import numpy as np
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.registration.affine import lay_affinely
 from myomorph.morph.registration.alignment import align_bones, mirrored_share
-from myomorph.morph.registration.smooth import FACING, Drift, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
+from myomorph.morph.registration.certainty import match_radii
+from myomorph.morph.registration.smooth import FACING, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
 COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0
@@ -135,10 +137,6 @@ def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tupl
     return tuple(float(values[order[min(int(k), len(order) - 1)]]) for k in at)
 
 
-UNLIKE = 0.01
-"""Share of the bone's length that a smooth displacement leaves between shapes that differ much."""
-
-
 @dataclass(frozen=True, eq=False)
 class PlacedBone:
     """A bone laid on another before it deforms.
@@ -146,11 +144,13 @@ class PlacedBone:
     Attributes
     ----------
     similarity : from the source's frame to the target's [m]
+    affine : the same with its stretches [m]; None where only the similarity is known
     mirrored : share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
     notes : what looks wrong, one line each
     """
 
     similarity: Similarity
+    affine: AffineMap | None = None
     mirrored: float = float("nan")
     notes: tuple[str, ...] = ()
 
@@ -203,9 +203,14 @@ def place_bone(
     near = None if start is None else _between_units(start, 1.0 / ours.length, 1.0 / goal.length)
     found = align_bones(ours.surface, goal.surface, pulls, near, options)
     mirrored = float("nan")
-    if np.isfinite(found.distance):
+    if landmarks is None:
         mirrored = mirrored_share(ours.surface, goal.surface, found.distance, options)
-    return PlacedBone(_between_units(found.similarity, ours.length, goal.length), mirrored, found.warnings())
+    return PlacedBone(
+        _between_units(found.similarity, ours.length, goal.length),
+        _grown(found.affine, 1.0 / ours.length, goal.length),
+        mirrored,
+        found.warnings(),
+    )
 
 
 def match_surfaces(
@@ -232,14 +237,13 @@ def match_surfaces(
     placed = placed or place_bone(source, target, landmarks, None, options)
     ours, goal = _Unit(source), _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
-    begun = _between_units(placed.similarity, 1.0 / ours.length, 1.0 / goal.length)
-    smooth = _smooth(ours.shape, goal.shape, begun, pulls, options)
+    smooth = fit_smoothly(ours.shape, goal.shape, _begun(placed, ours, goal, pulls), pulls, options)
     deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
     found = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
     quality = match_quality(ours.shape, deformed, goal.shape, found, options.match_tolerance)
     return SurfaceMatch(
         points=frozen_array(found.points * goal.length),
-        pairs=_pairs(ours, goal, smooth, deformed, options),
+        pairs=_pairs(ours, goal, smooth, deformed, pulls, options),
         placed=placed,
         length=goal.length,
         quality=quality,
@@ -267,19 +271,28 @@ def _between_units(similarity: Similarity, ours: float, theirs: float) -> Simila
     return Similarity(similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours)
 
 
-def _smooth(
-    ours: Shape, goal: Shape, start: Similarity, pulls: FeaturePoints | None, options: MatchOptions
-) -> SmoothFit:
-    """The smooth displacement from the start; of shapes that differ much also from where points drift, the nearer."""
-    fit = fit_smoothly(ours, goal, start.apply, pulls, options)
-    if fit.rms < UNLIKE:
-        return fit
-    drifted = fit_smoothly(ours, goal, Drift(ours, goal, start, pulls, options).apply, pulls, options)
-    return drifted if drifted.rms < fit.rms else fit
+def _begun(placed: PlacedBone, ours: _Unit, goal: _Unit, pulls: FeaturePoints | None) -> AffineMap:
+    """The affine map of a bone in units of its length."""
+    if placed.affine is not None:
+        return _grown(placed.affine, ours.length, 1.0 / goal.length)
+    start = _between_units(placed.similarity, 1.0 / ours.length, 1.0 / goal.length)
+    return lay_affinely(ours.shape, goal.shape, AffineMap.from_similarity(start), pulls).affine
 
 
-def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: MatchOptions) -> FeaturePoints:
-    """The evenly spread points of the source that have a place on the target."""
+def _grown(affine: AffineMap, ours: float, theirs: float) -> AffineMap:
+    """The same with the source's lengths times a factor before, and the target's after."""
+    return AffineMap(theirs * ours * affine.matrix, theirs * affine.offset)
+
+
+def _pairs(
+    ours: _Unit,
+    goal: _Unit,
+    fit: SmoothFit,
+    deformed: Shape,
+    pulls: FeaturePoints | None,
+    options: MatchOptions,
+) -> FeaturePoints:
+    """The evenly spread points of the source that have a place on the target, and how surely."""
     samples = spread_points(ours.shape, options.match_points)
     smooth = fit.apply(samples)
     normals = deformed.nearest(smooth, fine=True).normals
@@ -289,4 +302,5 @@ def _pairs(ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, options: M
     if goal.shape.is_open:
         kept &= ~found.rim
     names = tuple(f"surface {k + 1}" for k in np.flatnonzero(kept))
-    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length)
+    radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
+    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length, None, radii)

@@ -1,29 +1,34 @@
-"""One surface deformed smoothly toward another: coherent point drift, and closest points with few degrees of freedom.
+"""One surface deformed smoothly toward another, from an affine map of it.
 
-Coherent point drift (Myronenko and Song 2010, by rustcpd) chooses among ways to lie and starts what differs much. Then,
-as iterative closest points lay a rigid surface on another (Chen and Medioni 1992), the displacement is
-u(x) = sum_k exp(-|x - c_k|^2 / (2 h^2)) w_k over a few hundred points c_k of the surface, and each step solves
+What the affine map leaves is a random smooth displacement, as far as is known before: a sum of three Gaussian processes
+over the source,
 
-    min  mean_i (n_i . (x_i + u(x_i) - y_i))^2 + lambda w^T K w
+    cov(u(x), u(y)) = sum_k s_k^2 exp(-|x - y|^2 / (2 h_k^2)) ,
 
-for the planes (y_i, n_i) of nearest points, from the source's points and from the target's. Points may slide along the
-surface at little cost, so where they go along it is what bends the displacement least.
+wide and large to narrow and small. Surfaces tell of it what planes (y_i, n_i) at nearest points tell, found both ways
+anew in each step,
+
+    min  sum_i w (n_i . (x_i + u(x_i) - y_i))^2 + |c|^2 ,   u = sum_j c_j phi_j ,   w = N / (n s^2) ,
+
+with s going from coarse to fine. Points may slide along the surface at little cost; where they go along it is what is
+likeliest of the displacement, and how sure that is the matrix of the last step tells (`SmoothFit.spread`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData, from_extra
+from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import Similarity
+from myomorph.morph.maps.linear import AffineMap
+from myomorph.morph.registration.affine import unit
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
 OVERSAMPLED = 6
@@ -34,14 +39,6 @@ FACING = 0.2
 
 NEIGHBORS = 64
 """Samples of the target that are asked for one that faces the same way."""
-
-DRIFT_ITERATIONS, SETTLED = 150, 1e-5
-
-DRIFT_STIFFNESS, DRIFT_REACH = 10.0, 4.0
-"""Of coherent point drift (its alpha and beta): between persons softer settings slide along the bone more."""
-
-DRIFT_RANK = 300
-"""Of the kernel's approximation: with the kernel width of the options a hundred give the same to 0.01 mm on a femur."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class MatchOptions:
     match_points: int = 2000
     stiffness: float = 1.0
     match_kernel_width: float = 2.0
-    landmark_error: float = 0.01
+    landmark_error: float = 0.005
     match_tolerance: float = 0.02
 
     def __post_init__(self) -> None:
@@ -78,43 +75,6 @@ class MatchOptions:
         for name in ("landmark_error", "match_tolerance"):
             if not 0.0 < getattr(self, name) <= 0.2:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected a share of the bone's length up to 0.2")
-
-
-class Drift:
-    """The start, and a smooth deformation after it by coherent point drift."""
-
-    def __init__(self, ours: Shape, goal: Shape, start: Similarity, pulls: FeaturePoints | None, options: MatchOptions):
-        self.start = start
-        self.samples = spread_points(ours, options.match_points)
-        moving, fixed = start.apply(self.samples), spread_points(goal, options.match_points)
-        self.middle = fixed.mean(axis=0)
-        self.size = float(np.sqrt(np.mean((fixed - self.middle) ** 2)))
-        pinned: list[tuple[int, int]] = []
-        if pulls is not None:
-            pinned = [(len(moving) + k, len(fixed) + k) for k in range(len(pulls))]
-            moving = np.concatenate([moving, start.apply(pulls.source)])
-            fixed = np.concatenate([fixed, pulls.target])
-        self.found = from_extra("morph", "rustcpd").register_deformable(
-            self._normal(fixed),
-            self._normal(moving),
-            alpha=DRIFT_STIFFNESS,
-            beta=DRIFT_REACH,
-            low_rank=min(DRIFT_RANK, len(moving) - 1),
-            low_rank_method="pivoted_cholesky",
-            low_rank_tolerance=1e-6,
-            constraints=pinned or None,
-            constraint_error=(options.landmark_error / self.size) ** 2,
-            max_iterations=DRIFT_ITERATIONS,
-            tolerance=SETTLED,
-        )
-
-    def _normal(self, points: Array) -> Array:
-        return np.ascontiguousarray((points - self.middle) / self.size)
-
-    def apply(self, points: Array) -> Array:
-        """Points (n, 3) of the source near the target."""
-        moved: Array = self.found.transform(self._normal(self.start.apply(points)))
-        return moved * self.size + self.middle
 
 
 def spread_points(shape: Shape, count: int) -> Array:
@@ -146,20 +106,23 @@ def onto(goal: Shape, points: Array, normals: Array) -> Samples:
     return replace(found, **values)
 
 
-Moves: TypeAlias = Callable[[Array], Array]
-"""Points (n, 3) to points (n, 3)."""
+WIDTHS, SIZES = (1.0, 0.5, 0.2), (0.02, 0.008, 0.003)
+"""Of the three processes: widths in shares of the widest, standard deviations along an axis in shares of the bone's
+length. Chosen on persons 1, 7, 13, 19 and 25 of LLP26; on made deformations others do the same."""
 
-STIFF = 1e-5
-"""Lambda at a stiffness of 1, lengths in shares of the bone's. On made deformations of four bones 1e-6 and 1e-5 leave a
-third of what 1e-4 does, between persons they do the same."""
+AFFINE = 0.05
+"""Standard deviation of what is left of the affine map, lengths in shares of the bone's."""
 
-CENTERS, RANK = 200, 1e-8
+EXACTNESS = (0.01, 0.004, 0.002, 0.001, 0.001, 0.001, 0.001, 0.001)
+"""Of the planes in each step, in shares of the bone's length."""
+
+INDEPENDENT = 400.0
+"""Errors of planes go together around each: so many of all of them tell something of their own."""
+
+CENTERS, RANK = 200, 1e-5
 """Points of the kernel, and the share of its greatest eigenvalue below which a direction is left out."""
 
-ITERATIONS, RENEWED = 15, 4
-"""Steps, and after how many the normals are computed anew."""
-
-TETHER = 0.02
+TETHER = 0.01
 """Share of a step's cost that holds points back along the surface, so that they slide no further than they must."""
 
 TRIMMED = 0.98
@@ -171,101 +134,158 @@ PAIR_FACING = 0.3
 NORMAL = 0.1
 """Share of the bone's length that counts as much as a right angle between normals, in looking for pairs."""
 
-LANDMARK = 0.01
-"""Weight of a landmark against the whole surface, where it is known to a hundredth of the bone's length."""
+TILT = 1e-4
+"""Distance over which the derivatives along the surface are taken."""
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class SmoothFit:
-    """A displacement after a first map.
+    """A displacement after an affine map, lengths in shares of the bone's.
 
     Attributes
     ----------
     before : what it starts from
-    centers : (k, 3) where that puts the kernel's points
-    weights : (k, 3)
-    width : of the kernel
+    basis : phi_j of points (n, 3): (n, k)
+    coefficients : (k, 3) of them
+    information : (3 k, 3 k) how well the coefficients are known, axis by axis
     rms : root mean square distance from the source's points to the target, of those that count
     """
 
-    before: Moves
-    centers: Array
-    weights: Array
-    width: float
+    before: AffineMap
+    basis: Callable[[Array], Array]
+    coefficients: Array
+    information: Array
     rms: float
 
     def apply(self, points: Array) -> Array:
         """Points (n, 3) of the source on the target, or as near as is smooth."""
-        moved = self.before(points)
-        return moved + _kernel(moved, self.centers, self.width) @ self.weights
+        return self.before.apply(points) + self.basis(points) @ self.coefficients
+
+    @property
+    def bending(self) -> float:
+        """How unlikely the displacement is: squares of the coefficients in their standard deviations."""
+        return float(np.sum(self.coefficients**2))
+
+    def spread(self, points: Array) -> Array:
+        """Standard deviation (n,) of where points (n, 3) of the source belong, all axes together."""
+        rows = self.basis(points)
+        inverse = np.linalg.inv(self.information).reshape(3, rows.shape[1], 3, rows.shape[1])
+        return np.sqrt(sum(np.einsum("nk,kl,nl->n", rows, inverse[a, :, a], rows) for a in range(3)))
 
 
 def fit_smoothly(
-    ours: Shape, goal: Shape, before: Moves, landmarks: FeaturePoints | None, options: MatchOptions
+    ours: Shape,
+    goal: Shape,
+    before: AffineMap,
+    landmarks: FeaturePoints | None,
+    options: MatchOptions,
+    exactness: tuple[float, ...] = EXACTNESS,
 ) -> SmoothFit:
     """The smooth displacement that brings a surface, laid on another, onto it; lengths in shares of the bone's."""
-    given, theirs = ours.samples(options.match_points), goal.samples(options.match_points)
-    laid = before(given.points)
-    width = options.match_kernel_width * float(np.sqrt(np.mean((theirs.points - theirs.points.mean(axis=0)) ** 2)))
-    centers = before(spread_points(ours, CENTERS))
-    values, vectors = np.linalg.eigh(_kernel(centers, centers, width))
+    given, dense = (_Moving(ours.samples(count), before) for count in (options.match_points, 2 * options.match_points))
+    theirs = goal.samples(options.match_points)
+    basis = _basis(ours, options)
+    for one in (given, dense):
+        one.follow(basis)
+    size = given.rows.shape[1]
+    pulled, drawn = np.zeros((size, size)), np.zeros((3, size))
+    if landmarks is not None:
+        rows, exact = basis(landmarks.source), 1.0 / options.landmark_error**2
+        pulled, drawn = exact * rows.T @ rows, exact * (landmarks.target - before.apply(landmarks.source)).T @ rows
+    found: Array = np.zeros((size, 3))
+    information, rms = np.eye(3 * size), np.inf
+    for exact in exactness:
+        pairs = _pairs(given, dense, theirs, goal, found)
+        rms = pairs.rms
+        information, right = _equations(pairs, TETHER, INDEPENDENT / (exact**2 * max(len(pairs.rows), 1)))
+        for a in range(3):
+            information[a, :, a] += pulled
+        whole = information.reshape(3 * size, 3 * size)
+        whole[np.diag_indices(3 * size)] += 1.0
+        found = np.asarray(np.linalg.solve(whole, (right + drawn).ravel()), float).reshape(3, size).T
+    return SmoothFit(before, basis, found, information.reshape(3 * size, 3 * size), rms)
+
+
+def _basis(ours: Shape, options: MatchOptions) -> Callable[[Array], Array]:
+    """Functions of points whose sum with independent coefficients of variance 1 is the process."""
+    points = ours.samples(options.match_points).points
+    middle = points.mean(axis=0)
+    width = options.match_kernel_width * float(np.sqrt(np.mean((points - middle) ** 2)))
+    centers = spread_points(ours, CENTERS)
+
+    def kernel(asked: Array) -> Array:
+        squares = cdist(asked, centers, "sqeuclidean")
+        parts = (s**2 * np.exp(-squares / (2.0 * (width * h) ** 2)) for h, s in zip(WIDTHS, SIZES, strict=True))
+        return np.asarray(sum(parts)) / options.stiffness
+
+    values, vectors = np.linalg.eigh(kernel(centers))
     kept = values > RANK * values[-1]
-    basis = vectors[:, kept] / np.sqrt(values[kept])
-    directions = _kernel(laid, centers, width) @ basis
-    marks = _Marks(landmarks, before, lambda points: _kernel(points, centers, width) @ basis, options)
-    found = np.zeros((directions.shape[1], 3))
-    fit = SmoothFit(before, centers, basis @ found, width, np.inf)
-    for step in range(ITERATIONS):
-        here = laid + directions @ found
-        if step % RENEWED == 0:
-            normals = moved_normals(given, fit.apply)
-        pairs = _pairs(Samples(here, normals, given.rim), theirs, goal)
-        found = _solved(pairs, directions, here - laid, laid, marks, STIFF * options.stiffness)
-        fit = SmoothFit(before, centers, basis @ found, width, pairs.rms)
-    return fit
+    roots = vectors[:, kept] / np.sqrt(values[kept])
+
+    def basis(asked: Array) -> Array:
+        return np.hstack([kernel(asked) @ roots, AFFINE * (asked - middle), np.full((len(asked), 1), AFFINE)])
+
+    return basis
 
 
-def moved_normals(samples: Samples, moves: Moves, step: float = 1e-4) -> Array:
-    """Normals (n, 3) of a surface after it moved."""
-    first = np.cross(samples.normals, np.eye(3)[np.argmin(np.abs(samples.normals), axis=1)])
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(samples.normals, first)
-    there, across = (moves(samples.points + step * way) - moves(samples.points - step * way) for way in (first, second))
-    crossed = np.cross(there, across)
-    sizes = np.linalg.norm(crossed, axis=1, keepdims=True)
-    return crossed / np.where(sizes > 0, sizes, 1.0)
+class _Moving:
+    """Points of the source on their way, with their normals."""
 
+    def __init__(self, samples: Samples, before: AffineMap):
+        self.samples = samples
+        self.laid = before.apply(samples.points)
+        first = unit(np.cross(samples.normals, np.eye(3)[np.argmin(np.abs(samples.normals), axis=1)]))
+        self.along = first, np.cross(samples.normals, first)
+        self.turned = tuple(2.0 * TILT * one @ before.matrix.T for one in self.along)
 
-def _kernel(points: Array, centers: Array, width: float) -> Array:
-    return np.exp(-cdist(points, centers, "sqeuclidean") / (2.0 * width**2))
+    def follow(self, basis: Callable[[Array], Array]) -> None:
+        """Take the functions of a basis at the points, and their differences along the surface."""
+        points = self.samples.points
+        self.rows = basis(points)
+        self.slopes = tuple(basis(points + TILT * one) - basis(points - TILT * one) for one in self.along)
+
+    def at(self, coefficients: Array) -> Samples:
+        """Where they are."""
+        first, second = (a + b @ coefficients for a, b in zip(self.turned, self.slopes, strict=True))
+        return Samples(self.laid + self.rows @ coefficients, unit(np.cross(first, second)), self.samples.rim)
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Which point of the source is drawn to which plane, and the root mean square distance of the source's points."""
+    """Points of the source (rows of the basis), planes that they are drawn to, what is left, and how far they moved.
 
-    index: np.ndarray
-    goals: Array
+    `rms` is the root mean square distance of the source's points.
+    """
+
+    rows: Array
     normals: Array
+    along: Array
+    moved: Array
     rms: float
 
 
-def _pairs(here: Samples, theirs: Samples, goal: Shape) -> _Pairs:
+def _pairs(given: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coefficients: Array) -> _Pairs:
+    here, many = given.at(coefficients), dense.at(coefficients)
     found = onto(goal, here.points, here.normals)
     away = np.linalg.norm(found.points - here.points, axis=1)
     near = _counting(away, found.normals, here.normals)
     if goal.is_open:
         near &= ~found.rim
-    tree = cKDTree(np.column_stack([here.points, NORMAL * here.normals]))
+    tree = cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
     back = tree.query(np.column_stack([theirs.points, NORMAL * theirs.normals]))[1]
-    off = np.abs(np.einsum("ij,ij->i", theirs.points - here.points[back], theirs.normals))
-    reached = _counting(off, theirs.normals, here.normals[back])
+    off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))
+    reached = _counting(off, theirs.normals, many.normals[back])
+    first, index = np.flatnonzero(near), back[reached]
+    laid = np.concatenate([given.laid[first], dense.laid[index]])
+    goals = np.concatenate([found.points[near], theirs.points[reached]])
+    normals = np.concatenate([found.normals[near], theirs.normals[reached]])
     return _Pairs(
-        np.concatenate([np.flatnonzero(near), back[reached]]),
-        np.concatenate([found.points[near], theirs.points[reached]]),
-        np.concatenate([found.normals[near], theirs.normals[reached]]),
+        np.concatenate([given.rows[first], dense.rows[index]]),
+        normals,
+        np.einsum("ij,ij->i", normals, goals - laid),
+        np.concatenate([here.points[first], many.points[index]]) - laid,
         float(np.sqrt(np.mean(away[near] ** 2))) if near.any() else np.inf,
     )
 
@@ -278,31 +298,15 @@ def _counting(away: Array, normals: Array, others: Array) -> np.ndarray:
     return np.asarray(facing)
 
 
-class _Marks:
-    """Landmarks as rows of the equations."""
-
-    def __init__(self, points: FeaturePoints | None, before: Moves, directions: Moves, options: MatchOptions):
-        laid = np.empty((0, 3)) if points is None else before(points.source)
-        self.rows = directions(laid)
-        self.away = np.empty((0, 3)) if points is None else points.target - laid
-        self.weight = LANDMARK * (0.01 / options.landmark_error) ** 2
-
-
-def _solved(pairs: _Pairs, directions: Array, moved: Array, laid: Array, marks: _Marks, stiff: float) -> Array:
-    """Coefficients (k, 3) of the kernel's directions."""
-    rows, normals = directions[pairs.index], pairs.normals
-    count, size = rows.shape
-    along = np.einsum("ij,ij->i", normals, pairs.goals - laid[pairs.index])
-    weight = marks.weight * count
-    pulled = weight * marks.rows.T @ marks.rows
+def _equations(pairs: _Pairs, tether: float, weight: float) -> tuple[Array, Array]:
+    """Matrix (3, k, 3, k) and right side (3, k) of the coefficients, axis by axis."""
+    rows, normals = pairs.rows, pairs.normals
+    size = rows.shape[1]
     matrix, right = np.empty((3, size, 3, size)), np.empty((3, size))
     for a in range(3):
         for b in range(a, 3):
-            share = (1.0 - TETHER) * normals[:, a] * normals[:, b] + (TETHER if a == b else 0.0)
-            matrix[a, :, b] = rows.T @ (share[:, None] * rows) + (pulled if a == b else 0.0)
+            share = (1.0 - tether) * normals[:, a] * normals[:, b] + (tether if a == b else 0.0)
+            matrix[a, :, b] = weight * rows.T @ (share[:, None] * rows)
             matrix[b, :, a] = matrix[a, :, b].T
-        drawn = (1.0 - TETHER) * normals[:, a] * along + TETHER * moved[pairs.index, a]
-        right[a] = rows.T @ drawn + weight * marks.rows.T @ marks.away[:, a]
-    whole = matrix.reshape(3 * size, 3 * size)
-    whole[np.diag_indices(3 * size)] += stiff * max(count, 1)
-    return np.linalg.solve(whole, right.ravel()).reshape(3, size).T
+        right[a] = weight * rows.T @ ((1.0 - tether) * normals[:, a] * pairs.along + tether * pairs.moved[:, a])
+    return matrix, right

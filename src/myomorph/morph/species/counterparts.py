@@ -26,6 +26,10 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.species.architecture import ArchitectureTable
+from myomorph.morph.species.markers import MarkerTable
+from myomorph.morph.species.masses import SegmentShare
+from myomorph.morph.species.table_rows import Attachment, Ray
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -124,7 +128,9 @@ class BoneHomology:
         target's posture
     source_frame, target_frame : where they differ from the species'
     transferred : bodies of the source that have no bone of their own in the target and ride on this one
-    spread : muscle points go to the nearest of the targets; otherwise all to the first
+    spread : muscle points go to the nearest of the targets, with `rays` all of a muscle's to the same; otherwise all to
+        the first
+    rays : digits of the target and their muscles, which go there whatever is nearest
     half : only what lies to the right of the body's origin counts
     match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
         alone; "similarity" lays the bones on each other by them and no more, where too little is alike
@@ -139,6 +145,7 @@ class BoneHomology:
     spread: bool = False
     half: bool = False
     match: Literal["dense", "landmarks", "similarity"] = "dense"
+    rays: tuple[Ray, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.sources or not self.targets:
@@ -180,6 +187,10 @@ class SpeciesTable:
     posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
+    architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
+    masses : shares of segments of the target in its mass
+    attachments : where muscles begin or end along a bone in the target or its relatives, see `Attachment`
+    markers : tables of labels of recordings of the target, see `MarkerTable`
     warnings : of its file, one line each
     """
 
@@ -193,6 +204,10 @@ class SpeciesTable:
     target_posture: Mapping[str, float] = field(default_factory=_none)
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
+    architecture: tuple[ArchitectureTable, ...] = ()
+    masses: tuple[SegmentShare, ...] = ()
+    markers: tuple[MarkerTable, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -324,8 +339,14 @@ def spread_over_targets(
     bones: Mapping[str, BoneMap],
     there: Posed,
     surfaces: Surfaces,
+    digits: frozenset[str] = frozenset(),
 ) -> Model:
-    """The source with a body for every target that a body's muscle points go to."""
+    """The source with a body for every target that a body's muscle points go to.
+
+    Parameters
+    ----------
+    digits : bodies whose targets lie side by side: all of a muscle's points there go to the same
+    """
     shapes = {
         (targets[0], name): Shape(there.surface((targets[0], name), {name: surfaces[name]}))
         for targets in parts.values()
@@ -333,21 +354,29 @@ def spread_over_targets(
         if name in surfaces
     }
 
-    def nearest(body: str, place: Array) -> str:
+    def nearest(body: str, places: list[Array]) -> str:
+        """The target nearest to points of a muscle on a body."""
         targets = parts[body]
-        mapped = bones[body].map.apply(place)[None]
+        mapped = bones[body].map.apply(np.array(places))
         known = [name for name in targets if (targets[0], name) in shapes]
         apart = [
-            float(np.linalg.norm(shapes[targets[0], name].nearest(mapped, True).points - mapped)) for name in known
+            float(np.linalg.norm(shapes[targets[0], name].nearest(mapped, True).points - mapped, axis=1).sum())
+            for name in known
         ]
         best = known[int(np.argmin(apart))]
         return body if best == targets[0] else part_name(body, best)
 
     def carried(muscle: Muscle) -> Muscle:
+        fixed = [one for one in muscle.path.points if isinstance(one, PathPoint) and one.body in parts]
+        goes = {
+            id(one): nearest(
+                one.body,
+                [each.location for each in fixed if each.body == one.body] if one.body in digits else [one.location],
+            )
+            for one in fixed
+        }
         points = tuple(
-            replace(one, body=nearest(one.body, one.location))
-            if isinstance(one, PathPoint) and one.body in parts
-            else one
+            replace(one, body=goes[id(one)]) if isinstance(one, PathPoint) and one.body in parts else one
             for one in muscle.path.points
         )
         return replace(muscle, path=replace(muscle.path, points=points))

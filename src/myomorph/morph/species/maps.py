@@ -18,6 +18,8 @@ from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures
+from myomorph.morph.species.attachments import with_attachments
 from myomorph.morph.species.counterparts import (
     BoneHomology,
     PlacedMap,
@@ -30,6 +32,7 @@ from myomorph.morph.species.counterparts import (
     spread_over_targets,
 )
 from myomorph.morph.species.landmarks import landmarks_by_rules
+from myomorph.morph.species.rays import put_on_rays
 from myomorph.morph.transfer.model import graft_muscles
 
 MEASURED_IN_METERS = "[m]"
@@ -107,8 +110,14 @@ def species_bones(
                         for body, one in riders(first, bone, here).items()
                     }
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
-    spread = spread_over_targets(source, parts, bones, there, target_surfaces) if parts else source
-    return SpeciesBones(spread, bones, tuple(notes))
+    for bone in table.bones:
+        if bone.rays and bone.sources[0] in bones:
+            rays = put_on_rays(source, bone, table, (here, there), (source_surfaces, target_surfaces))
+            source, bones = rays.source, {**bones, **rays.bones}
+    digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
+    spread = spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
+    spread, placed, said = with_attachments(spread, bones, table.attachments, table, there)
+    return SpeciesBones(spread, placed, (*notes, *said))
 
 
 def _map(
@@ -241,6 +250,11 @@ def species_morph(
         raise BadData(f"species table '{table.name}': no pair of its bodies is in the models: it wants {wanted}, ...")
     if progress is not None:
         progress("muscles")
+    known = None
+    if options is None or options.architecture == "tables":
+        sizes = [size_over(one, table, target, target_surfaces) for one in table.architecture]
+        carried = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
+        known = architectures(source, table.architecture, sizes, carried)
     morph = graft_muscles(
         bones.source,
         target,
@@ -250,8 +264,40 @@ def species_morph(
         postures=(table.posture, table.target_posture),
         beside=beside,
         name=name,
+        architecture=known,
     )
     return replace(morph, notes=(*bones.notes, *morph.notes))
+
+
+def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surfaces: Surfaces) -> Size:
+    """How the target animal compares with those of a table of architecture.
+
+    Raises
+    ------
+    BadData : the table names a bone that the species table lacks, or one without two joints among its landmarks
+    """
+    there = Posed(target, table.target_posture)
+    ours = 0.0
+    for body in of.lengths:
+        bone = next((one for one in table.bones if body in one.sources), None)
+        if bone is None:
+            raise BadData(f"architecture of {of.species} ({of.citation}): no bone of '{body}' in the species table")
+        if of.measured == "bones":
+            points = there.surface(bone.targets, surfaces).vertices
+            points = points - points.mean(axis=0)
+            shaft = np.linalg.svd(points, full_matrices=False)[2][0]
+            ours += float(np.ptp(points @ shaft))
+            continue
+        joints = there.joints(bone.targets[0])
+        ends = [joints[rule.target_joint] for rule in bone.landmarks if rule.rule == "joint"]
+        if len(ends) < 2:
+            raise BadData(
+                f"architecture of {of.species}: the landmarks of '{body}' have no two joints to measure it by"
+            )
+        ours += float(np.linalg.norm(ends[1] - ends[0]))
+    length = ours / sum(of.lengths.values()) if of.lengths else 1.0
+    mass = target.mass / of.body_mass if of.body_mass and target.mass > 0.0 else None
+    return Size(length, mass)
 
 
 def coordinate_table(table: SpeciesTable, source: Model, target: Model) -> CoordinateTable:

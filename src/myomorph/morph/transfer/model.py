@@ -14,7 +14,7 @@ from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
 from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
     bones_around,
     neighbor_notes,
@@ -33,6 +33,7 @@ from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
 from myomorph.morph.transfer.paths import transferred_lines
+from myomorph.morph.transfer.sure_points import uncertain_notes
 from myomorph.muscles.scaling import default_path_lengths
 
 
@@ -111,7 +112,8 @@ def morph_model(
     source = {one.name: one for one in model.muscles}
     muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
     found = {body: carrier.bone for body, carrier in carriers.items()}
-    notes = (*neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
+    doubted = uncertain_notes(points, carriers)
+    notes = (*doubted, *neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
@@ -178,6 +180,7 @@ def graft_muscles(
     surrounding: Mapping[str, Sequence[str]] | None = None,
     beside: bool = False,
     name: str = "",
+    architecture: Mapping[str, Architecture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
     """The target's skeleton with the source's muscles on it, and their wrap objects and markers ([D] chapter 6).
@@ -196,6 +199,7 @@ def graft_muscles(
     surrounding : bodies of the source that are virtual links, with the bones around each
     beside : keep the target's own muscles too
     name : of the new model; by default the target's
+    architecture : fiber lengths and forces that are known of the target's muscles, by the source's names
 
     Raises
     ------
@@ -229,7 +233,7 @@ def graft_muscles(
     lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
     ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
     owners = {one.name: one for one in source.muscles}
-    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio)
+    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio, architecture)
     taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
     if beside:
         grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
@@ -243,7 +247,7 @@ def graft_muscles(
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
+        notes=(*uncertain_notes(points, carriers), *_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
         left_out=FrozenMap(left_out),
     )
 

@@ -13,7 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
 from myomorph.morph.checks.moment_arms import Postures
-from myomorph.morph.morphed import MorphOptions, MuscleChange
+from myomorph.morph.morphed import Architecture, MorphOptions, MuscleChange
 from myomorph.morph.transfer.carrier import Carriers, few
 from myomorph.muscles.path import compile_paths
 
@@ -59,6 +59,7 @@ def transferred_muscles(
     carriers: Carriers,
     options: MorphOptions,
     mass_ratio: float,
+    given: Mapping[str, Architecture] | None = None,
 ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
     """Muscles with the parameters that the target's bones ask for, what changed, and warnings.
 
@@ -68,13 +69,18 @@ def transferred_muscles(
     source : the source's, by name
     lengths : (postures, muscles) of source and target, in the order of `muscles` [m]
     mass_ratio : mass of the target over that of the source
+    given : fiber lengths and forces that are known, by muscle; tendons then keep the mean normalized fiber length
     """
-    found, changes, doubtful = [], [], []
+    found, changes, doubtful, slack = [], [], [], []
     for i, muscle in enumerate(muscles):
         before, after = (one[:, i] for one in lengths)
         ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
+        known = (given or {}).get(muscle.name)
         growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)
-        if options.fibers == "range":
+        if known is not None:
+            growth = _given_growth(muscle, before[1:], after[1:], known.fiber)
+            slack += [] if growth.slope * muscle.tendon_slack_length + growth.shift > 0.0 else [muscle.name]
+        elif options.fibers == "range":
             kept = _range_growth(muscle, before[1:], after[1:], ratio)
             doubtful += [] if kept else [muscle.name]
             growth = kept or growth
@@ -82,10 +88,24 @@ def transferred_muscles(
         one = _with_lengths(muscle, growth)
         one = _with_pennation(one, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
         force = _force_ratio(options, carriers, bodies, growth.slope, mass_ratio)
+        if known is not None:
+            force = known.force / muscle.max_isometric_force if muscle.max_isometric_force > 0.0 else 1.0
+            if known.pennation is not None:
+                one = replace(one, pennation_at_optimal=min(known.pennation, float(GREATEST_PENNATION)))
         one = _with_force(one, force, growth.slope)
+        one = replace(one, tendon_slack_length=max(one.tendon_slack_length, 0.0)) if known is not None else one
         found.append(one)
-        changes.append(_change(muscle, one, before[1:], after[1:], ratio, force))
+        change = _change(muscle, one, before[1:], after[1:], ratio, force)
+        if known is not None:
+            change = replace(
+                change, basis=known.basis, fiber_interval=known.fiber_interval, force_interval=known.force_interval
+            )
+        changes.append(change)
     notes = [f"paths do not tell fiber from tendon, which both grow with the path: {few(doubtful)}"] if doubtful else []
+    if slack:
+        notes.append(
+            f"paths are shorter than the fibers that the species' tables give, so no tendon is left: {few(slack)}"
+        )
     return tuple(found), tuple(changes), notes
 
 
@@ -123,6 +143,16 @@ def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> 
     if not ratio / STEEPEST < slope < ratio * STEEPEST or tendon < 0.0 <= muscle.tendon_slack_length:
         return None
     return Growth(slope, shift)
+
+
+def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> Growth:
+    """The growth to a known fiber length, with the tendon that keeps the mean normalized fiber length over postures."""
+    normal = normalized_lengths(muscle, before)
+    usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
+    if usual.sum() < FEWEST:
+        usual = np.isfinite(before)
+    slope = fiber / muscle.optimal_fiber_length
+    return Growth(slope, float(after[usual].mean() - slope * before[usual].mean()))
 
 
 def _with_lengths(muscle: Muscle, growth: Growth) -> Muscle:
@@ -178,7 +208,7 @@ def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, 
     def over(one: float, other: float) -> float:
         return other / one if one > 0.0 else 1.0
 
-    ranges = [normalized_lengths(muscle, lengths) for muscle, lengths in ((before, old), (after, new))]
+    ours, theirs = normalized_lengths(before, old), normalized_lengths(after, new)
     return MuscleChange(
         before.name,
         path,
@@ -186,5 +216,6 @@ def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, 
         over(before.tendon_slack_length, after.tendon_slack_length),
         force,
         after.pennation_at_optimal - before.pennation_at_optimal,
-        *((float(one.min()), float(one.max())) for one in ranges),
+        (float(ours.min()), float(ours.max())),
+        (float(theirs.min()), float(theirs.max())),
     )

@@ -26,11 +26,40 @@ KINDS = {
 
 def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
     """Bones, moment arms and paths with their worst place, and what the checks say."""
-    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over; {_bones(morph)}"
+    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over{_sure(morph)}; {_bones(morph)}"
+    if any(one.basis for one in morph.muscles):
+        yield _architecture(morph)
     parts = [one for one in (_order(checks), _deepest(checks), _fibers(morph)) if one]
     if parts:
         yield "; ".join(parts)
     yield _verdict(checks)
+
+
+def _sure(morph: Morph) -> str:
+    """How surely points are known."""
+    known = [one for one in morph.points if np.isfinite(one.within)]
+    if not known:
+        return ""
+    worst = max(known, key=lambda one: one.within)
+    return (
+        f", known with 90 % to {1e3 * float(np.median([one.within for one in known])):.2g} mm (median; worst "
+        f"{1e3 * worst.within:.2g} mm, {worst.owner} on {worst.body})"
+    )
+
+
+def _architecture(morph: Morph) -> str:
+    """Where fiber lengths and forces come from, and how far they are open."""
+    counts = Counter(one.basis or "the bones' maps" for one in morph.muscles)
+    told = ", ".join(f"{count} by {basis}" for basis, count in counts.most_common())
+    open_ = [one for one in morph.muscles if np.isfinite(one.force_interval[1])]
+    if not open_:
+        return f"fibers and forces of muscles: {told}"
+    worst = max(open_, key=lambda one: one.force_interval[1])
+    middle = float(np.median([one.force_interval[1] for one in open_]))
+    return (
+        f"fibers and forces of muscles: {told}; 90 % intervals of force up to {middle:.2g} times as much (median), "
+        f"{worst.force_interval[1]:.2g} ({worst.name})"
+    )
 
 
 def _bones(morph: Morph) -> str:

@@ -52,10 +52,11 @@ def point_rows(morph: Morph) -> Rows:
     header = (
         "owner", "point", "body", "target body", *(f"source {a} [m]" for a in axes), *(f"target {a} [m]" for a in axes),
         "lifted [m]", "source height over surface [m]", "target height over surface [m]",
+        "within, 90 % [m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
         (one.owner, one.name, one.body, one.target_body, *_xyz(one.source), *_xyz(one.target), one.lifted,
-         one.depth_source, one.depth_target)
+         one.depth_source, one.depth_target, one.within)
         for one in morph.points
     ]  # fmt: skip
     return header, rows
@@ -84,16 +85,18 @@ def _xyz(point: Iterable[float]) -> tuple[float, ...]:
 
 
 def muscle_rows(morph: Morph) -> Rows:
-    """What became of each muscle's parameters, target over source."""
+    """What became of each muscle's parameters, target over source, and 90 % intervals where tables gave them."""
     header = (
         "muscle", "path", "optimal fiber length", "tendon slack length", "maximum isometric force",
         "pennation [rad]", "source least fiber length", "source greatest fiber length", "target least fiber length",
-        "target greatest fiber length",
+        "target greatest fiber length", "fiber and force from", "least fiber [share]", "greatest fiber [share]",
+        "least force [share]", "greatest force [share]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target)
+        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target,
+         one.basis or "bones", *one.fiber_interval, *one.force_interval)
         for one in morph.muscles
-    ]
+    ]  # fmt: skip
     return header, rows
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -242,6 +242,10 @@ class ReportInput:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()
+
+    def with_warnings(self, texts: Iterable[str]) -> ReportInput:
+        """The same with more lines among the warnings of its head."""
+        return replace(self, head=replace(self.head, warnings=(*self.head.warnings, *texts)))
 
     @property
     def activations(self) -> Series | None:

@@ -7,12 +7,10 @@ import numpy as np
 from myomorph.analysis.cycles import band, over_cycles
 from myomorph.analysis.joint_loads import own_strides, stride_loads
 from myomorph.analysis.strides import Strides
-from myomorph.analysis.walking import walking_strides
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.prepared import Prepared
 from myomorph.tension.joint_contact import JointContactForces
 
@@ -25,7 +23,7 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     found = prepared.given.joint_contacts
     if found is None or not len(found) or not np.isfinite(found.totals).any():
         return None
-    strides = _strides(prepared.given)
+    strides = prepared.strides
     figures = tuple(Figure(_chart(prepared, found, joint, strides), "medium") for joint in found.joints)
     lead = (
         "The force that the joint transmits as a whole, and the pushes of its contact points along their normals, "
@@ -53,13 +51,6 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     )
     grid = Grid(HEAD, rows, "Peaks and impulses by stride", len(rows) > 12)
     return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
-
-
-def _strides(given: ReportInput) -> Strides | None:
-    motion = given.kinematics.motion
-    if given.model is None or motion is None:
-        return None
-    return walking_strides(given.model, motion, given.kinematics.fit)
 
 
 def _left(found: JointContactForces) -> str:

@@ -34,7 +34,7 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
         grids.append(_grid(title, unit, spread, found.shares.get(name)))
     lead = (
         f"{found.draws - found.failed} of {found.draws} inputs, drawn with errors of sizes that were stated or that "
-        "are usual, have a solution; limits hold 90 % of them. They are as right as these sizes are. Of each "
+        f"are usual, have a solution; {found.summary}. They are as right as these sizes are. Of each "
         "table the columns with the widest limits are shown; uncertainty.csv has all."
     )
     return Section("uncertainty", "Uncertainty", lead, (), (), tuple(grids))

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, listing
+from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
+from myomorph.model.series import Markers
 from myomorph.motion.protocols import ProtocolTable, labels_between
+from myomorph.motion.sync import cut
+from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
 from myomorph.study.analyze.recordings import (
@@ -26,15 +29,21 @@ from myomorph.study.analyze.recordings import (
     standing_height,
     static_beside,
 )
-from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, is_unchanged, study_text
+from myomorph.study.analyze.study_text import STEPS, StudyEntries, TrialEntry, is_unchanged, study_text
+from myomorph.study.analyze.unfit_markers import unfit_markers
 from myomorph.study.trial.emg_names import muscles_of_channels
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.external_forces import TABLES, force_table
+from myomorph.study.trial.inputs import cut_to, open_model
 from myomorph.study.trial.laboratory import AS_RECORDED
 
 STUDY, GENERIC = "study.toml", "generic.osim"
+MIN_FRAMES = 6
+"""Frames in a row that derivatives need."""
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")
+OF_MUSCLES = ("muscles", "tension")
+"""Steps that a model without muscles does not take."""
 EMG_SAMPLES, EMG_RATE = 300, 100.0
 """Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
 DEAD = 0.05
@@ -58,6 +67,9 @@ class AnalyzeRequest:
     emg_mvc : recordings of maximum voluntary contractions
     command : as typed, for the study file
     draws : with errors in all inputs, None for none
+    time : the part of every recording that is used [s], None for all
+    loads : file of forces of the one recording, None for its plates or what lies beside it
+    forces : how a table of forces is laid out, and its clock
     """
 
     recordings: tuple[Path, ...]
@@ -71,6 +83,9 @@ class AnalyzeRequest:
     emg_mvc: tuple[Path, ...] = ()
     command: str = "myomorph analyze"
     draws: int | None = None
+    time: tuple[float, float] | None = None
+    loads: Path | None = None
+    forces: ForceOptions = field(default_factory=ForceOptions)
 
 
 @dataclass(frozen=True)
@@ -100,12 +115,22 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     static, moving, text = _static(looked, request)
     if text:
         assumed.append(text)
+    if request.loads is not None:
+        moving = [_with_loads(moving, request.loads)]
     for one in moving:
-        _check_markers(one)
+        if request.model is None:
+            _check_markers(one)
+        assert one.trial.markers is not None
+        body = one.found.sites if request.model is None else one.trial.markers.names
+        _check_time(one.path, one.trial.markers, tuple(body), request.time)
     everyone = [*moving, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
-    model, path, labels, of_model = _model(everyone, request, out)
-    assumed += [*_protocols(moving), *of_model, *_height(static or moving[0], request.height)]
+    height, of_height = _height(static or moving[0], request.height)
+    model, path, labels, of_model = _model(everyone, request, height, out)
+    named = () if request.model is None else model.marker_names
+    assumed = [*of_height, *assumed, *_protocols(moving, (*named, *labels)), *of_model]
+    if not model.muscles:
+        assumed.append(f"{path.name} has no muscles: the report ends with joint angles and torques.")
     trials = tuple(_trial(one, model, request, name) for one, name in zip(moving, _names(moving), strict=True))
     study = StudyEntries(
         out.resolve().name,
@@ -119,6 +144,8 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         request.emg_muscles,
         request.emg_side,
         request.emg_mvc,
+        forces=request.forces,
+        steps=STEPS if model.muscles else tuple(one for one in STEPS if one not in OF_MUSCLES),
         draws=request.draws,
         assumed=tuple(assumed),
     )
@@ -126,6 +153,21 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     target.write_text(study_text(study, out), encoding="utf-8")
     own = [f"{one.name}: {text}" for one in trials for text in one.assumed]
     return Prepared(target, (*assumed, *own))
+
+
+def _with_loads(moving: Sequence[Recording], loads: Path) -> Recording:
+    """The one recording with a file of forces that is named.
+
+    Raises
+    ------
+    BadData, BadFile
+        where there are several recordings, or no such file
+    """
+    if len(moving) != 1:
+        raise BadData(f"--loads {loads}: {len(moving)} recordings; name the forces of one recording at a time")
+    if not loads.is_file():
+        raise BadFile(loads, "does not exist", "give the forces of the recording (--loads FILE)")
+    return replace(moving[0], loads=loads)
 
 
 def _refuse_changed(path: Path) -> None:
@@ -155,24 +197,45 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
 
 
 def _check_markers(one: Recording) -> None:
-    """Raise `BadData` where the labels that are known do not show a pelvis and a leg."""
+    """Raise `BadData` where the labels that are known do not show a pelvis and a leg, and say what the markers are."""
     segments = {site.segment for site in one.found.sites.values()}
     lacking = [name for name in NEEDED if name not in segments]
     if len(one.found.sites) >= MIN_MARKERS and not lacking:
         return
     if not one.found.sites and not one.found.unknown:
         raise BadData(f"{one.path}: holds no marker that is ever seen: give the recording of the markers")
-    unknown = ", ".join(f"'{name}'" for name in one.found.unknown[:5]) + (", ..." if len(one.found.unknown) > 5 else "")
-    raise BadData(
-        f"{one.path}: {len(one.found.sites)} of {len(one.found.sites) + len(one.found.unknown)} labels are those of a "
-        f"marker protocol, none on {' and '.join(lacking) or 'enough landmarks'}"
-        + (f" (not known: {unknown})" if unknown else "")
-        + "; say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers (--model)"
-    )
+    raise BadData(f"{one.path}: {unfit_markers(one.found, lacking)}")
 
 
-def _protocols(moving: Sequence[Recording]) -> list[str]:
-    """Sentences on protocols and axes."""
+def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None) -> None:
+    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of the markers."""
+    used = cut_to(time, markers, path)
+    count = len(markers if used is None else cut(markers, *used))
+    if count < MIN_FRAMES:
+        raise BadData(
+            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''}, derivatives need "
+            f"{MIN_FRAMES} in a row: give a longer recording, and this one as --static where nobody moves in it"
+        )
+    if time is None:
+        return
+    places = np.stack([markers[label] for label in labels], axis=1)
+    seen = np.isfinite(places).all(axis=2).sum(axis=1) >= MIN_MARKERS
+    if not seen[(markers.time >= time[0]) & (markers.time <= time[1])].any():
+        known = markers.time[seen]
+        where = f"seen together from {known[0]:.2f} to {known[-1]:.2f} s" if len(known) else "never seen together"
+        raise BadData(
+            f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers of the body are "
+            f"seen in any frame; they are {where}"
+        )
+
+
+def _protocols(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> list[str]:
+    """Sentences on protocols.
+
+    Parameters
+    ----------
+    of_model : labels that are markers of the model that was given, whether a protocol knows them or not
+    """
     texts = []
     for title in dict.fromkeys(one.found.protocol.title if one.found.protocol else "" for one in moving):
         own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
@@ -181,22 +244,24 @@ def _protocols(moving: Sequence[Recording]) -> list[str]:
         text = f"{_list([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
         if title and known.common:
             text += f", {len(known.common)} of them by common names ({_list(known.common)})"
-        texts.append(text + (f"; not used: {_list(known.unknown)}." if known.unknown else "."))
+        unknown = [label for label in known.unknown if label not in of_model and bare(label) not in of_model]
+        texts.append(text + (f"; not used: {_list(unknown)}." if unknown else "."))
     return texts
 
 
 def _model(
-    everyone: Sequence[Recording], request: AnalyzeRequest, out: Path
+    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, out: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
     """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
-    recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
     if request.model is None:
-        model, without = generic_model(sites_of(everyone))
+        recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
+        model, without = generic_model(sites_of(everyone), height)
         path = out / GENERIC
         write_osim(model, path)
         text = (
             f"No model was given (--model FILE): myo-sim's legs and trunk with {len(model.muscles)} muscles, "
-            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings. "
+            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings"
+            f"{'' if height is None else f', from those of a body of {height:g} m'}. "
             "The arms' mass is part of the trunk's."
         )
         if without:
@@ -204,6 +269,8 @@ def _model(
         return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
     model = open_model(request.model)
     names = model.marker_names
+    # A model may have markers that no protocol knows.
+    recorded = list(dict.fromkeys(label for one in everyone for label in (*one.found.sites, *one.found.unknown)))
     labels = {label: bare(label) for label in recorded if bare(label) != label and bare(label) in names}
     rest = [label for label in recorded if label not in labels]
     labels |= {
@@ -226,17 +293,20 @@ def _is_y_up(model: Model) -> bool:
     return bool(model.gravity[1] < 0.0)
 
 
-def _height(one: Recording, height: float | None) -> list[str]:
-    """A sentence where the height that was given is not that of the body recorded."""
+def _height(one: Recording, height: float | None) -> tuple[float | None, list[str]]:
+    """The height that the generic model begins with [m], None for its own; and a sentence on what markers show."""
     if height is None:
-        return []
+        return None, []
     found = standing_height(one)
-    if found is None or abs(found / height - 1.0) < HEIGHT_TOLERANCE:
-        return []
-    return [
-        f"WARNING: the markers of {one.path.name} are those of a body of about {found:.2f} m, not {height:g} m "
-        "(--height): is the unit right, and are they of this person?"
-    ]
+    if found is None:
+        return height, [
+            f"--height {height:g} m could not be held against the markers: none are on shoulders and ankles."
+        ]
+    apart = found / height - 1.0
+    shown = f"the markers of {one.path.name} show a body of about {found:.2f} m, {100.0 * apart:+.0f} % of --height"
+    if abs(apart) < HEIGHT_TOLERANCE:
+        return height, [f"Height {height:g} m (--height): {shown}."]
+    return None, [f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"]
 
 
 def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:
@@ -253,6 +323,9 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
     contacts, loads = "", one.loads
     if one.loads is not None:
         texts.append(f"External forces from {one.loads.name}.")
+        if one.loads.suffix.lower() in TABLES:
+            notes = force_table(one.loads, None, request.forces).notes
+            texts += [f"{one.loads.name}: {text}." for text in notes]
     elif plates and feet_of(model):
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
         # Named, so that a file of forces beside the recording is not taken for them.
@@ -261,7 +334,8 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
     if loads is not None and feet_of(model):
-        bare_share = uncovered_share(one, request.mass * float(np.linalg.norm(model.gravity)))
+        weight = request.mass * float(np.linalg.norm(model.gravity))
+        bare_share = uncovered_share(one, weight, request.forces)
         if bare_share > LASTS:
             contacts = "auto"
             texts.append(
@@ -269,7 +343,7 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
                 "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
                 "measured; torques of inverse dynamics are wrong there."
             )
-    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, dead, None, tuple(texts))
+    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, dead, request.time, tuple(texts))
 
 
 def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:

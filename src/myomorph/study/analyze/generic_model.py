@@ -15,8 +15,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
+from myomorph.model.scale import scale
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import silent_mujoco
@@ -26,16 +28,18 @@ NAME = "myolegs_abdomen"
 HEIGHT = 1.70
 """Of a body whose bones are as long as the model's [m]."""
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
-FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
-"""Walkers go beyond the model's ranges of these."""
+WIDENED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
+FURTHER = np.radians(30.0)
+"""Walkers go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
 
-def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
+def generic_model(sites: Mapping[str, Site], height: float | None = None) -> tuple[Model, tuple[str, ...]]:
     """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
 
     Parameters
     ----------
     sites : label of a recording, and what it lies on
+    height : of the body that its segments are those of [m], all stretched alike; None for 1.70
 
     Returns
     -------
@@ -46,7 +50,11 @@ def generic_model(sites: Mapping[str, Site]) -> tuple[Model, tuple[str, ...]]:
     BadData : myo-sim is not installed
     """
     markers, without = placed(sites)
-    return _legs().with_markers(markers), without
+    model = _legs().with_markers(markers)
+    if height is not None:
+        factor = np.full(3, height / HEIGHT)
+        model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)
+    return model, without
 
 
 def placed(sites: Mapping[str, Site]) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
@@ -81,7 +89,7 @@ def _legs() -> Model:
     model = in_opensim_form(legs_and_trunk())
     held = [
         replace(one, locked=True, default=0.0) if one.name in LOCKED
-        else replace(one, clamped=False) if one.name in FREED
+        else replace(one, range=(one.range[0] - FURTHER, one.range[1] + FURTHER), clamped=True) if one.name in WIDENED
         else one
         for one in model.coordinates
     ]  # fmt: skip

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.force_columns import table_wrenches
+from myomorph.io.force_table import read_forces
 from myomorph.io.loads import read_load_entries
-from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
+from myomorph.motion.sync import clock_shift
+from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.recordings import FOREFOOT, Recording, mean_place
+from myomorph.study.trial.external_forces import layout_of
 
 STANDS, NEAR = 0.03, 0.35
 """A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s]."""
@@ -21,22 +23,25 @@ LASTS = 0.05
 """Share of a recording in which feet stand without a force, from which on it counts."""
 
 
-def uncovered_share(one: Recording, weight: float) -> float:
+def uncovered_share(one: Recording, weight: float, options: ForceOptions | None = None) -> float:
     """Share of a recording's frames in which a foot stands and the measured forces carry less than half the weight.
 
     Parameters
     ----------
     weight : of the body [N]
+    options : layout and clock of a table of forces, where it does not say them
 
     Returns
     -------
     nan where there are no forces, or no marker of a foot
     """
-    found = _vertical(one)
+    found = _vertical(one, options or ForceOptions())
     markers = one.trial.markers
     if found is None or markers is None or len(markers) < 3:
         return float("nan")
     time, force = found
+    shift = options.force_shift if options is not None and options.force_shift else clock_shift(markers.time, time)
+    time = time + (shift or 0.0)
     stands = np.zeros(len(markers), bool)
     seen = False
     for side in ("right", "left"):
@@ -61,17 +66,17 @@ def _stands(place: Array, time: Array) -> np.ndarray:
         return (height < np.nanpercentile(height, 5.0) + STANDS) & (speed < NEAR)
 
 
-def _vertical(one: Recording) -> tuple[Array, Array] | None:
+def _vertical(one: Recording, options: ForceOptions) -> tuple[Array, Array] | None:
     """Vertical force of all plates or of the table together, and its clock; None where there are none."""
     up = one.laboratory.rotation[1]
-    if one.trial.plates:
+    if one.trial.plates and one.loads is None:
         total: Array = np.sum([plate.forces for plate in one.trial.plates], axis=0) @ up
         return one.trial.plate_time, total
     if one.loads is None:
         return None
     try:
         tables = _tables(one.loads)
-        wrenches = [table_wrenches(read_sto(path)) for path in tables]
+        wrenches = [read_forces(path, layout=layout_of(options)) for path in tables]
     except (MyomorphError, OSError):
         return None
     if not wrenches:

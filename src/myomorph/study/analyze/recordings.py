@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.force_columns import force_columns
+from myomorph.io.force_table import holds_forces
 from myomorph.io.formats import trial_format
-from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.series import Trial
@@ -216,12 +215,7 @@ def loads_beside(path: Path) -> Path | None:
 
 
 def _has_forces(path: Path) -> bool:
-    if path.suffix.lower() not in TABLES:
-        return True
-    try:
-        return bool(force_columns(read_sto(path).names))
-    except (MyomorphError, OSError):
-        return False
+    return path.suffix.lower() not in TABLES or holds_forces(path)
 
 
 def emg_beside(path: Path) -> Path | None:

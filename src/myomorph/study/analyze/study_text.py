@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 
 SUBJECT = "subject"
@@ -49,6 +50,7 @@ class StudyEntries:
     labels : recorded label to the model's marker
     emg_muscles : EMG channel to muscles
     draws : with errors in all inputs, None for none
+    forces : how tables of forces are laid out, and their clock
     assumed : sentences on all recordings
     """
 
@@ -66,6 +68,7 @@ class StudyEntries:
     tasks: Path | None = None
     steps: tuple[str, ...] = STEPS
     draws: int | None = None
+    forces: ForceOptions = field(default_factory=ForceOptions)
     assumed: tuple[str, ...] = ()
 
 
@@ -85,6 +88,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
         f"name = {_text(study.name)}",
         "flat = true",
         "",
+        *_forces(study.forces),
         *([] if study.draws is None else ["[uncertainty]", f"draws = {study.draws}", ""]),
         "[[subject]]",
         f"name = {_text(SUBJECT)}",
@@ -136,6 +140,17 @@ def study_text(study: StudyEntries, folder: Path) -> str:
             lines += ["assumed = [", *(f"  {_text(text)}," for text in trial.assumed), "]"]
     text = "\n".join(lines) + "\n"
     return f"{text}{MARK}{_digest(text)}\n"
+
+
+def _forces(options: ForceOptions) -> list[str]:
+    """Settings of forces that are not the usual ones."""
+    usual = ForceOptions()
+    changed = {one.name: getattr(options, one.name) for one in fields(options)}
+    changed = {name: value for name, value in changed.items() if value != getattr(usual, name)}
+    if not changed:
+        return []
+    values = {name: _text(value) if isinstance(value, str) else f"{value:g}" for name, value in changed.items()}
+    return ["[options.id]", *(f"{name} = {value}" for name, value in values.items()), ""]
 
 
 def is_unchanged(text: str) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.c3d.read import emg_channels
-from myomorph.io.force_columns import force_columns, table_wrenches
+from myomorph.io.force_table import holds_forces, read_forces
 from myomorph.io.formats import trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array, read_only
@@ -115,13 +115,13 @@ def _with_recording(found: Recording, path: Path) -> Recording:
 
 
 def _with_table(found: Recording, path: Path) -> Recording:
-    table = read_sto(path)
-    notes = (*found.notes, *(f"{path.name}: {text}" for text in table.warnings))
-    if force_columns(table.names):
+    if holds_forces(path):
         if found.wrenches is not None:
             raise BadData(f"{path}: a second file with forces: convert one recording at a time")
-        wrenches = table_wrenches(table)
-        return replace(found, wrenches=wrenches, notes=(*notes, *wrenches.notes))
+        wrenches = read_forces(path)
+        return replace(found, wrenches=wrenches, notes=(*found.notes, *wrenches.notes))
+    table = read_sto(path)
+    notes = (*found.notes, *(f"{path.name}: {text}" for text in table.warnings))
     return replace(found, tables=FrozenMap({**found.tables, path.stem: table}), notes=notes)
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from myomorph.io.force_columns import force_columns
+from myomorph.io.force_table import holds_forces
 from myomorph.io.labels import read_labels
-from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, is_folder, matching
@@ -249,12 +248,7 @@ def _of_text(given: str) -> TrialTable:
 
 def _holds_forces(loads: Path) -> bool:
     """Whether a file that was found beside a recording names its forces, or is a table with columns of forces."""
-    if loads.suffix.lower() not in (".mot", ".sto"):
-        return True
-    try:
-        return bool(force_columns(read_sto(loads).names))
-    except BadFile:
-        return False
+    return loads.suffix.lower() not in (".mot", ".sto") or holds_forces(loads)
 
 
 def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from myomorph.io.mesh import ENDINGS, read_mesh, read_surfaces
 from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
@@ -38,6 +40,7 @@ class MorphFiles:
     together : the bones lie as one scan shows them, in one frame
     mirror : a body without a bone takes the mirrored one of its other side
     across : axis of ground across the source's plane of symmetry
+    links : virtual links, bodies without a bone on which muscles branch, with the bones around each
     """
 
     source: Path
@@ -50,6 +53,7 @@ class MorphFiles:
     together: bool = False
     mirror: bool = False
     across: Literal["x", "y", "z"] = "z"
+    links: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -59,7 +63,8 @@ class MorphFiles:
 
     def options(self) -> dict[str, object]:
         """What is said of the files, for provenance."""
-        return {name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")}
+        told = {name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")}
+        return told | ({"links": {name: list(around) for name, around in self.links.items()}} if self.links else {})
 
 
 class BonesTable(Strict):
@@ -73,6 +78,7 @@ class BonesTable(Strict):
     together: bool = False
     mirror: bool = False
     across: Literal["x", "y", "z"] = "z"
+    links: dict[str, list[str]] = Field(default_factory=dict)
 
 
 def bones_of(
@@ -86,7 +92,8 @@ def bones_of(
     skin = existing(folder, table.skin, f"{where}: bones: skin", problems)
     geometry = None if table.geometry is None else folder / table.geometry
     home = folder / table.folder
-    told = (table.unit, mass, table.together, table.mirror, table.across)
+    links = FrozenMap({name: tuple(around) for name, around in table.links.items()})
+    told = (table.unit, mass, table.together, table.mirror, table.across, links)
     return MorphFiles(model, home, landmarks, geometry, skin, *told)
 
 

@@ -88,7 +88,15 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     if files.mirror:
         bones = with_mirrored_bones(model, bones, ours, files.together, files.across)
     with inputs.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
-        morph = morph_model(model, bones, settings.morph, mass=files.mass, together=files.together, progress=advance)
+        morph = morph_model(
+            model,
+            bones,
+            settings.morph,
+            mass=files.mass,
+            together=files.together,
+            surrounding=files.links or None,
+            progress=advance,
+        )
     if files.mass is not None or skin is not None:
         # Only this option of the step needs it.
         from myomorph.study.subject.morph_masses import with_morphed_masses

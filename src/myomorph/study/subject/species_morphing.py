@@ -11,11 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.io.mesh import read_mesh
 from myomorph.model.deprecated import current_keys
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.morphed import Morph
+from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
@@ -26,18 +30,48 @@ from myomorph.morph.species.counterparts import (
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
+from myomorph.morph.species.markers import MarkerTable, with_markers_of
+from myomorph.morph.species.masses import SegmentShare, share_notes, with_segment_shares
+from myomorph.morph.species.table_rows import Attachment, Ray
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.study.subject.morph_files import source_bones
+from myomorph.study.subject.morph_files import Unit, resized, source_bones
+from myomorph.study.subject.morph_masses import with_skin_masses
 from myomorph.study.subject.morphing import Morphed, MorphSettings
 from myomorph.study.trial import inputs
 
 Table = Mapping[str, Any]
 KEYS = frozenset(
-    ("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle"),
+    (
+        "name",
+        "frames",
+        "posture",
+        "missing",
+        "extra",
+        "bone",
+        "coordinate",
+        "muscle",
+        "architecture",
+        "mass",
+        "markers",
+        "attachment",
+    ),
 )
+TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
+ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
 BONE_KEYS = frozenset(
-    ("sources", "targets", "source_frame", "target_frame", "transferred", "spread", "half", "match", "landmarks")
+    (
+        "sources",
+        "targets",
+        "source_frame",
+        "target_frame",
+        "transferred",
+        "spread",
+        "half",
+        "match",
+        "landmarks",
+        "rays",
+    )
 )
 
 
@@ -93,7 +127,52 @@ def _table(given: Table, name: str) -> SpeciesTable:
         posture.get("target", {}),
         given.get("missing", {}),
         given.get("extra", {}),
+        tuple(_architecture(one) for one in given.get("architecture", ())),
+        tuple(_share(one) for one in given.get("mass", ())),
+        tuple(_markers(one) for one in given.get("markers", ())),
+        tuple(_attachment(one) for one in given.get("attachment", ())),
     )
+
+
+def _architecture(given: Table) -> ArchitectureTable:
+    _known(given, TABLE_KEYS, "a table of architecture")
+    kept = {key: value for key, value in given.items() if key != "muscles"}
+    return ArchitectureTable(rows=tuple(_row(one) for one in given["muscles"]), **kept)
+
+
+def _share(given: Table) -> SegmentShare:
+    _known(given, frozenset(("name", "bodies", "share", "interval")), "a mass")
+    low, high = given["interval"]
+    return SegmentShare(given["name"], tuple(given["bodies"]), float(given["share"]), (float(low), float(high)))
+
+
+def _attachment(given: Table) -> Attachment:
+    _known(given, frozenset(("muscles", "end", "body", "along", "citation")), "an attachment")
+    along, citation = float(given["along"]), given.get("citation", "")
+    return Attachment(tuple(given["muscles"]), given["end"], given["body"], along, citation)
+
+
+def _markers(given: Table) -> MarkerTable:
+    _known(given, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
+    places: dict[str, tuple[str, tuple[float, float, float]]] = {}
+    for label, one in given["places"].items():
+        if len(one["at"]) != 3:
+            raise BadData(f"markers of '{given['name']}': expected three numbers at '{label}'")
+        x, y, z = map(float, one["at"])
+        places[label] = one["body"], (x, y, z)
+    moving = tuple(given.get("moving", ("*",)))
+    return MarkerTable(given["name"], given["citation"], places, moving, given.get("start", {}))
+
+
+def _row(given: Table) -> MuscleRow:
+    """A muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
+    _known(given, ROW_KEYS, "a muscle of the architecture")
+    if ("force" in given) == ("mass" in given):
+        raise BadData(f"architecture of '{given['name']}': expected either force or mass")
+    fiber = float(given["fiber"])
+    strength = given["force"] * fiber if "force" in given else given["mass"] / DENSITY * SPECIFIC_TENSION
+    pennation = float(np.deg2rad(given["pennation"])) if "pennation" in given else None
+    return MuscleRow(given["name"], tuple(given["sources"]), fiber, float(strength), pennation)
 
 
 def _known(given: Table, keys: frozenset[str], what: str) -> None:
@@ -111,8 +190,15 @@ def _bone(given: Table) -> BoneHomology:
     for several in ("sources", "targets", "transferred"):
         if several in kept:
             kept[several] = tuple(kept[several])
+    if "rays" in kept:
+        kept["rays"] = tuple(_ray(one) for one in kept["rays"])
     kept["landmarks"] = tuple(_rule(one) for one in given["landmarks"])
     return BoneHomology(**kept)
+
+
+def _ray(given: Table) -> Ray:
+    _known(given, frozenset(("toe", "metatarsal", "extensors", "flexors")), "a ray")
+    return Ray(given["toe"], given["metatarsal"], tuple(given.get("extensors", ())), tuple(given.get("flexors", ())))
 
 
 def _rule(given: Table) -> LandmarkRule:
@@ -144,10 +230,15 @@ class SpeciesFiles:
     Attributes
     ----------
     source : model whose muscles are carried over
-    target : model of the other species' skeleton, whose joints and masses stay
+    target : model of the other species' skeleton, whose joints stay
     species : name of a table that comes with Myomorph, or a TOML file
     geometry, target_geometry : folders of the models' meshes, None to look beside the models
     beside : keep the target's own muscles too
+    mirror : the other side gets the mirror images of the muscles
+    mass : of the target [kg]; segments then have the species table's shares
+    skin : closed surface of the target in the skeleton's default pose, which masses are taken from
+    unit : of the skin
+    protocol : a table of markers of the species, whose recordings the model shall follow
     """
 
     source: Path
@@ -156,12 +247,19 @@ class SpeciesFiles:
     geometry: Path | None = None
     target_geometry: Path | None = None
     beside: bool = False
+    mirror: bool = False
+    mass: float | None = None
+    skin: Path | None = None
+    unit: Unit = "m"
+    protocol: str = ""
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
         given = [("model", self.source), ("skeleton", self.target)]
         if Path(self.species).is_file():
             given.append(("species", Path(self.species)))
+        if self.skin is not None:
+            given.append(("skin", self.skin))
         return tuple(file_source(role, path) for role, path in given)
 
 
@@ -184,6 +282,8 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
         with inputs.about(path):
             bones.append(source_bones(models[-1], folder, warnings))
     source, target = models
+    if files.mass is not None:
+        target, _ = with_segment_shares(target, table.masses, files.mass)
     with progress("bones", len(table.bones) + 1, "bones") as advance:
         morph = species_morph(
             source,
@@ -197,7 +297,28 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
             beside=files.beside,
             progress=lambda _: advance(1.0),
         )
-    fields = {"species": table.name, "beside": files.beside}
+    fields = {"species": table.name, "beside": files.beside, "mirror": files.mirror, "unit": files.unit}
+    fields |= {"mass": files.mass, "protocol": files.protocol}
     made = provenance_of("morph", files.sources(), settings.plain() | fields)
     checks = check_morph(morph, coordinates=coordinate_table(table, source, target))
+    morph = _whole_animal(morph, files, table)
     return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings))), bones[1]
+
+
+def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Morph:
+    """The morph with its other side, its masses and the markers of a protocol."""
+    model, notes = morph.model, list(morph.notes)
+    if files.mirror:
+        axis = np.zeros(3)
+        axis[int(np.argmax(np.abs(table.target_frame.axes[2])))] = 1.0
+        model, added = with_other_muscles(model, axis)
+        notes += added
+    if files.skin is not None:
+        model, added = with_skin_masses(model, resized(read_mesh(files.skin), files.unit), files.mass)
+        notes += [*added, *share_notes(model, table.masses)]
+    else:
+        notes += share_notes(model, table.masses)
+    if files.protocol:
+        model, added = with_markers_of(model, table.markers, files.protocol)
+        notes += added
+    return replace(morph, model=model, notes=tuple(notes))

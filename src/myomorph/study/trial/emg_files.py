@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
-from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, noise_faults, raw_faults, without_faults
+from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, fast_share, noise_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
 from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import TABLE_FILES, about, read_recording
@@ -26,6 +27,10 @@ OTHER_SENSORS = re.compile(
 """Analog channels that are no EMG by their names."""
 SWINGS = 0.3
 """Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
+MOSTLY_FAST = 0.5
+"""Share of the variance above 20 Hz from which on a channel is no envelope."""
+SYMMETRIC = 0.55
+"""How far raw EMG goes below its median at least, over how far above; rectified EMG goes 0.35 times as far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +63,9 @@ def open_emg(
 ) -> OpenedEmg:
     """EMG of a table or of the analog channels of a C3D file, as envelopes.
 
-    Channels that swing about zero are raw: they are filtered (see `envelopes`) and scaled to their largest value in
-    the reference recordings, or to their own. Envelopes are scaled to the reference, too, or taken as they are; a table
-    whose largest value is over 1.5 has every channel scaled to its own.
+    Channels that swing about zero, or fast about an offset, are raw: they are filtered (see `envelopes`) and scaled to
+    their largest value in the reference recordings, or to their own. Envelopes are scaled to the reference, too, or
+    taken as they are; a table whose largest value is over 1.5 has every channel scaled to its own.
 
     Parameters
     ----------
@@ -161,7 +166,20 @@ def _picked(series: Series, names: tuple[str, ...]) -> Series:
 def _is_raw(series: Series) -> bool:
     known = np.isfinite(series.values)
     negative = (known & (series.values < 0.0)).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return bool(np.median(negative) > SWINGS) if negative.size else False
+    if not negative.size:
+        return False
+    # Channels whose offset is below or above all that they swing do not pass zero.
+    shifted = [_swings_about_offset(column, series.rate) for column in series.values.T]
+    return bool(np.median(negative) > SWINGS or np.median(shifted) > 0.5)
+
+
+def _swings_about_offset(column: Array, rate: float) -> bool:
+    """Whether a channel (samples,) is raw EMG with an offset: fast, and as far below its median as above it."""
+    column = column[np.isfinite(column)]
+    if not fast_share(column, rate) > MOSTLY_FAST:
+        return False
+    low, middle, high = np.percentile(column, [1.0, 50.0, 99.0])
+    return bool(middle - low > SYMMETRIC * (high - middle))
 
 
 def _as_envelopes(

@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from myomorph.contact.force_checks import checked_forces
-from myomorph.io.force_columns import table_wrenches
+from myomorph.io.force_table import ForceLayout, force_layout, read_forces
 from myomorph.io.formats import trial_format
-from myomorph.io.sto import read_sto
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
+from myomorph.motion.sync import clock_shift
 from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
@@ -90,7 +91,7 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
-    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory)
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
     with about(path):
         return on_feet(wrenches, model, motion, options)
 
@@ -107,6 +108,8 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
     findings: tuple[Finding, ...] = ()
     if options.force_shift:
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
+    else:
+        wrenches = on_clock(wrenches, motion.time, options.force_checks == "mend")
     if options.force_checks != "none":
         found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
         wrenches, findings = found.wrenches, found.findings
@@ -116,7 +119,43 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
     places = tuple(f"{one.place} may carry" for one in findings)
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
     notes = (*texts, *kept)
-    return replace(wrenches, notes=notes, findings=(*findings, *wrenches.findings))
+    return replace(wrenches, notes=notes, findings=(*wrenches.findings, *findings))
+
+
+def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
+    """Forces on the motion's clock where theirs begins at another zero, which is noted with the shift.
+
+    Parameters
+    ----------
+    time : of the motion (frames,) [s]
+    mend : move them where that is certain
+
+    Raises
+    ------
+    BadData
+        where they have no time in common with the motion, and nothing says by how much they are to be moved
+    """
+    if not len(wrenches) or not len(time):
+        return wrenches
+    shift = clock_shift(time, wrenches.time)
+    if shift == 0.0:
+        return wrenches
+    spans = (
+        f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {time[0]:g} to "
+        f"{time[-1]:g} s"
+    )
+    apart = min(time[-1], wrenches.time[-1]) < max(time[0], wrenches.time[0])
+    if shift is None or (apart and not mend):
+        begin = time[0] - wrenches.time[0]
+        raise BadData(
+            f"{spans}: no time in common; state what is to be added to the forces' times (--force-shift SECONDS; "
+            f"{begin:.4g} lets both begin together)"
+        )
+    done = f"moved by {shift:.4g} s" if mend else f"not moved; --force-shift {shift:.4g} does"
+    text = f"{spans}: both last equally long, so their clocks begin at different zeros: {done}"
+    moved = replace(wrenches, time=wrenches.time + shift) if mend else wrenches
+    findings = (Finding("clock zero", ", ".join(wrenches.names), text, (), mend), *wrenches.findings)
+    return replace(moved, notes=(text, *wrenches.notes), findings=findings)
 
 
 def raw_loads(
@@ -127,6 +166,7 @@ def raw_loads(
     trial: Path | None = None,
     plates: Sequence[str] = (),
     laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
 ) -> Wrenches:
     """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
 
@@ -136,7 +176,7 @@ def raw_loads(
     _refuse_wrong_kind(path, ending, bodies, plates)
     if ending in TABLES:
         with about(path):
-            wrenches = laboratory.wrenches(force_table(path, bodies))
+            wrenches = laboratory.wrenches(force_table(path, bodies, options))
     elif ending == ".xml":
         # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
@@ -177,14 +217,22 @@ def _refuse_wrong_kind(path: str | Path, ending: str, bodies: Mapping[str, str] 
         raise BadData(f"{path}: names the bodies itself: leave out prefix=body")
 
 
-def force_table(path: str | Path, bodies: Mapping[str, str] | None = None) -> Wrenches:
+def force_table(
+    path: str | Path, bodies: Mapping[str, str] | None = None, options: ForceOptions | None = None
+) -> Wrenches:
     """Forces of a table, by the names of its columns; the bodies are those given, else not known ("").
 
     Parameters
     ----------
     bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
+    options : columns, rate and origins that the table does not say
     """
-    return table_wrenches(read_sto(path), bodies)
+    return read_forces(Path(path), bodies, layout_of(options or ForceOptions()))
+
+
+def layout_of(options: ForceOptions) -> ForceLayout:
+    """What options say of the layout of a table of forces."""
+    return force_layout(options.force_columns, options.force_rate, options.force_origins)
 
 
 def recording_wrenches(

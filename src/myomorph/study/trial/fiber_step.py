@@ -10,13 +10,12 @@ import numpy as np
 
 from myomorph.analysis.joint_loads import own_strides
 from myomorph.analysis.strides import Strides
-from myomorph.analysis.walking import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Table
+from myomorph.model.series import Series, Table
 from myomorph.store.results import Stored
 from myomorph.store.stored import get_fibers
 from myomorph.study.trial.step import StepOutput
@@ -111,10 +110,14 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
     return done, absorbed
 
 
-def write_fibers(tension: Tension, model: Model, motion: Motion, output: StepOutput) -> tuple[str, ...]:
+def write_fibers(tension: Tension, model: Model, strides: Strides | None, output: StepOutput) -> tuple[str, ...]:
     """Write fibers and tendons of elastic tendons, and return what is to be known of them, one line each.
 
     Nothing is written where tendons were rigid.
+
+    Parameters
+    ----------
+    strides : over which work is summed; None for the whole recording
     """
     fibers = tension.fibers
     if fibers is None:
@@ -134,7 +137,7 @@ def write_fibers(tension: Tension, model: Model, motion: Motion, output: StepOut
         table = csv.writer(stream, lineterminator="\n")
         table.writerow([f"{one.name}{_unit(one.name)}" for one in fields(FiberWork)])
         optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
-        for one in fiber_work(tension.time, tension.muscles, fibers, optimal, walking_strides(model, motion)):
+        for one in fiber_work(tension.time, tension.muscles, fibers, optimal, strides):
             table.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in astuple(one)])
     return fiber_notes(tension, model)
 

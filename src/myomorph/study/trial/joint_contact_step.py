@@ -9,11 +9,9 @@ import numpy as np
 
 from myomorph.analysis.joint_loads import stride_loads
 from myomorph.analysis.strides import Strides
-from myomorph.analysis.walking import walking_strides
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Series
 from myomorph.store.contact_store import get_joint_contacts, put_joint_contacts
 from myomorph.store.results import Stored
 from myomorph.study.trial.step import StepOutput
@@ -32,12 +30,11 @@ ENDING = " contact force"
 
 
 def write_joint_contacts(
-    found: JointContactForces, points: JointPoints, model: Model, motion: Motion, output: StepOutput
+    found: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
 ) -> tuple[str, ...]:
     """Write forces at contact points, and return what is to be known of them, one line each."""
     put_joint_contacts(output.writer, found)
     write_sto(found.table(), output.folder / TABLE)
-    strides = walking_strides(model, motion)
     with written(output.folder / STRIDES) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(COLUMNS)

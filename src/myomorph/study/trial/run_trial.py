@@ -292,13 +292,16 @@ def _gather(
             keep_facts(at_once, trial, outcome.done)
             for step in fresh:
                 at_once.take(held.files[step], (step,))
+            at_once.gather_remarks(fresh, trial.warnings)
             writer.take(whole, fresh)
             # Before the file has its name: whoever finds it there finds the tables, too.
             _move_tables(fresh, parts, folder)
         else:
             keep_facts(writer, trial, outcome.done)
-            for step in [one for one in STEPS if one in outcome.done or one in others]:
+            every = [one for one in STEPS if one in outcome.done or one in others]
+            for step in every:
                 writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
+            writer.gather_remarks(every, trial.warnings)
         # A report and values of the results before must not stand beside those that come now.
         for name in (PAGE, VALUES):
             (folder / name).unlink(missing_ok=True)

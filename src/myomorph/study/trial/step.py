@@ -177,5 +177,6 @@ def run_step(step: Step[Any], trial: TrialInputs, results: StepResults, output: 
     results = results.having(found)
     # What the checks found comes first: it may change what is believed of the whole result.
     replace(trial, warnings=tuple(dict.fromkeys((*results.notes, *trial.warnings)))).put(output.writer)
+    output.writer.remarks(step.name, getattr(found, "notes", ()))
     output.writer.provenance(step_provenance(step, trial))
     return results

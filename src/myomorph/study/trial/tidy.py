@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -50,8 +49,9 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     signals = [one for step in STEPS for one in step_of(step).signals(found, model, mass)]
     cycles = [_cycles(one, strides) for one in signals]
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
-    warnings = json.loads(found.facts.get("warnings", "[]"))
-    _write_rows(outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, warnings))
+    _write_rows(
+        outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.given.head.warnings)
+    )
     # Last, so that where there are values there is everything.
     _write_rows(
         outcome.folder / VALUES,

@@ -10,7 +10,14 @@ import numpy as np
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Limb, Stride, Strides, find_strides
-from myomorph.analysis.walking import feet_move, walking_limbs, walking_points
+from myomorph.analysis.walking import (
+    facing_of,
+    feet_move,
+    ground_speed,
+    running_events,
+    walking_limbs,
+    walking_points,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
@@ -121,16 +128,23 @@ def _below(model: Model, body: str) -> tuple[str, ...]:
 
 
 def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides:
-    """Strides of a result's coordinates, in every stretch of time in which the body was seen."""
+    """Strides of a result in every stretch of time in which the body was seen: by plates, else events, else motion.
+
+    As `walking_strides` finds them, but for what the plan names, and for a body that is out of sight in between.
+    """
     limbs, points, trunk = _points(found, model, plan)
     names = tuple(limb.name for limb in limbs)
     trial = found.facts.get("trial", found.path.stem)
-    if _by_feet(model, plan) and not feet_move(points):
+    by_feet = _by_feet(model, plan)
+    if by_feet and not feet_move(points):
         note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
         return TrialStrides(trial, names, (), (note,))
     wrenches = store.get_wrenches(found)
     if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
         wrenches = None
+    motion = store.get_motion(found)
+    running = running_events(model, motion, limbs) if by_feet else ()
+    facing = facing_of(model, motion, limbs) if by_feet else None
     parts: list[Strides] = []
     notes: list[str] = []
     for part in _parts(points, trunk):
@@ -142,9 +156,12 @@ def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides
                     (trunk,),
                     np.asarray(model.up),
                     direction=None if plan.direction is None else np.array(plan.direction),
-                    ground_speed=plan.belt,
+                    ground_speed=ground_speed(part) if plan.belt is None and by_feet else plan.belt,
                     wrenches=wrenches,
                     weight=None if wrenches is None else model.weight,
+                    events=store.get_events(found),
+                    running=running,
+                    facing=facing,
                 )
             )
         except BadData as error:
@@ -293,7 +310,7 @@ def _joined(parts: Sequence[Cycles]) -> Cycles:
 
 @dataclass(frozen=True)
 class StridePlan:
-    """How strides are found in the coordinates of a trial.
+    """How strides of a trial are found where neither plates nor events show them.
 
     Attributes
     ----------

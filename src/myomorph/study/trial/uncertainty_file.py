@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadData, BadFile
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
-from myomorph.study.trial.step import step_head
+from myomorph.study.trial.step import StepResults, step_head
+from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"
 
@@ -31,17 +32,41 @@ def read_sizes(path: Path) -> dict[str, Any]:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"is '{near[0]}' meant?" if near else f"there are {', '.join(known)}"
             raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        kind = known[name].kind
+        words = (True, False) if kind is bool else get_args(kind)
+        if words and not any(value is one or (value == one and isinstance(one, str)) for one in words):
+            wanted = " or ".join(str(one).lower() if kind is bool else one for one in words)
+            raise BadFile(path, f"states '{value}' as '{name}'", f"expected {wanted}")
+        if not words and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")
-    return {name: known[name].kind(value) for name, value in given.items()}
+    return {name: value if get_args(known[name].kind) else known[name].kind(value) for name, value in given.items()}
 
 
-def drawn_settings(draws: int | None, path: Path | None) -> dict[str, dict[str, Any]]:
-    """Settings of the step 'uncertainty' from `--draws` and `--uncertainty`; none where neither is given."""
+def drawn_settings(
+    draws: int | None, path: Path | None, method: str | None = None, workers: int | None = None
+) -> dict[str, dict[str, Any]]:
+    """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`.
+
+    Raises
+    ------
+    BadData
+        `--method` or `--workers` for no draws, or fewer workers than one
+    """
+    options = {"draws": draws, "method": method, "workers": workers}
+    given = {name: value for name, value in options.items() if value is not None}
     if draws is None and path is None:
+        for name, value in given.items():
+            raise BadData(f"--{name} {value} without --draws: say how many draws there are to be (--draws 200)")
         return {}
-    given = {} if path is None else read_sizes(path)
-    return {STEP: given | ({} if draws is None else {"draws": draws})}
+    if workers is not None and workers < 1:
+        raise BadData(f"--workers {workers}: expected 1 or more")
+    return {STEP: ({} if path is None else read_sizes(path)) | given}
+
+
+def limits_summary(results: StepResults) -> str:
+    """How limits of results were found, as the end of a line; "" where nothing was drawn."""
+    found = results.get(Uncertainty)
+    return "" if found is None else f"; {found.summary}"
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:

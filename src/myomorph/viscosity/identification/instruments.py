@@ -212,14 +212,14 @@ def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Ins
     """The errors by weighted least squares with their prior; equations hold what is left of them beyond `last`."""
     scale = known.prior
     flat = [one for part in parts for one in part]
-    theta = np.zeros(len(scale))
+    theta: Array = np.zeros(len(scale))
     precision = np.eye(len(scale))
     for _ in range(2):
         A, b = np.eye(len(scale)), -last.errors / scale
         for one in flat:
             N, g, weight = _reduced(one, theta, scale)
             A, b = A + weight * N, b + weight * g
-        theta = np.linalg.solve(A, b)
+        theta = np.asarray(np.linalg.solve(A, b), float)
         precision = A
     covariance = np.linalg.inv(precision) * np.outer(scale, scale)
     return Instruments(known.sources, known.prior, last.errors + theta * scale, covariance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -17,8 +18,10 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut
+from myomorph.muscles.hill_arrays import compile_hill_as
+from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.store.settings import Differentiation, TensionTables
 from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
@@ -27,9 +30,11 @@ from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.pose_slopes import PoseSlopes, pose_slopes
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import GROUPS, Sources
 
+Held = TypeVar("Held", Markers, Motion)
 FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
 MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
@@ -78,6 +83,7 @@ class Chain:
     base : what inverse kinematics makes of these
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
+    slopes : by which poses follow the markers, where they are not solved for anew
     pose_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not depend on each
         other
     """
@@ -90,6 +96,7 @@ class Chain:
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
+    slopes: PoseSlopes | None = None
     pose_step: int = 1
     tension_step: int = 1
 
@@ -134,6 +141,13 @@ class Chain:
             torques = solve_dynamics(trial, recorded)
         return {one.name: one.values for one in self._made(trial, recorded, torques)}
 
+    def attempt(self, draw: Draw) -> dict[str, Array] | None:
+        """`drawn`, None where the drawn trial has no solution."""
+        try:
+            return self.drawn(draw)
+        except FAILURES:
+            return None
+
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
@@ -141,14 +155,17 @@ class Chain:
         if self.cutoff is None:
             # What is not filtered holds no noise that a filter would take off.
             draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
-        some = slice(None, None, self.pose_step)
-        markers = drawn_markers(trial.model, self.markers, draw, self.residuals)
-        markers = replace(markers, time=markers.time[some], values=markers.values[some])
-        found = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
-        errors = found.values - self.base.values[some]
+        markers = thinned(self.markers, self.pose_step)
+        moved = drawn_markers(trial.model, markers, draw, self.residuals)
+        if self.slopes is not None:
+            errors = self.slopes.errors(trial.model, markers, moved)
+            errors[~np.isfinite(self.base.values[:: self.pose_step]).all(axis=1)] = np.nan
+        else:
+            found = inverse_kinematics(trial.model, moved, trial.options[InverseKinematicsOptions]).motion
+            errors = found.values - self.base.values[:: self.pose_step]
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
-            errors = make_interp_spline(found.time[known], errors[known])(self.recorded.time)
+            errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
@@ -185,6 +202,12 @@ def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
     if points is not None:
         tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
     return [*made, *(_named(name, one.time, one.names, one.values, "N, N m or m") for name, one in tables)]
+
+
+def thinned(series: Held, step: int) -> Held:
+    """Every so manieth frame of a series without derivatives."""
+    some = slice(None, None, step)
+    return series if step == 1 else replace(series, time=series.time[some], values=series.values[some])
 
 
 def every(step: int, torques: Torques) -> Torques:
@@ -228,13 +251,21 @@ def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: 
     return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
 
 
-def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
+def chain_of(
+    trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool, linear: bool = False
+) -> Chain:
     """What a trial's results are drawn around.
 
     Parameters
     ----------
     tense : whether tensions are asked for
     thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
+    linear : let poses follow errors by the derivatives at the result, in the place of solving for them anew
+
+    Raises
+    ------
+    BadData
+        linear poses of a model that closes loops
     """
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
     if trial.time is not None:
@@ -251,13 +282,19 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
         torques = solve_dynamics(trial, recorded)
     loads = None if trial.loads is None else trial.loads(recorded)
     chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads)
-    if not thin:
+    if thin:
+        rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
+        # Contacts and elastic tendons tie frames to each other.
+        tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
+        tension_step = 1 if tied else max(1, int(rate / TENSIONS))
+        chain = replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
+    if not linear or markers is None or base is None:
         return chain
-    rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
-    # Contacts and elastic tendons tie frames to each other.
-    tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
-    tension_step = 1 if tied else max(1, int(rate / TENSIONS))
-    return replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
+    step = chain.pose_step
+    found = pose_slopes(
+        trial.model, thinned(markers, step), thinned(base, step), trial.options[InverseKinematicsOptions]
+    )
+    return replace(chain, slopes=found)
 
 
 def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
@@ -279,12 +316,19 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
+    model = drawn_model(trial.model, draw)
+    if model is not trial.model:
+        # Nothing else differs: to compile it all anew would take most of the time of a draw.
+        compile_tree_as(model, trial.model)
+        if model.muscles:
+            compile_paths_as(model, trial.model)
+            compile_hill_as(model, trial.model)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
     return replace(
         trial,
-        model=drawn_model(trial.model, draw),
+        model=model,
         options=options,
         loads=None if loads is None else lambda motion: loads,
         emg=None if trial.emg is None else drawn_emg(trial.emg, draw),

@@ -21,6 +21,7 @@ from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
 from myomorph.store.finding_store import get_findings, put_findings
+from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.trial.inputs import has_mass
@@ -146,6 +147,7 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
+    given = given.with_warnings(map(str, get_findings(stored, FINDINGS)))
     found = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
     return replace(given, dynamics=found)
 
@@ -184,6 +186,12 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
         yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
 
 
+def _outcome(outcome: Outcome, found: Torques) -> Outcome:
+    """What checks of external forces found."""
+    texts = () if found.wrenches is None else tuple(map(str, found.wrenches.findings))
+    return replace(outcome, findings=(*outcome.findings, *texts))
+
+
 STEP = Step(
     name="id",
     title="inverse dynamics",
@@ -196,4 +204,9 @@ STEP = Step(
     show=_show,
     signals=_signals,
     numbers=_numbers,
+    outcome=_outcome,
+    outcome_variables=(
+        *("time", "coordinate", "coordinate_filtered", "generalized_force", "axis", "external_force"),
+        *("external_force_body", "external_force_vector", "external_force_point", "external_free_torque"),
+    ),
 )

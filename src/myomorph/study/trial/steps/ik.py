@@ -168,6 +168,7 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
     coordinates = store.get_derivatives(stored) if fit is None else None
     if fit is None and coordinates is None and "coordinate_value" in stored.values:
         coordinates = store.get_motion(stored)
+    given = given.with_warnings(map(str, get_findings(stored, FINDINGS)))
     return replace(given, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
 
 
@@ -200,8 +201,9 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 
 
 def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
-    """Frames and marker errors."""
-    outcome, fit = replace(outcome, frames=len(poses.recorded)), poses.fit
+    """Frames, marker errors and findings."""
+    texts = tuple(map(str, poses.findings))
+    outcome, fit = replace(outcome, frames=len(poses.recorded), findings=(*outcome.findings, *texts)), poses.fit
     if fit is not None and np.isfinite(fit.errors).any():
         rms, largest = float(np.nanmean(fit.rms)), float(np.nanmax(fit.largest))
         outcome = replace(outcome, rms=rms, largest=largest)

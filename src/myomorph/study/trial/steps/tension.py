@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
@@ -86,7 +88,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         tension, solution = task.solved(advance)
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
-    notes += write_fibers(tension, trial.model, task.motion, output)
+    strides = strides_of_trial(trial, poses, torques) if tension.fibers is not None or trial.contact_points else None
+    notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
         write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
@@ -95,7 +98,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         write_sto(task.reactions(tension, frame), output.folder / "joint_reactions.sto")
     if trial.contact_points is not None:
         forces = task.joint_contacts(tension, trial.contact_points)
-        notes += write_joint_contacts(forces, trial.contact_points, trial.model, task.motion, output)
+        notes += write_joint_contacts(forces, trial.contact_points, strides, output)
     if task.setting is None or trial.contacts is None:
         return Tensions(tension, notes=notes)
     loads, carried = _write_contacts(task, tension, trial.contacts.situation, output)
@@ -105,6 +108,12 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
+
+
+def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques) -> Strides | None:
+    """Strides as the report and the tables of values have them: by plates, else events, else the motion."""
+    own = (trial.model, poses.recorded, poses.fit)
+    return walking_strides(*own, wrenches=torques.wrenches, events=trial.events)
 
 
 def task_of(trial: TrialInputs, recorded: Motion, found: Torques) -> TensionTask:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.steps.drawn_trials import FAILURES, Chain, Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.draw_workers import Tables, attempts
+from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
@@ -27,6 +29,7 @@ from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
+from myomorph.uncertainty.widening import FACTORS, widened
 
 TABLE = "uncertainty.csv"
 MAY_FAIL = 0.02
@@ -45,12 +48,17 @@ class DrawOptions:
     all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a second, and what lies
         between is interpolated
     draw_seed : other random numbers for another one
+    widened : widen limits by the factors that simulated recordings with other errors than assumed ask for
+    method : "sampled" computes every draw in full; "linear" lets poses follow the errors of markers and model by the
+        derivatives at the result, and takes contributions as additive, which is faster
     """
 
     draws: int = 200
     contributions: int = 12
     all_frames: bool = False
     draw_seed: int = 0
+    widened: bool = True
+    method: Literal["sampled", "linear"] = "sampled"
 
     def __post_init__(self) -> None:
         if self.draws < 2:
@@ -59,22 +67,45 @@ class DrawOptions:
             raise BadData(f"contributions from {self.contributions} draws: expected 0 or more")
 
 
+@dataclass(frozen=True)
+class DrawWorkers:
+    """Who draws; results do not depend on it.
+
+    Attributes
+    ----------
+    workers : processes that share the draws; 0 for as many as there are threads to use, where that is worth their start
+    """
+
+    workers: int = 0
+
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise BadData(f"{self.workers} workers: expected 1 or more, or 0 to leave it open")
+
+
 def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
     chosen, sources = trial.options[DrawOptions], trial.options[Sources]
-    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
+    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames, chosen.method == "linear")
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
-    runs = chosen.draws + 2 * len(groups) * min(chosen.contributions, chosen.draws)
+    # Where errors add up, what is missing without a group is what it does alone.
+    kinds = (alone,) if chosen.method == "linear" else (alone, frozen)
+    jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
+    for group in groups:
+        for number in range(min(chosen.contributions, chosen.draws)):
+            jobs += [Draw(number, kind(sources, group), normals) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
-    with progress(f"{trial.name}: uncertainty", runs, "draws") as advance, Draws(chosen.draws, shapes) as draws:
-        for number in range(chosen.draws):
-            try:
-                draws.put(number, chain.drawn(Draw(number, sources, normals)))
-            except FAILURES:
+    workers = trial.options[DrawWorkers].workers or None
+    with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
+        results = attempts(chain, jobs, workers)
+        for number, tables in enumerate(islice(results, chosen.draws)):
+            if tables is None:
                 failed += 1
+            else:
+                draws.put(number, tables)
             advance(1)
         if len(draws.done) < 2:
             raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
@@ -82,8 +113,10 @@ def _run(
             one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
             for one, part in zip(whole, quantities, strict=True)
         }
-        shares = _shares(chain, quantities, draws, groups, advance) if groups else {}
-    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws))
+        shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
+    factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
+    spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
+    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws), factors)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
@@ -92,40 +125,45 @@ def _run(
 
 
 def _shares(
-    chain: Chain,
     quantities: tuple[Quantity, ...],
     draws: Draws,
     groups: tuple[str, ...],
+    jobs: Sequence[Draw],
+    results: Iterator[Tables | None],
     advance: Callable[[int], None],
 ) -> dict[str, Shares]:
     """What groups of sources contribute to the variance: Jansen's estimator, on numbers that all draws share.
 
     Source: Jansen 1999; Saltelli et al. 2010.
+
+    Parameters
+    ----------
+    jobs : of each group and number, with the group alone and, where errors do not just add up, with all but it
+    results : what they come to
     """
-    chosen, sources = chain.trial.options[DrawOptions], chain.trial.options[Sources]
-    normals = Normals(chosen.draws, chosen.draw_seed)
-    numbers = [one for one in draws.done if one < chosen.contributions]
-    # By table: squares alone and in total of each group, and of all groups together.
-    squares = {one.name: np.zeros((2, len(groups), len(one.names))) for one in quantities}
+    done = set(draws.done)
+    numbers = sorted({one.number for one in jobs} & done)
+    each = len({one.number for one in jobs})
+    kinds = len(jobs) // (each * len(groups))
     whole = {one.name: np.zeros(len(one.names)) for one in quantities}
     for one in quantities:
         for number in numbers:
             whole[one.name] += _mean_square(draws.at(one.name, number) - one.values) / len(numbers)
-    for g, group in enumerate(groups):
-        done, sums = 0, {one.name: np.zeros((2, len(one.names))) for one in quantities}
-        for number in numbers:
-            with suppress(*FAILURES):
-                own = chain.drawn(Draw(number, alone(sources, group), normals))
-                rest = chain.drawn(Draw(number, frozen(sources, group), normals))
-                done += 1
-                for one in quantities:
-                    without = draws.at(one.name, number) - rest[one.name]
-                    sums[one.name] += np.stack([_mean_square(own[one.name] - one.values), _mean_square(without)])
-            advance(2)
+    # By table: squares alone and in total of each group, and how many they are of.
+    squares = {one.name: np.zeros((kinds, len(groups), len(one.names))) for one in quantities}
+    counts = np.zeros((kinds, len(groups), 1))
+    for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
+        group, kind = k // (each * kinds), k % kinds
+        advance(1)
+        if tables is None or job.number not in done:
+            continue
+        counts[kind, group] += 1
         for one in quantities:
-            squares[one.name][:, g] = sums[one.name] / max(done, 1)
+            other = one.values if kind == 0 else draws.at(one.name, job.number)
+            squares[one.name][kind, group] += _mean_square(tables[one.name] - other)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return {one.name: Shares(groups, *(squares[one.name] / whole[one.name])) for one in quantities}
+        parts = {name: one / np.maximum(counts, 1) / whole[name] for name, one in squares.items()}
+    return {name: Shares(groups, one[0], one[-1]) for name, one in parts.items()}
 
 
 def _mean_square(values: Array) -> Array:
@@ -155,6 +193,7 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
         "unit",
         "sd",
         "width",
+        "widened",
         *(f"{one}_{kind}" for kind in ("alone", "total") for one in groups),
     )
     with path.open("w", encoding="utf-8", newline="") as stream:
@@ -166,7 +205,7 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
             widths = one.factors * np.nanmean(spread.high - spread.low, axis=0)
             for k, name in enumerate(one.names):
                 parts = () if shares is None else (*shares.alone[:, k], *shares.total[:, k])
-                numbers = (deviations[k], widths[k], *parts)
+                numbers = (deviations[k], widths[k], found.factors[one.name], *parts)
                 rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
 
 
@@ -185,7 +224,8 @@ STEP = Step(
     gives=Uncertainty,
     needs=(Poses,),
     uses=(Torques, Tensions),
-    options=(DrawOptions, Sources),
+    options=(DrawOptions, Sources, DrawWorkers),
+    hashed=lambda trial: (trial.options[DrawOptions], trial.options[Sources]),
     grows_with="muscles",
     run=_run,
     read=_read,

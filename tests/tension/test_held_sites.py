@@ -14,10 +14,13 @@ from myomorph.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():
-    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter over the floor."""
+    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter over the floor.
+
+    What stands on the floor does so all the while.
+    """
     time = np.arange(0.0, 2.0, 0.01)
     rise = 0.25 * np.clip(time - 1.0, 0.0, None) ** 2
-    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None)}
+    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None), "stand": 0.1 + 0.0 * time}
     parts, motions = {}, {}
     for name, height in heights.items():
         parts[name] = free_object("body", 2.0, (0.2, 0.2, 0.2))
@@ -25,10 +28,13 @@ def test_a_palm_on_a_box_that_rises():
         values[:, 1] = height
         motions[name] = differentiate(Motion(time, parts[name].coordinate_names, values))
     site = Site("palm", "arm_body", np.zeros((1, 3)), Cone(direction=None), against="box_body")
-    plan = ContactPlan(feet=False, sites=(site,))
+    sole = Site("sole", "stand_body", np.array([[0.0, -0.1, 0.0]]))
+    plan = ContactPlan(feet=False, sites=(site, sole))
     motion = join_motions(motions)
     setting = set_contacts(plan, join_models(parts), motion, Measurements(motion), ContactOptions())
     (touch,) = setting.contacts.of("palm")
+    (stood,) = setting.contacts.of("sole")
+    assert (stood.start, stood.stop) == pytest.approx((0.0, time[-1]))
     assert touch.start == pytest.approx(0.5, abs=0.05)
     assert touch.stop == pytest.approx(time[-1])
     assert setting.task.strengths["palm"][time > 0.6] == pytest.approx(1.0)

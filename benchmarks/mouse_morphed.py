@@ -1,0 +1,249 @@
+"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of the skeleton, with its marker tables.
+
+The model is what `myomorph morph --species human-mouse --mirror --mass 0.025 --protocol NAME` makes, from maps that the
+sections of another species share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.mouse_motion import CUTOFF
+from benchmarks.mouse_recordings import TREADMILL, gait_files
+from benchmarks.species_cases import from_man
+from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
+from myomorph.analysis.strides import Strides
+from myomorph.analysis.walking import walking_strides
+from myomorph.contact.plates import wrenches_from_plates
+from myomorph.model.arrays import Array, runs
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
+from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.species.markers import with_markers_of
+from myomorph.morph.species.masses import with_segment_shares
+from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.crossings import crossings, within_crossings
+from myomorph.motion.filters import differentiate
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.subject.species_morphing import read_species
+from myomorph.study.trial.inputs import fitted_to, read_recording
+from myomorph.tension.solve import Tension, solve_tension
+
+MASS = 0.025
+"""Of each mouse [kg]; no recording tells it."""
+
+NOSE = 0.088
+"""From the root of the tail to the nose on the skeleton as it is [m]."""
+
+KNEE = 0.1
+"""Weight of the markers over the knees, on loose skin."""
+
+PAW, NEAR = 0.015, 0.006
+"""A center of pressure so near to the toes' joint is under the paw; and so near that a forepaw 40 mm ahead can bear at
+most an eighth of the force, wherever it is [m]."""
+
+JOINTS = ("Hip_flexion", "Hip_adduction", "Hip_rotation", "Knee_flexion", "Ankle_flexion")
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A recording on the morphed mouse, calibrated to it.
+
+    Attributes
+    ----------
+    trial : in the model's ground
+    used : its markers in crossings
+    seen : (frames,) in which any is used
+    """
+
+    name: str
+    trial: Trial
+    used: Markers
+    calibration: Calibration
+    fit: KinematicsFit
+
+    @property
+    def model(self) -> Model:
+        """Of this animal."""
+        return self.calibration.model
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(frames,) in which any marker is used."""
+        return np.asarray(np.isfinite(self.fit.errors).any(axis=1))
+
+    @property
+    def body(self) -> float:
+        """Length of the animal from the root of its tail to its nose, by the calibrated size [m]."""
+        return NOSE * self.calibration.size
+
+    @property
+    def motion(self) -> Motion:
+        """Filtered coordinates with derivatives."""
+        return differentiate(self.fit.motion, CUTOFF)
+
+    @property
+    def knees(self) -> tuple[str, ...]:
+        """Markers over the knees."""
+        return tuple(one for one in self.model.marker_names if "knee" in one.lower())
+
+
+@lru_cache(maxsize=1)
+def whole_mouse(folder: Path) -> Model:
+    """Both legs' muscles on the skeleton, in the mass of a mouse."""
+    legs, _ = with_other_muscles(from_man(folder, "SSD").model, "x")
+    return with_segment_shares(legs, read_species("human-mouse").masses, MASS)[0]
+
+
+@lru_cache(maxsize=8)
+def followed(folder: Path, path: Path) -> Followed:
+    """A recording through calibration and inverse kinematics."""
+    table = "mouse-treadmill" if path == folder / TREADMILL else "mouse-gait"
+    model, _ = with_markers_of(whole_mouse(folder), read_species("human-mouse").markers, table)
+    trial = fitted_to(model, read_recording(path))
+    assert trial.markers is not None
+    used = within_crossings(trial.markers, crossings(trial.markers, model))
+    weights = {name: KNEE for name in model.marker_names if "knee" in name.lower()}
+    options = CalibrationOptions(marker_weights=weights, mass=MASS)
+    found = calibrate(model, [used], options, path_lengths=default_path_lengths)
+    fit = inverse_kinematics(found.model, used, InverseKinematicsOptions(marker_weights=weights))
+    name = "treadmill" if table == "mouse-treadmill" else path.stem.split("_trial")[0].removeprefix("Cage6_")
+    return Followed(name, trial, used, found, fit)
+
+
+def recordings(folder: Path) -> tuple[Path, ...]:
+    """Files of markers of mice that are there."""
+    belt = folder / TREADMILL
+    return (*gait_files(folder), *((belt,) if belt.is_file() else ()))
+
+
+def strides_of(one: Followed) -> Strides | None:
+    """Strides of the hindlimbs over ground."""
+    return walking_strides(one.model, one.motion, one.fit)
+
+
+def lengths_of(one: Followed) -> LengthAnalysis | None:
+    """Muscle lengths over the strides, None where it does not walk."""
+    motion, strides = one.motion, strides_of(one)
+    if strides is None:
+        return None
+    known = np.isfinite(motion.values).all(axis=1)
+    found = muscle_kinematics(one.model, _part(motion, np.flatnonzero(known)), moment_arms=False)
+    lengths = np.full((len(motion), len(one.model.muscles)), np.nan)
+    lengths[known] = found.lengths
+    return length_analysis(one.model, Series(motion.time, one.model.muscle_names, lengths), strides)
+
+
+def _part(motion: Motion, frames: NDArray[np.int64]) -> Motion:
+    rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
+    return Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
+
+
+@dataclass(frozen=True, eq=False)
+class OnOnePaw:
+    """Frames in which a hind paw bears the force of the plate, and what its muscles do.
+
+    Attributes
+    ----------
+    side : "R" or "L"
+    motion, torques, tension : in these frames
+    """
+
+    side: str
+    motion: Motion
+    torques: Series
+    tension: Tension
+
+    def coordinate(self, joint: str) -> str:
+        """Of a joint of that leg."""
+        return f"mouse__{self.side}{joint}"
+
+    def shares(self) -> dict[str, float]:
+        """Root mean square of the reserve over that of the torque, by joint."""
+        found = {}
+        for joint in JOINTS:
+            name = self.coordinate(joint)
+            reserve = self.tension.reserves[:, self.tension.reserve_names.index(f"reserve_{name}")]
+            found[joint] = float(np.sqrt(np.mean(reserve**2) / np.mean(self.torques[name] ** 2)))
+        return found
+
+    def share(self) -> float:
+        """The same of all joints together."""
+        names = [self.coordinate(joint) for joint in JOINTS]
+        columns = [self.tension.reserve_names.index(f"reserve_{name}") for name in names]
+        asked = np.stack([self.torques[name] for name in names])
+        return float(np.sqrt(np.mean(self.tension.reserves[:, columns] ** 2) / np.mean(asked**2)))
+
+    def full(self, model: Model) -> tuple[str, ...]:
+        """Muscles of that leg that are fully active where reserves are largest, with their normalized fiber lengths."""
+        names = [self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}") for joint in JOINTS]
+        worst = int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
+        pose = _part(self.motion, np.array([worst]))
+        lengths = muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
+        found = []
+        for k, muscle in enumerate(model.muscles):
+            if muscle.name.endswith(f"_{self.side.lower()}") and self.tension.activations[worst, k] > 0.99:
+                fiber = (lengths[k] - muscle.tendon_slack_length) / muscle.optimal_fiber_length
+                found.append(f"{muscle.name} ({fiber:.2f})")
+        return tuple(found)
+
+
+def on_one_paw(one: Followed) -> OnOnePaw | None:
+    """The longest run of loaded frames in which by geometry one hind paw bears the plate's force."""
+    if not one.trial.plates:
+        return None
+    model, motion, plate = one.model, one.motion, one.trial.plates[0]
+    wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
+    flat = np.abs(model.up) < 0.5
+    low, high = plate.corners.min(axis=0)[flat], plate.corners.max(axis=0)[flat]
+    known = np.isfinite(motion.values).all(axis=1)
+    paws = {side: _place(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0])) for side in "RL"}
+    shoulders = [_place(model, motion, f"mouse__{side}Scapula", np.zeros(3)) for side in "RL"]
+
+    def over(places: Array) -> NDArray[np.bool_]:
+        return np.asarray(((places[:, flat] >= low) & (places[:, flat] <= high)).all(axis=1))
+
+    press = wrenches.forces[:, 0] @ model.up
+    loaded = known & (press > 0.1 * np.nanmax(press[known]))
+    best: tuple[str, NDArray[np.int64]] | None = None
+    for side, other in (("R", "L"), ("L", "R")):
+        beside = np.linalg.norm((wrenches.points[:, 0] - paws[side])[:, flat], axis=1)
+        beside = np.nan_to_num(beside, nan=np.inf)
+        alone = (beside < NEAR) | ((beside < PAW) & ~over(shoulders[0]) & ~over(shoulders[1]))
+        spans = runs(loaded & over(paws[side]) & ~over(paws[other]) & alone)
+        if len(spans):
+            start, stop = max(spans, key=lambda span: span[1] - span[0])
+            if best is None or stop - start > len(best[1]):
+                best = side, np.arange(start, stop)
+    if best is None:
+        return None
+    side, frames = best
+    part = _part(motion, frames)
+    loads = Wrenches(
+        part.time, wrenches.names, (f"mouse__{side}Tarsus",), wrenches.forces[frames], wrenches.points[frames],
+        wrenches.torques[frames],
+    )  # fmt: skip
+    torques = inverse_dynamics(model, part, loads)
+    return OnOnePaw(side, part, torques, solve_tension(model, part, torques))
+
+
+def _place(model: Model, motion: Motion, body: str, offset: Array) -> Array:
+    """(frames, 3) a point of a body in ground, NaN where the pose is not known [m]."""
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    values = tree.coordinates_of(replace(motion, values=np.where(known[:, None], motion.values, 0.0)))
+    poses = forward_kinematics(tree, np.ascontiguousarray(values))
+    b = tree.body_index[body]
+    places = poses.origins[:, b] + poses.rotations[:, b] @ offset
+    places[~known] = np.nan
+    return np.asarray(places)

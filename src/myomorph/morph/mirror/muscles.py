@@ -1,0 +1,113 @@
+"""Muscles of one side put on the other side of a skeleton that has both: a left leg's muscles from the right one's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.errors import BadModel
+from myomorph.model.model import GROUND, Model
+from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, TendonWrap
+from myomorph.model.spatial import Transform
+from myomorph.morph.checks.penetration import standing_poses
+from myomorph.morph.mirror.parts import mirrored_parts
+from myomorph.morph.mirror.sides import other_side_of
+
+SEATED = 1e-6
+"""Frames that differ by less are the same [m or rad]."""
+
+
+def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:
+    """The model with the mirror image of each muscle and marker that has no counterpart on the other side.
+
+    Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the model's own, in
+    whatever frames it has them. The skeleton stays as it is.
+
+    Parameters
+    ----------
+    model : whose skeleton has both sides, and muscles of one
+    axis : of ground across the plane of symmetry
+
+    Returns
+    -------
+    the model, and what looks wrong, one line each
+
+    Raises
+    ------
+    BadModel : there is nothing to add, or a body or coordinate of a muscle has no other side
+    """
+    side = other_side_of(model, axis)
+    copy = mirrored_parts(model, side)
+    new = [one for one in copy.muscles if one.name not in model.muscle_names]
+    if not new:
+        raise BadModel(f"model '{model.name}': every muscle has its counterpart, or tells no side: nothing to mirror")
+    known = {GROUND, *model.body_names}
+    missing = {point.body for one in new for point in one.path.points} - known
+    if missing:
+        raise BadModel(f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}")
+    seats = _seats(model, copy)
+    wraps = {one.name: one for one in copy.wrap_objects}
+    used = {wrap.wrap_object for one in new for wrap in one.path.wraps}
+    own = {wrap.wrap_object for one in model.muscles for wrap in one.path.wraps}
+    both = sorted(used & own)
+    if both:
+        raise BadModel(f"model '{model.name}': both sides go around {', '.join(both)}: name one for each side")
+    placed = tuple(
+        replace(wraps[name], pose=seats[wraps[name].body] @ wraps[name].pose) for name in wraps if name in used
+    )
+    markers = tuple(
+        replace(one, location=seats[one.body].apply(one.location))
+        for one in copy.markers
+        if one.name not in model.marker_names
+    )
+    found = replace(
+        model,
+        muscles=(*model.muscles, *(_seated(one, seats) for one in new)),
+        wrap_objects=(*(one for one in model.wrap_objects if one.name not in used), *placed),
+        markers=(*model.markers, *markers),
+    )
+    return found, (f"{len(new)} muscles are the mirror images of the other side's", *_unlike(model, seats, new))
+
+
+def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
+    """From each body of the mirrored model to the model's own body of that name."""
+    ours, theirs = (standing_poses(one, dict.fromkeys(one.coordinate_names, 0.0)) for one in (model, copy))
+    return {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
+
+
+def _seated(muscle: Muscle, seats: Mapping[str, Transform]) -> Muscle:
+    points = tuple(_seated_point(one, seats[one.body]) for one in muscle.path.points)
+    tendon = tuple(
+        one if one.side is None else replace(one, side=seats[one.side_body].apply(one.side))
+        for one in muscle.path.wraps
+        if isinstance(one, TendonWrap)
+    )
+    return replace(muscle, path=replace(muscle.path, points=points, wraps=tendon or muscle.path.wraps))
+
+
+def _seated_point(point: PathPoint | MovingPathPoint, seat: Transform) -> PathPoint | MovingPathPoint:
+    if isinstance(point, PathPoint):
+        return replace(point, location=seat.apply(point.location))
+    if _away(seat) > SEATED:
+        raise BadModel(f"moving point '{point.name}': the frames of '{point.body}' are not mirrored in the skeleton")
+    return point
+
+
+def _away(seat: Transform) -> float:
+    return float(max(np.abs(seat.translation).max(), np.abs(seat.rotation - np.eye(3)).max()))
+
+
+def _unlike(model: Model, seats: Mapping[str, Transform], muscles: list[Muscle]) -> tuple[str, ...]:
+    """One line on bodies that lie elsewhere than the mirrored ones of the other side."""
+    used = dict.fromkeys(point.body for one in muscles for point in one.path.points)
+    away = {name: float(np.linalg.norm(seats[name].translation)) for name in used if _away(seats[name]) > SEATED}
+    if not away:
+        return ()
+    worst = max(away, key=lambda name: away[name])
+    return (
+        f"the skeleton's two sides differ: frames of {len(away)} bodies are not those of the other side mirrored, "
+        f"{worst} by {1e3 * away[worst]:.1f} mm; muscles lie where the mirror puts them",
+    )

@@ -1,0 +1,236 @@
+"""Strength and fiber length of a target species' muscles, from tables of anatomists ([D] chapter 6 has only paths).
+
+A table holds what was measured on animals of one species: optimal fiber length l and maximum force F, or the muscle's
+mass, which is its strength W = F l over specific tension, times density. To another animal l goes by the length of
+its bones, F by its body mass to the power 2/3 (or the length squared where the table's body mass is not known): a
+cross-section that a skeleton of long legs does not change. The first table is the target species' own. Where it lacks
+a muscle, tables of relatives follow and then the source model itself, each at the level that the muscles in common
+with the first give it (the median ratio): so a relative tells how muscles compare with each other, not how strong the
+animal is. Intervals are what left-out muscles show: the spread of the ratios to the first table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.morph.morphed import Architecture
+
+DENSITY = 1060.0
+"""Of muscle (Mendez and Keys 1960) [kg/m^3]."""
+
+SPECIFIC_TENSION = 3.0e5
+"""Of tables that have masses but no forces [Pa]; it matters only where no table of the target gives the level."""
+
+FEWEST = 5
+"""Muscles in common that a level is taken from."""
+
+QUANTILE = 1.645
+"""Standard deviations on either side of a 90 % interval."""
+
+
+@dataclass(frozen=True)
+class MuscleRow:
+    """One muscle of a table.
+
+    Attributes
+    ----------
+    name : the anatomist's
+    sources : muscles of the source that it corresponds to; several share its strength, as a relative's table has them
+        or else as they do in the source
+    fiber : optimal fiber length [m]
+    strength : maximum isometric force times that [N m]
+    pennation : at optimal fiber length [rad]; None keeps the source's
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    fiber: float
+    strength: float
+    pennation: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.fiber, self.strength]).all() and self.fiber > 0.0 and self.strength > 0.0):
+            raise BadData(f"architecture of '{self.name}': fiber length and strength must be above 0")
+        if not self.sources:
+            raise BadData(f"architecture of '{self.name}': it needs a muscle of the source")
+
+
+@dataclass(frozen=True, eq=False)
+class ArchitectureTable:
+    """Muscles of one species as an anatomist measured them.
+
+    Attributes
+    ----------
+    species, citation : whose, and where it was published
+    lengths : of the animals' bones by body of the source [m]
+    measured : "joints" where these are distances of joint centers, "bones" where they are whole bones
+    body_mass : of these animals [kg], None where it is not known
+    """
+
+    species: str
+    citation: str
+    rows: tuple[MuscleRow, ...]
+    lengths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    measured: Literal["joints", "bones"] = "joints"
+    body_mass: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.rows:
+            raise BadData(f"architecture of {self.species}: it has no muscle")
+        if self.measured not in ("joints", "bones"):
+            raise BadData(f"architecture of {self.species}: measured is '{self.measured}': expected joints or bones")
+
+    def without(self, names: Sequence[str]) -> ArchitectureTable | None:
+        """The table without some of its muscles, None where nothing is left."""
+        rows = tuple(one for one in self.rows if one.name not in names)
+        return replace(self, rows=rows) if rows else None
+
+
+@dataclass(frozen=True)
+class Size:
+    """The target animal over a table's.
+
+    Attributes
+    ----------
+    length : of their bones
+    mass : of their bodies, None where one is not known
+    """
+
+    length: float = 1.0
+    mass: float | None = None
+
+    @property
+    def strength(self) -> float:
+        """By which force times fiber length grows."""
+        return self.length * (self.length**2 if self.mass is None else self.mass ** (2.0 / 3.0))
+
+
+@dataclass(frozen=True)
+class _Value:
+    fiber: float
+    strength: float
+    pennation: float | None
+    basis: str
+
+
+Values = dict[str, _Value]
+
+
+def architectures(
+    source: Model, tables: Sequence[ArchitectureTable], sizes: Sequence[Size], muscles: Sequence[str]
+) -> Mapping[str, Architecture]:
+    """Fiber length, force and pennation of muscles in the target, by the source's names.
+
+    Parameters
+    ----------
+    source : whose muscles they are
+    tables : the target species' first, then relatives', the nearest first
+    sizes : of the target animal over each table's
+    muscles : wanted; those that no table has follow the source at the level of the others
+
+    Returns
+    -------
+    of all muscles, or of none where there is no table
+    """
+    if not tables:
+        return FrozenMap({})
+    own = [_values(source, table, size, tables) for table, size in zip(tables, sizes, strict=True)]
+    model = {
+        one.name: _Value(one.optimal_fiber_length, one.max_isometric_force * one.optimal_fiber_length, None, "")
+        for one in source.muscles
+        if one.name in muscles and one.optimal_fiber_length > 0.0 and one.max_isometric_force > 0.0
+    }
+    first = own[0]
+    between = _spread_within(tables, own)
+    source_basis = f"{source.name}, at the level of {tables[0].species}"
+    found: dict[str, Architecture] = {}
+    for k, values in enumerate((*own, model)):
+        level, spread = (np.ones(2), between) if k == 0 else _level(first, values)
+        for name, one in values.items():
+            if name in found or name not in muscles or not np.isfinite(level).all():
+                continue
+            fiber, strength = level * (one.fiber, one.strength)
+            low_high = [(float(np.exp(-QUANTILE * s)), float(np.exp(QUANTILE * s))) for s in spread]
+            found[name] = Architecture(
+                float(fiber),
+                float(strength / fiber),
+                one.pennation,
+                one.basis or source_basis,
+                low_high[0],
+                low_high[1],
+            )
+    return FrozenMap(found)
+
+
+def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequence[ArchitectureTable]) -> Values:
+    """What a table says of the source's muscles, in the target's size."""
+    own = {one.name: one.max_isometric_force * one.optimal_fiber_length for one in source.muscles}
+    parts: dict[str, list[tuple[MuscleRow, float]]] = {}
+    for row in table.rows:
+        here = [name for name in row.sources if name in own]
+        strengths = _told_apart(here, tables) or own
+        total = sum(strengths[name] for name in here)
+        for name in here:
+            share = strengths[name] / total if total > 0.0 else 1.0 / len(here)
+            parts.setdefault(name, []).append((row, row.strength * share))
+    found: Values = {}
+    for name, rows in parts.items():
+        weights = np.array([strength for _, strength in rows])
+        angles = [row.pennation for row, _ in rows]
+        known = None if None in angles else float(np.average(np.array(angles, dtype=np.float64), weights=weights))
+        # Parts side by side: their forces add up, so the common fiber is the one that keeps strength and force.
+        fiber = weights.sum() / sum(strength / row.fiber for row, strength in rows)
+        basis = f"{table.species}: {table.citation}"
+        found[name] = _Value(size.length * float(fiber), size.strength * float(weights.sum()), known, basis)
+    return found
+
+
+def _told_apart(muscles: Sequence[str], tables: Sequence[ArchitectureTable]) -> Mapping[str, float]:
+    """Strengths of muscles by the first table that has a row of each alone; empty where none has."""
+    for table in tables:
+        alone = {row.sources[0]: row.strength for row in table.rows if len(row.sources) == 1}
+        if len(muscles) > 1 and all(name in alone for name in muscles):
+            return alone
+    return {}
+
+
+def _ratios(first: Values, other: Values) -> np.ndarray:
+    """(muscles, 2) logarithms of fiber length and force, of the first over the other."""
+    common = [name for name in first if name in other]
+    rows = [
+        (
+            np.log(first[n].fiber / other[n].fiber),
+            np.log(first[n].strength / first[n].fiber) - np.log(other[n].strength / other[n].fiber),
+        )
+        for n in common
+    ]
+    return np.array(rows).reshape(-1, 2)
+
+
+def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
+    """Factors of fiber length and strength that bring a table to the first one's level, and the spread about them.
+
+    Spreads are standard deviations of the logarithms of fiber length and force. NaN with too little in common.
+    """
+    ratios = _ratios(first, other)
+    if len(ratios) < FEWEST:
+        return np.full(2, np.nan), np.full(2, np.nan)
+    fiber, force = np.median(ratios, axis=0)
+    return np.exp([fiber, fiber + force]), ratios.std(axis=0, ddof=1)
+
+
+def _spread_within(tables: Sequence[ArchitectureTable], values: Sequence[Values]) -> np.ndarray:
+    """How far two anatomists of one species are apart, each from their middle: logarithms of fiber length and force."""
+    for i, table in enumerate(tables):
+        for k in range(i):
+            ratios = _ratios(values[k], values[i])
+            if tables[k].species == table.species and len(ratios) >= FEWEST:
+                return np.asarray(ratios.std(axis=0, ddof=1) / np.sqrt(2.0))
+    return np.full(2, np.nan)

@@ -1,0 +1,99 @@
+"""Masses of segments from tables of a species: shares of the body's mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.model import Model
+
+
+@dataclass(frozen=True)
+class SegmentShare:
+    """A segment's share in the body's mass.
+
+    Attributes
+    ----------
+    name : of the segment
+    bodies : of the target that make it up; they share its mass as they do in the skeleton
+    share : of the body's mass
+    interval : in which it lies, by what else was published
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    share: float
+    interval: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        low, high = self.interval
+        if not 0.0 < low <= self.share <= high < 1.0:
+            raise BadData(f"mass of '{self.name}': expected 0 < {low:g} <= {self.share:g} <= {high:g} < 1")
+
+
+def with_segment_shares(
+    model: Model, shares: Sequence[SegmentShare], mass: float | None = None
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with the segments' masses in these shares, and all other bodies in proportion.
+
+    Mass centers and radii of gyration stay.
+
+    Parameters
+    ----------
+    mass : of the whole [kg]; by default the model's
+
+    Returns
+    -------
+    the model, and what the shares are, one line each
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
+    BadData : a segment without mass, or shares that leave nothing to the others
+    """
+    total = model.mass if mass is None else mass
+    if not (np.isfinite(total) and total > 0.0):
+        raise BadData(f"a mass of {total:g} kg: expected above 0")
+    factors: dict[str, float] = {}
+    for one in shares:
+        for name in one.bodies:
+            if name not in model.body_names:
+                raise UnknownName("body", name, model.body_names)
+        own = sum(model.body(name).mass for name in one.bodies)
+        if own <= 0.0:
+            raise BadData(f"segment '{one.name}': its bodies {', '.join(one.bodies)} have no mass to share")
+        factors |= dict.fromkeys(one.bodies, one.share * total / own)
+    others = sum(body.mass for body in model.bodies if body.name not in factors)
+    left = 1.0 - sum(one.share for one in shares)
+    if left <= 0.0 or (shares and others <= 0.0):
+        raise BadData(
+            f"segments have {100.0 * (1.0 - left):.3g} % of the mass, and nothing is left for the other bodies"
+        )
+    rest = left * total / others
+    bodies = tuple(
+        replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
+        for body, factor in ((one, factors.get(one.name, rest)) for one in model.bodies)
+    )
+    return replace(model, bodies=bodies), tuple(share_notes(replace(model, bodies=bodies), shares))
+
+
+def share_notes(model: Model, shares: Sequence[SegmentShare]) -> list[str]:
+    """One line on segments together, and one on each whose share is outside of its interval."""
+    if not shares:
+        return []
+    found = {one.name: sum(model.body(name).mass for name in one.bodies) / model.mass for one in shares}
+    low, high = (sum(one.interval[k] for one in shares) for k in (0, 1))
+    notes = [
+        f"{', '.join(found)} have {100.0 * sum(found.values()):.1f} % of {1e3 * model.mass:.3g} g "
+        f"(published: {100.0 * low:.1f} to {100.0 * high:.1f} %)"
+    ]
+    notes += [
+        f"{one.name} has {100.0 * found[one.name]:.1f} % of the mass: published are {100.0 * one.interval[0]:.1f} to "
+        f"{100.0 * one.interval[1]:.1f} %"
+        for one in shares
+        if not 0.999 * one.interval[0] <= found[one.name] <= 1.001 * one.interval[1]
+    ]
+    return notes

@@ -1,0 +1,43 @@
+"""What is said of transferred points that may belong elsewhere, and which landmarks would tell where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from myomorph.morph.morphed import TransferredPoint
+from myomorph.morph.shapes.articular import mm
+from myomorph.morph.transfer.carrier import Carriers
+
+LARGE = 0.03
+"""Share of the bone's length: a point that is known less surely is named."""
+
+APART = 0.2
+"""Share of the bone's length between places that are asked for."""
+
+ASKED = 3
+"""Places that are asked for, at most."""
+
+
+def uncertain_notes(points: Iterable[TransferredPoint], carriers: Carriers) -> list[str]:
+    """A line for each bone with points that may belong far from where they were put, with landmarks to give."""
+    notes = []
+    by_body: dict[str, list[TransferredPoint]] = {}
+    for one in points:
+        by_body.setdefault(one.body, []).append(one)
+    for body, here in by_body.items():
+        length = carriers[body].length
+        unsure = sorted((one for one in here if one.within > LARGE * length), key=lambda one: -one.within)
+        if not unsure:
+            continue
+        asked: list[TransferredPoint] = []
+        for one in unsure:
+            if all(np.linalg.norm(one.source - other.source) > APART * length for other in asked):
+                asked.append(one)
+        places = ", ".join(f"'{one.owner}' ({one.name})" for one in asked[:ASKED])
+        notes.append(
+            f"{len(unsure)} of {len(here)} points on '{body}' may belong up to {mm(unsure[0].within)} away along the "
+            f"bone (90 %): landmarks where these attach would tell: {places}"
+        )
+    return notes

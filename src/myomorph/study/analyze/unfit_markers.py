@@ -1,0 +1,64 @@
+"""What markers are that do not show legs, in one line: numbered, of an arm, clusters; and which option helps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from myomorph.motion.protocols import Recognized
+
+TABLE = "say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers (--model)"
+NUMBERED = re.compile(r"^(?P<stem>\D*?)[\s_.-]*\d+$")
+"""A label that only counts: `Point 12`, `unnamed_3`, `M7`."""
+ARM_WORDS = re.compile(
+    r"fore_?arm|(^|[^a-z])l?arm|epic|styl|wrist|elbow|humer|clav|scap|acro|glove|olecr|(^|[_. ])(hand|finger)"
+)
+"""Parts of labels on arms, in small letters."""
+ARM_SHORT = frozenset(
+    ("ij", "px", "sc", "ac", "aa", "ts", "ai", "pc", "gu", "gh", "el", "em", "epl", "epm", "rs", "us")
+)
+"""Labels of the recommendation of the International Society of Biomechanics for arms (Wu et al. 2005)."""
+ARM_SEGMENTS = frozenset(("upper_arm", "forearm", "hand"))
+LEG_SEGMENTS = frozenset(("thigh", "shank", "foot"))
+MIN_ARM = 4
+"""So many labels on arms, none on a leg, make a recording of an arm."""
+MOSTLY = 0.8
+"""Share of labels that makes all of them of a kind."""
+
+
+def unfit_markers(found: Recognized, lacking: Sequence[str]) -> str:
+    """What keeps a recording's markers from moving the generic model, and the option that helps.
+
+    Parameters
+    ----------
+    lacking : segments that the generic model needs and no label lies on
+    """
+    unknown = found.unknown
+    labels = (*found.sites, *unknown)
+    some = ", ".join(f"'{name}'" for name in unknown[:5]) + (", ..." if len(unknown) > 5 else "")
+    if is_arm(found):
+        return (
+            "the markers are those of an arm, and the model that comes along has legs and a trunk: give a model of the "
+            "arm with such markers (--model ARM.osim)" + (f"; not known: {some}" if unknown else "")
+        )
+    stems = {match["stem"].lower() for match in map(NUMBERED.match, unknown) if match is not None}
+    counted = sum(NUMBERED.match(name) is not None for name in unknown)
+    if not found.sites and counted >= MOSTLY * len(labels) and len(stems) <= 2:
+        return f"its {len(labels)} markers are numbered, not named ({some}): {TABLE}"
+    count = f"{len(found.sites)} of {len(labels)} labels are those of a marker protocol"
+    where = f"none on {' and '.join(lacking) or 'enough landmarks'}"
+    bony = any(site.kind != "skin" for site in found.sites.values())
+    kind = "" if bony or not found.sites else ", all of them in clusters, which lie on no landmark"
+    return f"{count}{kind}, {where}" + (f" (not known: {some})" if unknown else "") + f"; {TABLE}"
+
+
+def is_arm(found: Recognized) -> bool:
+    """Whether markers are those of an arm: several labels on one, none on a leg."""
+    segments = [site.segment for site in found.sites.values()]
+    if any(one in LEG_SEGMENTS for one in segments):
+        return False
+    known = sum(one in ARM_SEGMENTS for one in segments)
+    plain = [name.split(":")[-1].strip().lower() for name in (*found.unknown, *found.sites)]
+    named = sum(ARM_WORDS.search(name) is not None for name in plain)
+    short = sum(name in ARM_SHORT for name in plain)
+    return max(known, named, short) >= MIN_ARM

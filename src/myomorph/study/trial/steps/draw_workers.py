@@ -1,0 +1,149 @@
+"""Draws shared by processes: this one and others beside it, each with one thread."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from myomorph.model.arrays import Array
+from myomorph.rigid.frames import thread_count
+from myomorph.study.trial.steps.draw_process import PROTOCOL
+from myomorph.study.trial.steps.drawn_trials import Chain
+from myomorph.uncertainty.bodies import Draw
+
+Tables = Mapping[str, Array]
+WORTH = 8.0
+"""Processes are begun where what is left would take longer in this one [s]; to begin one takes two or three."""
+AHEAD = 4
+"""Results a process may be ahead of the one that is waited for, so that memory does not grow with draws."""
+ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
+
+
+def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) -> Iterator[Tables | None]:
+    """What draws come to, in their order, None for each that has no solution.
+
+    Parameters
+    ----------
+    workers : processes; None for as many as there are threads to use, where that is worth their start
+    """
+    count = thread_count() if workers is None else workers
+    if count <= 1 or len(draws) <= 2:
+        yield from (chain.attempt(one) for one in draws)
+        return
+    # The first draw may compile kernels; the second tells how long one takes.
+    yield chain.attempt(draws[0])
+    begun = time.monotonic()
+    yield chain.attempt(draws[1])
+    left = draws[2:]
+    if workers is None and len(left) * (time.monotonic() - begun) < WORTH:
+        yield from (chain.attempt(one) for one in left)
+        return
+    with _Shared(chain, left, min(count, len(left)) - 1) as shared:
+        yield from shared
+
+
+class _Shared:
+    """Draws that this process and others take one by one; iteration gives what they come to in order."""
+
+    def __init__(self, chain: Chain, draws: Sequence[Draw], others: int):
+        self._chain, self._draws = chain, draws
+        self._found: dict[int, Tables | Exception | None] = {}
+        self._next, self._wanted, self._window = 0, 0, AHEAD * (others + 1)
+        self._returned: list[int] = []
+        self._changed = threading.Condition()
+        # What reads the recording's forces is a function of this process; the forces themselves are in the chain.
+        plain = pickle.dumps(replace(chain, trial=replace(chain.trial, loads=None)), PROTOCOL)
+        self._children = [_begin() for _ in range(others)]
+        for child in self._children:
+            threading.Thread(target=self._serve, args=(child, plain), daemon=True).start()
+
+    def __enter__(self) -> _Shared:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._changed:
+            self._next = len(self._draws)
+            self._returned.clear()
+            self._changed.notify_all()
+        for child in self._children:
+            child.kill()
+            child.wait()
+
+    def __iter__(self) -> Iterator[Tables | None]:
+        for number in range(len(self._draws)):
+            yield self._result(number)
+
+    def _result(self, number: int) -> Tables | None:
+        while True:
+            with self._changed:
+                self._wanted = number
+                self._changed.notify_all()
+                if number in self._found:
+                    found = self._found.pop(number)
+                    break
+                own = self._take(waiting=False)
+                if own is None:
+                    self._changed.wait()
+                    continue
+            made = self._chain.attempt(self._draws[own])
+            with self._changed:
+                self._found[own] = made
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def _take(self, waiting: bool) -> int | None:
+        """Number of a draw that nobody has begun, None where there is none now; called with the lock held."""
+        while True:
+            if self._returned:
+                return self._returned.pop()
+            if self._next >= len(self._draws):
+                return None
+            if self._next < self._wanted + self._window:
+                self._next += 1
+                return self._next - 1
+            if not waiting:
+                return None
+            self._changed.wait()
+
+    def _serve(self, child: subprocess.Popen[bytes], chain: bytes) -> None:
+        """Give a process draws until there are no more; runs in a thread."""
+        assert child.stdin is not None
+        assert child.stdout is not None
+        own: int | None = None
+        try:
+            child.stdin.write(pickle.dumps(sys.path, PROTOCOL) + chain)
+            while True:
+                with self._changed:
+                    own = self._take(waiting=True)
+                if own is None:
+                    return
+                child.stdin.write(pickle.dumps(self._draws[own], PROTOCOL))
+                child.stdin.flush()
+                answer = pickle.load(child.stdout)
+                with self._changed:
+                    self._found[own], own = answer, None
+                    self._changed.notify_all()
+        except (OSError, EOFError, pickle.UnpicklingError):
+            # It was lost: another takes its draw.
+            with self._changed:
+                if own is not None:
+                    self._returned.append(own)
+                self._changed.notify_all()
+        finally:
+            for stream in (child.stdin, child.stdout):
+                with contextlib.suppress(OSError):
+                    stream.close()
+
+
+def _begin() -> subprocess.Popen[bytes]:
+    environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in ONE_THREAD} | {"MYOMORPH_THREADS": "1"}
+    command = [sys.executable, "-m", "myomorph.study.trial.steps.draw_process"]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)

@@ -1,0 +1,55 @@
+"""Bones that find each other without landmarks: exact affine copies, a smooth deformation, and how surely."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.accuracy.morph.correspondence import BEND, Deformation, bone, carried, deformed
+
+from myomorph.morph.registration.affine import affine_ways, hull_moments, rotation_grid
+from myomorph.morph.shapes.surface_points import Shape
+
+
+@pytest.fixture(autouse=True)
+def _needs_data(data):
+    data("bones-opensim-rajagopal")
+    data("rajagopal-walk-emg")
+
+
+def test_moments_of_a_hull_follow_an_affine_map():
+    points = np.random.default_rng(0).normal(size=(60, 3))
+    matrix, offset = np.array([[1.2, 0.3, 0.0], [-0.2, 0.7, 0.1], [0.0, 0.5, 1.5]]), np.array([3.0, -1.0, 2.0])
+    middle, second = hull_moments(points)
+    moved, grown = hull_moments(points @ matrix.T + offset)
+    np.testing.assert_allclose(moved, matrix @ middle + offset, atol=1e-12)
+    np.testing.assert_allclose(grown, matrix @ second @ matrix.T, atol=1e-12)
+    cube = np.array(np.meshgrid(*[[0.0, 1.0]] * 3)).reshape(3, -1).T
+    np.testing.assert_allclose(hull_moments(cube)[1], np.eye(3) / 12.0, atol=1e-12)
+
+
+def test_no_rotation_is_far_from_the_grid():
+    grid, asked = rotation_grid(800), rotation_grid(97)
+    cosines = 0.5 * (np.einsum("aij,bij->ab", asked, grid) - 1.0)
+    assert np.degrees(np.arccos(cosines.max(axis=1))).max() < 30.0
+
+
+@pytest.mark.parametrize("body", ["tibia_r", "patella_r", "pelvis"])
+def test_an_affine_copy_is_found_from_its_shape_alone(body):
+    surface, points = bone(body)
+    change = Deformation(surface, 20, 0.0)
+    size = 1.0 / change.length
+    ours, goal = (Shape(type(surface)(size * one.vertices, one.faces)) for one in (surface, deformed(surface, change)))
+    best = affine_ways(ours, goal)[0]
+    apart = best.affine.apply(size * points) / size - change(points)
+    assert np.abs(apart).max() < 1e-4
+
+
+def test_attachments_on_a_bent_bone_lie_within_their_intervals():
+    surface, points = bone("femur_r")
+    change = Deformation(surface, 21, BEND)
+    places, within = carried("femur_r", surface, deformed(surface, change), points)
+    apart = np.linalg.norm(places - change(points), axis=1)
+    assert np.median(apart) < 1e-3
+    assert apart.max() < 8e-3
+    assert np.mean(apart <= within) > 0.7
+    assert 1e-3 < np.median(within) < 5e-3

@@ -1,0 +1,110 @@
+"""A skeleton with muscles of one side: the other side, masses of segments, markers of a protocol."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
+from myomorph.model.segments import feet_of
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.species.markers import MarkerTable, with_markers_of
+from myomorph.morph.species.masses import SegmentShare, with_segment_shares
+from myomorph.muscles.path import muscle_kinematics
+
+TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
+"""The left thigh's frame lies in another way than the right one's."""
+
+
+def animal() -> Model:
+    """A pelvis, x to the right, with two thighs that flex about x."""
+    bodies = tuple(Body(name, mass, np.zeros(3), mass * np.eye(3)) for name, mass in
+                   (("pelvis", 2.0), ("thigh_r", 0.5), ("thigh_l", 0.3)))  # fmt: skip
+    still = Transform.identity()
+    joints = [Joint("root", "WeldJoint", "ground", "pelvis", still, still)]
+    for side, x, turn in (("r", 1.0, np.eye(3)), ("l", -1.0, TURNED)):
+        seat = Transform(turn, np.array([0.02 * x, 0.0, 0.0]))
+        # The child's frame is turned in its joint too, so that both legs flex about the same axis of ground.
+        axis = Axis("rotation", np.array([1.0, 0.0, 0.0]), linear(1.0), (f"hip_{side}",))
+        flat = Transform(np.eye(3), seat.translation)
+        joints.append(
+            Joint(
+                f"hip_{side}", "CustomJoint", "pelvis", f"thigh_{side}", flat, Transform(turn.T, np.zeros(3)), (axis,),
+                (f"hip_{side}",),
+            )
+        )  # fmt: skip
+    path = Path(
+        (
+            PathPoint("P1", "pelvis", np.array([0.03, 0.05, 0.02])),
+            PathPoint("P2", "thigh_r", np.array([0.01, 0.02, -0.15])),
+        ),
+        (PathWrap("round_r", "hybrid", -1, -1),),
+    )
+    round_hip = WrapObject(
+        "round_r", "pelvis", "cylinder",
+        Transform(axis_rotation(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi), np.array([0.02, 0.03, 0.0])), (0.012, 0.2),
+    )  # fmt: skip
+    return Model(
+        "animal", bodies, tuple(joints), tuple(Coordinate(f"hip_{side}", range=(-1.0, 1.0)) for side in "rl"),
+        np.array([0.0, 0.0, -9.8]), muscles=(Muscle("front_r", "Millard2012EquilibriumMuscle", path, 9.0, 0.02, 0.1),),
+        wrap_objects=(round_hip,),
+    )  # fmt: skip
+
+
+def test_the_other_sides_muscle_moves_as_this_one_does():
+    """Equal flexion of both legs: equal lengths and moment arms, whatever frames the bodies have."""
+    model, notes = with_other_muscles(animal(), "x")
+    assert model.muscle_names == ("front_r", "front_l")
+    assert model.body_names == animal().body_names
+    assert "1 muscles" in notes[0]
+    angles = np.linspace(-0.9, 0.9, 7)
+    found = muscle_kinematics(
+        model, Motion(np.arange(7.0), ("hip_r", "hip_l"), np.stack([angles, angles], 1)), velocities=False
+    )
+    assert found.lengths[:, 1] == pytest.approx(found.lengths[:, 0], abs=1e-9)
+    assert np.ptp(found.lengths[:, 0]) > 0.01
+    assert found.moment_arms[:, 1, 1] == pytest.approx(found.moment_arms[:, 0, 0], abs=1e-9)
+    with pytest.raises(BadModel, match="nothing to mirror"):
+        with_other_muscles(model, "x")
+
+
+def test_segments_get_their_share_and_the_whole_its_mass():
+    share = SegmentShare("thighs", ("thigh_r", "thigh_l"), 0.1, (0.05, 0.12))
+    found, notes = with_segment_shares(animal(), (share,), 4.0)
+    assert found.mass == pytest.approx(4.0)
+    assert found.body("thigh_r").mass + found.body("thigh_l").mass == pytest.approx(0.4)
+    assert found.body("thigh_r").mass / found.body("thigh_l").mass == pytest.approx(5.0 / 3.0)
+    assert found.body("pelvis").inertia == pytest.approx(3.6 * np.eye(3))
+    assert "10.0 % of" in notes[0]
+    with pytest.raises(BadData, match="nothing is left"):
+        with_segment_shares(animal(), (share, replace(share, bodies=("pelvis",), share=0.95, interval=(0.9, 0.99))))
+    with pytest.raises(UnknownName):
+        with_segment_shares(animal(), (replace(share, bodies=("tail",)),))
+
+
+def test_markers_of_a_protocol_lock_what_they_do_not_show():
+    table = MarkerTable("lab", "x", {"KNEE": ("thigh_r", (0.0, 0.0, -0.1))}, ("hip_r",), {"hip_r": 0.3})
+    model, notes = with_markers_of(animal(), (table,), "lab")
+    assert model.marker_names == ("KNEE",)
+    assert [one.locked for one in model.coordinates] == [False, True]
+    assert model.coordinate("hip_r").default == 0.3
+    assert "1 of 2 coordinates" in notes[1]
+    with pytest.raises(UnknownName, match="lab"):
+        with_markers_of(animal(), (table,), "other")
+    with pytest.raises(BadData, match=r"no coordinate fits"):
+        with_markers_of(animal(), (replace(table, moving=("knee*",)),), "lab")
+
+
+def test_a_tarsus_is_a_foot_and_a_metatarsus_is_none():
+    still = Transform.identity()
+    names = ("mouse__RTarsus", "mouse__RTarsus_interim_0", "mouse__RMetatarsus3", "mouse__LTarsus")
+    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in names)
+    joints = tuple(Joint(name, "WeldJoint", "ground", name, still, still) for name in names)
+    assert feet_of(Model("mouse", bodies, joints, (), np.zeros(3))) == ("mouse__RTarsus", "mouse__LTarsus")

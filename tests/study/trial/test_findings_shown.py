@@ -1,0 +1,44 @@
+"""What checks of forces and markers found is printed by a study, counted in outcomes, and stands in the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.cli.study import _report
+from myomorph.model.findings import Finding
+from myomorph.model.series import Motion, Series, Wrenches
+from myomorph.report.page.parts import PageHead
+from myomorph.report.trial.given import ReportInput
+from myomorph.store.finding_store import put_findings
+from myomorph.store.outcome import Outcome
+from myomorph.store.results import new_result, read_result
+from myomorph.store.stored import put_torques
+from myomorph.study.trial.step import step_of
+from myomorph.study.trial.steps.id import FINDINGS, Torques
+
+TIME = np.arange(4) / 10.0
+FOUND = (Finding("wrong foot", "F1", "force 'F1' acts under calcn_l: put there", (), True),)
+
+
+def test_findings_reach_the_report(tmp_path) -> None:
+    with new_result(tmp_path / "x.nc") as writer:
+        writer.time(TIME)
+        put_torques(writer, Series(TIME, ("a",), np.zeros((4, 1))), None)
+        put_findings(writer, FINDINGS, FOUND)
+    given = ReportInput(PageHead(title="", date="", version="", warnings=("of a file",)))
+    shown = step_of("id").show(given, read_result(tmp_path / "x.nc"))
+    assert shown.head.warnings == ("of a file", FOUND[0].text)
+
+
+def test_findings_are_printed_with_their_trial(capsys) -> None:
+    three = np.zeros((4, 0, 3))
+    wrenches = Wrenches(TIME, (), (), three, three, three, findings=FOUND)
+    torques = Torques(Motion(TIME, ("a",), np.zeros((4, 1))), Series(TIME, ("a",), np.zeros((4, 1))), wrenches)
+    outcome = step_of("id").outcome(Outcome("s01", "walk", Path("x"), frames=4), torques)
+    assert outcome.findings == (FOUND[0].text,)
+    _report(outcome)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("s01/walk: 4 frames")
+    assert lines[1] == f"  {FOUND[0].text}"

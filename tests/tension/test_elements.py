@@ -1,0 +1,76 @@
+"""Equilibrium of fibers and elastic tendons between frames: its derivatives, and the forces that fulfil it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle, Path
+from myomorph.muscles.elastic_arrays import compile_elastic
+from myomorph.tension.elastic.elements import elements, integrate
+
+CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
+FRAMES, COUNT = 7, 30
+
+
+def model(kind: str, count: int = 1) -> Model:
+    """Muscles of one class, pennate, of different sizes."""
+    muscles = tuple(
+        Muscle(f"m{i}", kind, Path(()), 500.0, 0.05 + 0.002 * i, 0.1 + 0.01 * i, 0.01 * i, 10.0) for i in range(count)
+    )
+    return Model("muscles", (), (), (), np.zeros(3), muscles=muscles)
+
+
+def arrays(kind: str, count: int):
+    return compile_elastic(model(kind, count), True)
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
+    E, own, rng = arrays(kind, COUNT), np.arange(COUNT), np.random.default_rng(0)
+    shape = (FRAMES - 1, COUNT)
+    f, a = rng.uniform(0.03, 1.3, (FRAMES, COUNT)), rng.uniform(0.05, 0.95, shape)
+    H, steps = E.hill, np.full(FRAMES - 1, 0.02)
+    lengths = 1.02 * H.tendon + H.fiber * rng.uniform(0.6, 1.4, shape)
+    speeds = H.fiber * rng.uniform(-3.0, 3.0, shape)
+
+    def of(f, a):
+        out, fibers = np.empty((*shape, 10)), np.empty((*shape, 2))
+        elements(E, own, f, a, lengths, speeds, steps, out, fibers)
+        return out
+
+    at, h = of(f, a), 1e-6
+    over_a = (of(f, a + h) - of(f, a - h)) / (2.0 * h)
+    over = []
+    for first in (0, 1):
+        # Every second frame moves, so that of each element one end does.
+        moved = np.zeros_like(f)
+        moved[first::2] = h
+        over.append((of(f + moved, a) - of(f - moved, a)) / (2.0 * h))
+    even = (np.arange(FRAMES - 1) % 2 == 0)[:, None, None]
+    over_k, over_n = np.where(even, over[0], over[1]), np.where(even, over[1], over[0])
+    told = at[..., [1, 2, 3, 4, 5, 6, 7, 8, 9]]
+    found = np.stack(
+        [over_k[..., 0], over_n[..., 0], over_a[..., 0], over_k[..., 1], over_k[..., 2], over_n[..., 2],
+         over_k[..., 3], over_n[..., 3], over_a[..., 3]], axis=-1,
+    )  # fmt: skip
+    assert np.abs((told - found) / (1.0 + np.abs(found))).max() < 1e-7
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_forces_integrated_from_activations_are_in_equilibrium_as_steps_shrink(kind):
+    E, own = arrays(kind, 5), np.arange(5)
+    missed = []
+    for frames in (50, 200):
+        time = np.linspace(0.0, 1.0, frames)
+        middle = 0.5 * (time[1:] + time[:-1])[:, None]
+        a = 0.4 + 0.2 * np.sin(5.0 * middle) + np.zeros(5)
+        lengths = 1.03 * E.hill.tendon + E.hill.fiber * (1.0 + 0.1 * np.sin(4.0 * middle))
+        speeds = E.hill.fiber * 0.4 * np.cos(4.0 * middle)
+        f, out, fibers = np.empty((frames, 5)), np.empty((frames - 1, 5, 10)), np.empty((frames - 1, 5, 2))
+        integrate(E, own, a, lengths, speeds, np.diff(time), 1e-3, 2.0, f)
+        elements(E, own, f, a, lengths, speeds, np.diff(time), out, fibers)
+        missed.append(np.abs(out[frames // 5 :, :, 0]).max())
+    assert missed[0] < 0.1
+    assert missed[1] < 0.4 * missed[0]
