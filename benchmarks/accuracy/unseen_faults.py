@@ -118,7 +118,7 @@ def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
             study.write_text(short, encoding="utf-8")
             status, said = _typed("run", study, "--out", out, "--workers", "1")
         if status:
-            return None, said
+            return None, said.replace(f"{folder / raw.file}: ", "")
         ((_, trial),) = load(out).items()
         if trial.motion is None or trial.wrenches is None:
             return None, "no forces on feet"
