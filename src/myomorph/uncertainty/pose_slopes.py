@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
@@ -24,6 +24,7 @@ BOUND = 1e-9
 """Nearer to its bound than this a coordinate is held by it [rad or m]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class PoseSlopes:
     """Derivatives of the coordinates of a motion in the places of its markers.

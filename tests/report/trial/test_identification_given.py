@@ -52,7 +52,8 @@ def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValid
     identification, validation = found
     given = identification_input(identification, validation={"second half": validation})
     tables = identification_tables(given)
-    masses = {row[0]: row[1] for row in tables["masses.csv"].rows}
+    sheet = tables["masses.csv"]
+    masses = {row[0]: row[sheet.head.index(f"{identification.chosen} [kg]")] for row in sheet.rows}
     assert masses["Total"] == pytest.approx(identification.model.mass)
     for body in identification.model.bodies:
         assert masses[body.name] == pytest.approx(body.mass)

@@ -65,8 +65,11 @@ def test_height_is_held_against_the_markers_and_scales_the_generic_model(tmp_pat
 
 @pytest.mark.parametrize("height", [1.2, 170.0])
 def test_a_wrong_height_is_said_first_and_not_used(tmp_path: Path, height: float) -> None:
-    write_trc(standing(0.3), tmp_path / "walk.trc")
-    prepared = prepare_study(AnalyzeRequest((tmp_path / "walk.trc",), 70.0, height=height), tmp_path / "out")
+    # Static trials are looked for in folders beside that of the recording: not in those of other tests.
+    walk = tmp_path / "own" / "walk.trc"
+    walk.parent.mkdir()
+    write_trc(standing(0.3), walk)
+    prepared = prepare_study(AnalyzeRequest((walk,), 70.0, height=height), tmp_path / "out")
     assert re.match(rf"WARNING: the markers of walk.trc show .*[+-]\d+ % of --height {height:g} m", prepared.assumed[0])
     assert not any("from those of a body" in text for text in prepared.assumed)
 

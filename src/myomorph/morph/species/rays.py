@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
@@ -57,6 +57,7 @@ class Rays:
     bones: Mapping[str, BoneMap]
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SidedMap:
     """A similarity whose points stay on one side of a joint: along a ray at least `ahead`, dorsal at least `above`.
