@@ -131,7 +131,9 @@ def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
     assert model.coordinate("mouse__RBPhalange3_flexion").locked
     assert model.muscle("recfem_r").max_isometric_force == pytest.approx(4.162 * (0.025 / 0.0205) ** (2 / 3), rel=1e-3)
     for muscle, change in zip(model.muscles[:40], morphed.morph.muscles, strict=True):
-        assert 0.03 < change.path < 0.1, muscle.name
+        # All of a rat's adductor magnus ends near the knee, so that paths of its short parts shrink less than bones do.
+        most = 0.2 if muscle.name.startswith("addmag") else 0.1
+        assert 0.03 < change.path < most, muscle.name
         assert {point.body for point in muscle.path.points} <= set(model.body_names)
     for name in ("ehl_r", "fhl_r"):
         # The skeleton counts toes from the outer side: the first is its fifth.
