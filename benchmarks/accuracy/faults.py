@@ -362,14 +362,18 @@ def _error_of(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.n
 
 def injected_force_faults(folder: Path) -> Iterator[Row]:
     """Faults of forces put into clean recordings: how many were mended, found and missed."""
-    for fault in FORCE_FAULTS:
+    return counted_faults(FORCE_FAULTS, [of_its_mass(folder, walk) for walk in CLEAN])
+
+
+def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> Iterator[Row]:
+    """A row a fault, put into every recording that can have it."""
+    for fault in faults:
         counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
-        for walk in CLEAN:
-            clean = of_its_mass(folder, walk)
+        for clean in recordings:
             faulty = fault.change(clean)
             if faulty is not None:
                 findings = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
-                counts[verdict(fault, findings)].append(walk.name)
+                counts[verdict(fault, findings)].append(clean.name)
         yield {
             "fault": fault.name,
             "recordings": sum(map(len, counts.values())),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from benchmarks.accuracy.faults import FORCE_FAULTS, Fault, Recorded, Row, late, scaled_mass, verdict
+from benchmarks.accuracy.faults import FORCE_FAULTS, Fault, Recorded, Row, counted_faults, late, scaled_mass
 from myomorph.cli import main
 from myomorph.io.formats import read_model
 from myomorph.study.trial.external_forces import on_feet
@@ -65,20 +65,8 @@ FAULTS = (
 
 def injected_unseen(folder: Path) -> Iterator[Row]:
     """Faults of forces put into recordings that were not used before: how many were mended, found and missed."""
-    clean = [one for one in (of_the_plates(folder, raw)[0] for raw in RAW) if one is not None]
-    for fault in FAULTS:
-        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
-        for one in clean:
-            faulty = fault.change(one)
-            if faulty is not None:
-                findings = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
-                counts[verdict(fault, findings)].append(one.name)
-        yield {
-            "fault": fault.name,
-            "recordings": sum(map(len, counts.values())),
-            **{word: len(names) for word, names in counts.items()},
-            "missed in": ", ".join(counts["missed"]) or "none",
-        }
+    found = (of_the_plates(folder, raw)[0] for raw in RAW)
+    return counted_faults(FAULTS, [one for one in found if one is not None])
 
 
 def clean_unseen(folder: Path) -> Iterator[Row]:

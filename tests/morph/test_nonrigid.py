@@ -141,10 +141,11 @@ def persons(data):
     return leg_shapes()
 
 
-@pytest.mark.parametrize("bone", ["femur", "patella"])
-def test_a_match_is_nearer_than_a_similarity_between_persons_of_the_shape_model(data, bone):
+# Of the patellas of persons 3 and 11 the match is worse than the similarity: that of person 3 is far from the mean.
+@pytest.mark.parametrize(("bone", "pair"), [("femur", (3, 11)), ("patella", (5, 11))])
+def test_a_match_is_nearer_than_a_similarity_between_persons_of_the_shape_model(data, bone, pair):
     shapes = persons(data)[bone]
-    source, target = (Surface(shapes.nodes[k], shapes.faces) for k in (5, 11))
+    source, target = (Surface(shapes.nodes[k], shapes.faces) for k in pair)
     begin = procrustes(source.vertices, target.vertices, scale=True)
     found = match_surfaces(source, target, None, QUICK, PlacedBone(begin))
     assert rms(found.points - target.vertices) < rms(begin.apply(source.vertices) - target.vertices)
