@@ -75,7 +75,9 @@ def do_subject(
 
     def work(outcome: Outcome) -> Outcome:
         made = prepare_subject(files, steps, settings, folder, fresh)
-        return replace(outcome, done=made.done, reused=made.reused, changed=made.changed, timed=made.timed)
+        return replace(
+            outcome, done=made.done, reused=made.reused, changed=made.changed, timed=made.timed, findings=made.findings
+        )
 
     return _alone(Outcome(files.name, "", folder), mark, work)
 

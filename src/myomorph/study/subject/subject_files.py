@@ -141,6 +141,7 @@ class Prepared:
     done, reused : steps that made it, and those reused from an earlier run
     changed : what made steps be computed again that an earlier run had done
     timed : each step that was computed, and how long it took [s]
+    findings : what checks in these steps found, one line each
     """
 
     path: Path
@@ -149,6 +150,7 @@ class Prepared:
     reused: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
     timed: tuple[tuple[str, float], ...] = ()
+    findings: tuple[str, ...] = ()
 
     def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
         """The subject's recordings with this model."""

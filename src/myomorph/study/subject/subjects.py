@@ -18,6 +18,8 @@ from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
 
 PROVENANCE = "provenance.json"
+FINDINGS = "findings.txt"
+"""Lines of checks in a step's tables, which a run prints."""
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -107,6 +109,7 @@ def prepare_subject(
             (*prepared.reused, step) if known else prepared.reused,
             tuple(dict.fromkeys((*prepared.changed, *changed))),
             prepared.timed if known else (*prepared.timed, (step, seconds)),
+            (*prepared.findings, *_findings(tables)),
         )
     return prepared
 
@@ -139,6 +142,12 @@ def reused_subject_steps(
         if not found[step]:
             prepared = Prepared(out, made_model(files, (*found,), folder).open())
     return found
+
+
+def _findings(tables: Path) -> tuple[str, ...]:
+    """Lines of checks that a step left in its tables."""
+    path = tables / FINDINGS
+    return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
 
 
 def _stored(tables: Path) -> Provenance | None:
