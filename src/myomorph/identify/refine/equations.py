@@ -116,11 +116,11 @@ def _beyond(problem: Problem, values: Array) -> Array:
 def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
     """Columns, rows and misses of what is held likely of the shared unknowns."""
     lengths, places, masses = problem.columns()
-    options, rows = problem.options, []
+    rows = []
     if problem.body:
-        marker_sd = 0.005 * problem.unit if options.marker_sd is None else options.marker_sd
-        rows.append((lengths, np.eye(len(at.factors)) / options.length_sd, (at.factors - 1.0) / options.length_sd))
-        rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
+        length_sd, marker_sd = problem.body_prior.lengths, problem.body_prior.markers.ravel()
+        rows.append((lengths, np.diag(1.0 / length_sd), (at.factors - 1.0) / length_sd))
+        rows.append((places, np.diag(1.0 / marker_sd), at.shifts.ravel() / marker_sd))
     if problem.masses:
         prior = problem.prior
         T = tangents(at.parameters[prior.moved])

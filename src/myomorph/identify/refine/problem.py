@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.identify.refine.body_prior import BodyPrior
 from myomorph.identify.refine.frame_kernels import predict_frames
 from myomorph.identify.refine.masses import MassPrior, changed
 from myomorph.identify.refine.options import RefineOptions
@@ -79,6 +80,8 @@ class Problem:
     markers : what is tracked, and the coordinates that are free
     locations : (markers, 3) on the model [m]
     trials : that count
+    prior : of the masses
+    body_prior : of lengths and marker positions
     weight : of the body [N]
     unit : size of the body against a human's, see `length_unit`
     body, masses : whether lengths and marker positions, and masses are unknown
@@ -91,6 +94,7 @@ class Problem:
     locations: Array
     trials: tuple[TrialData, ...]
     prior: MassPrior
+    body_prior: BodyPrior
     weight: float
     unit: float
     options: RefineOptions

@@ -12,8 +12,6 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions
 
-MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
-
 
 @dataclass(frozen=True, eq=False)
 class SubjectTrial:
@@ -86,6 +84,11 @@ class Prediction:
         ratios = (self.refined.force / self.given.force, self.refined.moment / self.given.moment)
         return float(np.sqrt(np.mean(np.square(ratios))))
 
+    @property
+    def markers_ratio(self) -> float:
+        """Refined to given marker error."""
+        return self.refined.markers / self.given.markers
+
 
 @read_only
 @dataclass(frozen=True, eq=False)
@@ -102,7 +105,8 @@ class Refinement:
     parameters : (bodies, 10) inertial
     mass_sd : (bodies,) standard deviation of the masses [kg]
     predictions : of what was left out, empty where not asked for
-    kept : whether the given body and masses were kept because they predict better
+    body, masses : whether lengths and marker positions, and masses were refined in the end
+    kept : whether parts of the given body were kept because they predict better
     converged : whether the last step was small
     notes : what looks wrong, one line each
     """
@@ -116,6 +120,8 @@ class Refinement:
     parameters: Array
     mass_sd: Array
     predictions: tuple[Prediction, ...]
+    body: bool
+    masses: bool
     kept: bool
     converged: bool
     notes: tuple[str, ...]
