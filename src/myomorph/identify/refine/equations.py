@@ -118,9 +118,9 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
     lengths, places, masses = problem.columns()
     rows = []
     if problem.body:
-        length_sd, marker_sd = problem.body_prior.lengths, problem.body_prior.markers.ravel()
-        rows.append((lengths, np.diag(1.0 / length_sd), (at.factors - 1.0) / length_sd))
-        rows.append((places, np.diag(1.0 / marker_sd), at.shifts.ravel() / marker_sd))
+        length_sd, marker_sd = problem.options.length_sd, problem.marker_sd
+        rows.append((lengths, np.eye(len(at.factors)) / length_sd, (at.factors - 1.0) / length_sd))
+        rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
     if problem.masses:
         prior = problem.prior
         T = tangents(at.parameters[prior.moved])

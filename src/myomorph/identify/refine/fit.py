@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.refine.body_prior import KnownBody
 from myomorph.identify.refine.masses import tangents
 from myomorph.identify.refine.notes import far_from_given, kept_note, refined_parts, worse_note
 from myomorph.identify.refine.options import RefineOptions
@@ -31,7 +30,6 @@ def refine(
     options: RefineOptions | None = None,
     path_lengths: Callable[[Model], Array] | None = None,
     told: Callable[[], None] = lambda: None,
-    known: KnownBody | None = None,
 ) -> Refinement:
     """Motion, lengths, marker positions and masses of a subject in one problem over all trials.
 
@@ -57,7 +55,6 @@ def refine(
     mass : of the whole body [kg]; the model's by default
     path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
     told : called once a step
-    known : how well `calibrate` knows the body, see `KnownBody`; without it `RefineOptions` says so for all alike
 
     Returns
     -------
@@ -76,8 +73,8 @@ def refine(
     given = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
         recorded = [opened(given, one, options) for one in trials]
-        choice = _choice(given, trials, recorded, options, known, told)
-        problem = problem_of(given, trials, recorded, choice.options, known)
+        choice = _choice(given, trials, recorded, options, told)
+        problem = problem_of(given, trials, recorded, choice.options)
         solution = settle(thinned(problem), told)
     return _refinement(given, trials, recorded, problem, solution, choice, path_lengths)
 
@@ -112,14 +109,13 @@ def _choice(
     trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     options: RefineOptions,
-    known: KnownBody | None,
     told: Callable[[], None],
 ) -> _Choice:
     """Body and masses, masses alone or nothing but motions: the first that does not predict worse."""
     tried: list[tuple[str, tuple[Prediction, ...]]] = []
     predictions: tuple[Prediction, ...] = ()
     while options.check and (options.body or options.masses):
-        predictions = predictions_of(model, trials, recorded, options, known, told)
+        predictions = predictions_of(model, trials, recorded, options, told)
         if not worse(predictions):
             break
         tried.append((refined_parts(options), predictions))

@@ -42,7 +42,15 @@ def refined_parts(options: RefineOptions) -> str:
 
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     """That some recordings are predicted worse than by the given model, although all together are not."""
-    worse = [one for one in predictions if max(one.ratio, one.markers_ratio) > WORSE]
+    left = [one for one in predictions if one.refined.markers > LEAVES_MARKERS * one.given.markers]
+    if left:
+        listed = "; ".join(_numbers(one) for one in left[:4])
+        yield (
+            f"bodies that were refined without them lie farther from the markers of {len(left)} of {len(predictions)} "
+            f"predictions than the given model, which may have been calibrated with them: {listed}; add recordings, or "
+            "keep lengths and marker positions (--no-body)"
+        )
+    worse = [one for one in predictions if max(one.ratio, one.markers_ratio) > WORSE and one not in left]
     if worse:
         listed = "; ".join(_numbers(one) for one in worse[:4])
         yield (
@@ -55,7 +63,7 @@ def _numbers(one: Prediction) -> str:
     return (
         f"{one.name} at {one.refined.force:.1f} N, {one.refined.moment:.1f} N m, markers "
         f"{1e3 * one.refined.markers:.1f} mm (given model {one.given.force:.1f} N, {one.given.moment:.1f} N m, "
-        f"{1e3 * one.given.markers:.1f} mm)"
+        f"{1e3 * one.given.markers:.1f} mm; a body refined without forces {1e3 * one.markers_alone:.1f} mm)"
     )
 
 

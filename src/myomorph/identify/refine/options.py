@@ -19,10 +19,8 @@ class RefineOptions:
     marker_time : for how long the skin's movement stays alike [s]
     force_noise : of each component of the residual force, in body weights
     moment_noise : of each component of the residual moment, in body weights times 1 m
-    length_sd : how far a length may differ from the model's, of itself; by default each as far as `calibrate` leaves
-        open, or 0.02 where it did not make the model
-    marker_sd : how far a marker may lie from its position on the model [m]; by default each as far as `calibrate`
-        leaves open, or 0.005 likewise
+    length_sd : how far a length may differ from the model's, of itself
+    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.015 likewise
     mass_sd : how far a link's mass may differ from the model's, of itself
     body : whether lengths and marker positions change
     masses : whether masses, mass centers and inertias change
@@ -36,7 +34,7 @@ class RefineOptions:
     marker_time: float = 0.1
     force_noise: float = 0.005
     moment_noise: float = 0.005
-    length_sd: float | None = None
+    length_sd: float = 0.1
     marker_sd: float | None = None
     mass_sd: float = 0.1
     body: bool = True
@@ -46,9 +44,8 @@ class RefineOptions:
 
     def __post_init__(self) -> None:
         for name in ("cutoff", "marker_time", "force_noise", "moment_noise", "length_sd", "mass_sd", "iterations"):
-            given = getattr(self, name)
-            if given is not None and not given > 0:
-                raise BadData(f"refine: {name} is {given:g}; expected a number above 0")
+            if not getattr(self, name) > 0:
+                raise BadData(f"refine: {name} is {getattr(self, name):g}; expected a number above 0")
         for name in ("marker_noise", "marker_sd"):
             given = getattr(self, name)
             if given is not None and not given > 0.0:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from myomorph.identify.refine.body_prior import KnownBody
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, Unknowns
 from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
-from myomorph.identify.refine.solve import settle
+from myomorph.identify.refine.solve import settle, solve
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -25,7 +25,8 @@ WORSE = 1.02
 """Ratio to the given model above which a prediction is worse."""
 
 LEAVES_MARKERS = 1.1
-"""Ratio of the marker errors of predictions above which a body is not taken, whatever its forces."""
+"""Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is
+not taken, whatever its forces."""
 
 
 def errors_on(model: Model, one: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
@@ -65,41 +66,66 @@ def predictions_of(
     trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     options: RefineOptions,
-    known: KnownBody | None,
     told: Callable[[], None],
 ) -> tuple[Prediction, ...]:
     """Every trial by the others, or the halves of a single one by each other."""
-    found = []
     if len(trials) > 1:
-        for k, trial in enumerate(trials):
-            others = [i for i in range(len(trials)) if i != k]
-            problem = problem_of(model, [trials[i] for i in others], [recorded[i] for i in others], options, known)
-            made = model_of(model, problem, settle(thinned(problem), told).at)
-            found.append(_prediction(trial.name, model, made, trial, recorded[k], options, None))
-        return tuple(found)
+        return tuple(
+            _prediction(
+                trial.name,
+                model,
+                problem_of(model, *(_without(every, k) for every in (trials, recorded)), options),
+                (trial, recorded[k], None),
+                told,
+            )
+            for k, trial in enumerate(trials)
+        )
     use = recorded[0].usable.use
     middle = np.cumsum(use) * 2 >= use.sum()
-    for name, seen in (("second half", ~middle), ("first half", middle)):
-        problem = problem_of(model, trials, recorded, options, known, within={0: seen})
-        made = model_of(model, problem, settle(thinned(problem), told).at)
-        title = f"{trials[0].name}, {name}"
-        found.append(_prediction(title, model, made, trials[0], recorded[0], options, ~seen))
-    return tuple(found)
+    return tuple(
+        _prediction(
+            f"{trials[0].name}, {name}",
+            model,
+            problem_of(model, trials, recorded, options, within={0: seen}),
+            (trials[0], recorded[0], ~seen),
+            told,
+        )
+        for name, seen in (("second half", ~middle), ("first half", middle))
+    )
+
+
+def _without(every: Sequence[Any], k: int) -> list[Any]:
+    return [one for i, one in enumerate(every) if i != k]
 
 
 def _prediction(
     name: str,
     model: Model,
-    made: Model,
-    trial: SubjectTrial,
-    on_given: Opened,
-    options: RefineOptions,
-    within: np.ndarray | None,
+    problem: Problem,
+    held_out: tuple[SubjectTrial, Opened, np.ndarray | None],
+    told: Callable[[], None],
 ) -> Prediction:
-    # Both models are judged on the same frames: which ones the plates carry alone is not for a new body to say.
+    """What is left out of a problem, predicted.
+
+    Parameters
+    ----------
+    held_out : a trial, the same on the given model, and (frames,) which of the forces' clock count
+    """
+    trial, on_given, within = held_out
+    # All models are judged on the same frames: which ones the plates carry alone is not for a new body to say.
     use = on_given.usable.use
-    given = errors_on(model, on_given, within, use)
-    return Prediction(name, given, errors_on(made, opened(made, trial, options), within, use))
+
+    def errors(made: Model) -> Errors:
+        return errors_on(made, opened(made, trial, problem.options), within, use)
+
+    given, few = errors_on(model, on_given, within, use), thinned(problem)
+    refined = errors(model_of(model, problem, settle(few, told).at))
+    alone = given.markers
+    if problem.body:
+        # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
+        blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
+        alone = errors(model_of(model, problem, solve(blind, blind.begin(), told).at)).markers
+    return Prediction(name, given, refined, alone)
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:

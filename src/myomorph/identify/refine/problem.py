@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.refine.body_prior import BodyPrior
 from myomorph.identify.refine.frame_kernels import predict_frames
 from myomorph.identify.refine.masses import MassPrior, changed
 from myomorph.identify.refine.options import RefineOptions
@@ -81,7 +80,6 @@ class Problem:
     locations : (markers, 3) on the model [m]
     trials : that count
     prior : of the masses
-    body_prior : of lengths and marker positions
     weight : of the body [N]
     unit : size of the body against a human's, see `length_unit`
     body, masses : whether lengths and marker positions, and masses are unknown
@@ -94,7 +92,6 @@ class Problem:
     locations: Array
     trials: tuple[TrialData, ...]
     prior: MassPrior
-    body_prior: BodyPrior
     weight: float
     unit: float
     options: RefineOptions
@@ -106,6 +103,12 @@ class Problem:
         """Of a marker along one axis [m^2]."""
         given = self.options.marker_noise
         return float((0.01 * self.unit if given is None else given) ** 2)
+
+    @property
+    def marker_sd(self) -> float:
+        """Of a marker's position on the model along one axis [m]."""
+        given = self.options.marker_sd
+        return 0.015 * self.unit if given is None else given
 
     @property
     def residual_sd(self) -> Array:

@@ -72,11 +72,13 @@ class Prediction:
     Attributes
     ----------
     given, refined : errors of the model as given, and of the refined one
+    markers_alone : marker error of a body that was refined from the same recordings' markers without their forces [m]
     """
 
     name: str
     given: Errors
     refined: Errors
+    markers_alone: float
 
     @property
     def ratio(self) -> float:
@@ -86,8 +88,8 @@ class Prediction:
 
     @property
     def markers_ratio(self) -> float:
-        """Refined to given marker error."""
-        return self.refined.markers / self.given.markers
+        """Marker error of the refined body to that of a body that the same markers made without forces."""
+        return self.refined.markers / self.markers_alone
 
 
 @read_only

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.refine.body_prior import BodyPrior, KnownBody
 from myomorph.identify.refine.masses import MassPrior
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData
@@ -60,7 +59,6 @@ def problem_of(
     trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     options: RefineOptions,
-    known: KnownBody | None = None,
     within: Mapping[int, np.ndarray] | None = None,
 ) -> Problem:
     """The problem of some trials.
@@ -68,7 +66,6 @@ def problem_of(
     Parameters
     ----------
     recorded : the same trials on the model
-    known : how well `calibrate` knows the model's body
     within : by trial (frames,) which frames of its forces' clock count
     """
     names: tuple[str, ...] = ()
@@ -84,18 +81,16 @@ def problem_of(
         _trial_data(model, names, trial, one, options, None if within is None else within.get(k))
         for k, (trial, one) in enumerate(zip(trials, recorded, strict=True))
     ]
-    lengths, unit = lengths_of(model), length_unit(tree)
     return Problem(
         bare,
-        lengths,
+        lengths_of(model),
         names,
         arrays,
         arrays.location.copy(),
         tuple(data),
         MassPrior.of(inertial_parameters(model), options.mass_sd),
-        BodyPrior.of(lengths, names, known, options, unit),
         model.mass * float(np.linalg.norm(model.gravity)),
-        unit,
+        length_unit(tree),
         options,
         options.body,
         options.masses,

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from myomorph import __version__
-from myomorph.identify.refine.body_prior import KnownBody
 from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
@@ -25,7 +24,6 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, file_source, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
-from myomorph.study.subject.calibration_tables import calibration_sources, known_body
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import NOTES, write_made_model
@@ -70,27 +68,16 @@ def refine_files(
     model = open_model(model_file)
     mass = check_mass(model, mass)
     trials = [open_trial(one, settings, model) for one in recordings]
-    sources: list[Source] = [file_source("model", model_file), *calibration_sources(model_file)]
+    sources: list[Source] = [file_source("model", model_file)]
     for one in recordings:
         sources += [file_source("markers", one.markers)] if one.markers is not None else []
         sources += [file_source("loads", one.loads), *load_tables(one.loads)] if one.loads is not None else []
     made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
-    known = known_body(model_file, model)
-    return replace(refined(trials, mass, options, model_file.name, known), provenance=made)
+    return replace(refined(trials, mass, options, model_file.name), provenance=made)
 
 
-def refined(
-    trials: Sequence[TrialInputs],
-    mass: float | None,
-    options: RefineOptions,
-    name: str,
-    known: KnownBody | None = None,
-) -> Refined:
+def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Refined:
     """Refine from opened trials; those without markers or forces are left out.
-
-    Parameters
-    ----------
-    known : how well `calibrate` knows the model's lengths and marker positions
 
     Raises
     ------
@@ -111,7 +98,7 @@ def refined(
     model = trials[0].model
     pieces = 1 + (max(2, len(given)) if options.check and (options.body or options.masses) else 0)
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
-        found = refine(model, given, mass, options, default_path_lengths, lambda: advance(1), known)
+        found = refine(model, given, mass, options, default_path_lengths, lambda: advance(1))
     made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
     return Refined(found, made, tuple(dict.fromkeys(warnings)))
 
@@ -158,6 +145,15 @@ def trial_rows(found: Refinement) -> Rows:
         {"trial": one.name, "what": f"predicted, {what}", "frames": "", "frames_with_plates": "", **_numbers(errors)}
         for one in found.predictions
         for what, errors in (("given model", one.given), ("refined from the others", one.refined))
+    ]
+    rows += [
+        {
+            "trial": one.name,
+            "what": "predicted, body from the others' markers alone",
+            **{"frames": "", "frames_with_plates": "", "force_N": "", "moment_N_m": ""},
+            "markers_mm": 1e3 * one.markers_alone,
+        }
+        for one in found.predictions
     ]
     return rows
 
@@ -270,15 +266,13 @@ def _run(
 ) -> Refined:
     options = with_settings(RefineOptions(), settings.get("refine", {}))
     trials, mass = prepared.trials(files, settings), check_mass(prepared.model, files.mass)
-    found = refined(trials, mass, options, files.name, known_body(prepared.path, prepared.model))
+    found = refined(trials, mass, options, files.name)
     write_refined(replace(found, provenance=made), out, tables)
     return found
 
 
 def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    more: dict[str, object] = {
-        f"calibration {Path(one.name).name}": one.sha256 for one in calibration_sources(prepared.path)
-    }
+    more: dict[str, object] = {}
     for earlier in ("ik", "id"):
         more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
     # Which motion trials go on with changes nothing here.
