@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.refine.masses import tangents
+from myomorph.identify.refine.intervals import covariance, mass_sd
 from myomorph.identify.refine.notes import far_from_given, kept_note, refined_parts, worse_note
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import errors_on, model_of, predictions_of, rms, worse
@@ -135,7 +135,8 @@ def _refinement(
     at = solution.at
     at = replace(at, parameters=at.parameters * (model.mass / at.parameters[:, 0].sum()))
     lengths = problem.columns()[0]
-    deviations = np.sqrt(np.diag(solution.covariance)) if problem.count else np.zeros(0)
+    spread = covariance(solution.problem, at)
+    deviations = np.sqrt(np.diag(spread))
     return Refinement(
         model=model_of(model, problem, at, path_lengths),
         given=model,
@@ -144,7 +145,7 @@ def _refinement(
         factors=at.factors,
         factors_sd=deviations[lengths] if problem.body else np.zeros(len(at.factors)),
         parameters=at.parameters,
-        mass_sd=_mass_sd(problem, solution),
+        mass_sd=mass_sd(problem, at, spread),
         predictions=choice.predictions,
         body=problem.body,
         masses=problem.masses,
@@ -168,18 +169,6 @@ def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, 
             int(data.use.sum()),
             len(data.time),
         )
-
-
-def _mass_sd(problem: Problem, solution: Solution) -> Array:
-    found = np.zeros(len(problem.prior.reference))
-    if problem.masses:
-        masses = problem.columns()[2]
-        covariance = solution.covariance[masses, masses]
-        rows = tangents(solution.at.parameters[problem.prior.moved])[:, 0]
-        for k, link in enumerate(problem.prior.moved):
-            own = slice(10 * k, 10 * k + 10)
-            found[link] = np.sqrt(rows[k] @ covariance[own, own] @ rows[k])
-    return found
 
 
 def _notes(problem: Problem, solution: Solution, choice: _Choice, recorded: Sequence[Opened]) -> Iterator[str]:
