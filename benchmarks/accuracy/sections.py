@@ -48,6 +48,7 @@ from benchmarks.accuracy import (
     reaction,
     recruitment,
     refine,
+    refine_held_out,
     regressor,
     scale,
     setups,
@@ -390,6 +391,7 @@ def _identification(folder: Path) -> Page:
             "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
             "refine": lambda: refine.measure(folder),
+            "refine_held_out": lambda: refine_held_out.measure(folder),
             "refine_simulated": refine.measure_simulated,
         },
     )

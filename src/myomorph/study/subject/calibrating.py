@@ -30,7 +30,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import FINDINGS, write_made_model
+from myomorph.study.subject.subjects import NOTES, write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
@@ -204,7 +204,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         _write_rows(length_rows(found), folder / "lengths.csv")
         _write_rows(marker_rows(found), folder / "markers.csv")
         _write_rows(zero_rows(found), folder / "zero_angles.csv")
-        (folder / FINDINGS).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
+        (folder / NOTES).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)

@@ -117,11 +117,13 @@ class MadeModel:
     path : of its file
     drawn : file beside which its meshes lie
     gains : of the subject's EMG channels, None where no step finds them
+    motions : folder with refined coordinates of the subject's trials, None where no step finds them
     """
 
     path: Path
     drawn: Path
     gains: Path | None = None
+    motions: Path | None = None
 
     def open(self) -> Model:
         """The model; raises `BadFile` or `BadModel`."""
@@ -141,7 +143,6 @@ class Prepared:
     done, reused : steps that made it, and those reused from an earlier run
     changed : what made steps be computed again that an earlier run had done
     timed : each step that was computed, and how long it took [s]
-    findings : what checks in these steps found, one line each
     """
 
     path: Path
@@ -150,7 +151,6 @@ class Prepared:
     reused: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
     timed: tuple[tuple[str, float], ...] = ()
-    findings: tuple[str, ...] = ()
 
     def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
         """The subject's recordings with this model."""
@@ -188,6 +188,7 @@ class SubjectStep(StepHead):
     run : from the files, the model so far, settings and provenance to the model's file and its tables
     provenance : what the model is derived from
     gains : file in `tables` with the gains of the subject's EMG channels, "" for none
+    motions : folder in `tables` with coordinates of the subject's trials, "" for none
     brings_bones : whether the model has meshes of its own; those of other steps are drawn by what they began with
     """
 
@@ -197,6 +198,7 @@ class SubjectStep(StepHead):
     provenance: Callable[[SubjectFiles, Prepared, Settings], Provenance]
     brings_bones: bool = False
     gains: str = ""
+    motions: str = ""
 
 
 def subject_step(name: str) -> SubjectStep:
@@ -210,5 +212,6 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
     for step in [subject_step(name) for name in SUBJECT_STEPS if name in steps]:
         path = folder / step.model if step.model else made.path
         gains = folder / step.tables / step.gains if step.gains else made.gains
-        made = MadeModel(path, path if step.brings_bones else made.drawn, gains)
+        motions = folder / step.tables / step.motions if step.motions else made.motions
+        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, motions)
     return made

@@ -18,8 +18,8 @@ from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
 
 PROVENANCE = "provenance.json"
-FINDINGS = "findings.txt"
-"""Lines of checks in a step's tables, which a run prints."""
+NOTES = "notes.txt"
+"""What may not be believed of a step's result, one line each, in the folder of its tables."""
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -109,7 +109,6 @@ def prepare_subject(
             (*prepared.reused, step) if known else prepared.reused,
             tuple(dict.fromkeys((*prepared.changed, *changed))),
             prepared.timed if known else (*prepared.timed, (step, seconds)),
-            (*prepared.findings, *_findings(tables)),
         )
     return prepared
 
@@ -144,10 +143,14 @@ def reused_subject_steps(
     return found
 
 
-def _findings(tables: Path) -> tuple[str, ...]:
-    """Lines of checks that a step left in its tables."""
-    path = tables / FINDINGS
-    return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
+def subject_notes(steps: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """What the steps on a subject said of their results, also of those that an earlier run made."""
+    found: list[str] = []
+    for step in [name for name in SUBJECT_STEPS if name in steps]:
+        path = folder / subject_step(step).tables / NOTES
+        if path.is_file():
+            found += [f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()]
+    return tuple(found)
 
 
 def _stored(tables: Path) -> Provenance | None:
