@@ -6,6 +6,7 @@ import json
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.results import ResultWriter, Stored
+from myomorph.uncertainty.found_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
@@ -40,6 +41,7 @@ def put_uncertainty(writer: ResultWriter, found: Uncertainty, units: dict[str, s
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
     writer.fact("draws", f"{found.draws} {found.failed}")
     writer.fact("limits_widened", json.dumps(dict(found.factors)))
+    writer.fact("error_sizes", json.dumps(found.sizes))
 
 
 def get_uncertainty(stored: Stored) -> Uncertainty | None:
@@ -55,7 +57,8 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
             shares[name] = Shares(stored.names[GROUP], *parts)
     draws, failed = map(int, stored.facts["draws"].split())
     factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
-    return Uncertainty(spreads, shares, draws, failed, factors=factors)
+    sizes = tuple(SourceSize(*one) for one in json.loads(stored.facts.get("error_sizes", "[]")))
+    return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes)
 
 
 def _dimension(name: str) -> str:

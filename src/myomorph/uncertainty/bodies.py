@@ -12,6 +12,7 @@ from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.motion.root import floating_coordinates
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 
@@ -24,16 +25,29 @@ class Draw:
     ----------
     number : which of the draws
     sources : those that are not drawn have size 0
+    found : sizes of single items that earlier steps found
     """
 
     number: int
     sources: Sources
     normals: Normals
+    found: FoundSizes = NOTHING
 
-    def of(self, source: str, name: str, size: int = 1) -> Array:
-        """(size,) errors of a source in its own unit, constant over the recording."""
+    def of(self, source: str, name: str, size: int = 1, item: str = "") -> Array:
+        """(size,) errors of a source in its own unit, constant over the recording.
+
+        Parameters
+        ----------
+        name : whose random numbers they are
+        item : by which sizes are found, where it is not the name
+        """
         scale = getattr(self.sources, source)
-        return scale * self.normals.of(self.number, source, name, size) if scale else np.zeros(size)
+        if not scale:
+            return np.zeros(size)
+        own = self.found.of(source, item or name)
+        if own is not None:
+            scale, name = own.size, own.shared or name
+        return np.asarray(scale * self.normals.of(self.number, source, name, size))
 
     def factor(self, source: str, name: str) -> float:
         """A positive factor around 1 whose logarithm has the source's size."""
@@ -113,7 +127,7 @@ def _path(path: Path, muscle: str, draw: Draw) -> Path:
     if not draw.sources.attachment:
         return path
     points = tuple(
-        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3))
+        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3, f"{muscle}/{one.name}"))
         if isinstance(one, PathPoint)
         else one
         for k, one in enumerate(path.points)

@@ -173,7 +173,7 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str) -> TrialFiles:
     Electrodes are one subject's: gains of a subject whose model another begins with are not the other's.
     """
     gains = made.gains if maker == files.subject and files.emg is not None else None
-    return replace(files, model=made.path, emg_gains=gains or files.emg_gains)
+    return replace(files, model=made.path, emg_gains=gains or files.emg_gains, error_sizes=made.sizes)
 
 
 @dataclass

@@ -18,6 +18,7 @@ from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -104,6 +105,7 @@ class TrialInputs:
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     contact_points : of joints whose forces are shared among them, None for none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
+    error_sizes : how far off the model may be, as the steps found that made it
     phases : parts of the motion that the report shows apart, name to start and end [s]
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
@@ -133,6 +135,7 @@ class TrialInputs:
     contacts: ContactPlan | None = None
     contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
+    error_sizes: FoundSizes = NOTHING
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
     parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))

@@ -196,6 +196,7 @@ def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
     tables = []
     if task.setting is not None:
         tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
+        tables.append(("contact_groups", task.contact_groups(tension)))
     frame, points = trial.options[TensionTables].reactions, trial.contact_points
     if frame != "none":
         tables.append(("joint_reactions", task.reactions(tension, frame)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -26,12 +27,13 @@ from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
 from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, SourceSize, source_sizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
 from myomorph.uncertainty.widening import FACTORS, widened
 
-TABLE = "uncertainty.csv"
+TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
 MAY_FAIL = 0.02
 """Share of draws without a solution above which the result is doubted."""
 
@@ -83,6 +85,18 @@ class DrawWorkers:
             raise BadData(f"{self.workers} workers: expected 1 or more, or 0 to leave it open")
 
 
+@dataclass(frozen=True)
+class _FoundHash:
+    """What limits depend on beside options and sources.
+
+    Attributes
+    ----------
+    error_sizes : hash of the sizes that steps on the subject found
+    """
+
+    error_sizes: str
+
+
 def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
@@ -90,13 +104,14 @@ def _run(
     chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames, chosen.method == "linear")
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
+    sizes = trial.error_sizes.beside(sources)
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     # Where errors add up, what is missing without a group is what it does alone.
     kinds = (alone,) if chosen.method == "linear" else (alone, frozen)
-    jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
+    jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [Draw(number, kind(sources, group), normals) for kind in kinds]
+            jobs += [Draw(number, kind(sources, group), normals, sizes) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
@@ -116,10 +131,12 @@ def _run(
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
     factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
     spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
-    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws), factors)
+    notes, used = _notes(failed, chosen.draws), source_sizes(sources, sizes)
+    found = Uncertainty(spreads, shares, chosen.draws, failed, notes, factors, used)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
+    _write_sources(used, output.folder / SOURCE_TABLE)
     put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
     return found
 
@@ -209,6 +226,27 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
                 rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
 
 
+def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
+    """One row a source of error: how large it was taken to be, and where that comes from."""
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("group", "source", "sd", "from", "items", "least", "greatest"))
+        for one in sizes:
+            numbers = (f"{value:.4g}" for value in (one.least, one.greatest))
+            rows.writerow((one.group, one.source, f"{one.size:.4g}", one.origin, one.items or "", *numbers))
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """Options, sizes, and what steps on the subject found, where they found anything."""
+    given = (trial.options[DrawOptions], trial.options[Sources])
+    return given if trial.error_sizes == NOTHING else (*given, _FoundHash(_digest(trial.error_sizes)))
+
+
+def _digest(found: FoundSizes) -> str:
+    rows = sorted(one for own in found.items.values() for one in own.values())
+    return sha256(repr(rows).encode()).hexdigest()[:16]
+
+
 def _read(stored: Stored, options: OptionSet) -> Uncertainty | None:
     return get_uncertainty(stored)
 
@@ -225,7 +263,7 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques, Tensions),
     options=(DrawOptions, Sources, DrawWorkers),
-    hashed=lambda trial: (trial.options[DrawOptions], trial.options[Sources]),
+    hashed=_hashed,
     grows_with="muscles",
     run=_run,
     read=_read,
