@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -172,12 +173,20 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial: the step it comes from, what it is, and its unit."""
+    """One number of a trial: the step it comes from, what it is, and its unit.
+
+    Attributes
+    ----------
+    low, high, sd : limits of 90 % and standard deviation of draws, NaN where nothing was drawn
+    """
 
     step: str
     quantity: str
     value: float
     unit: str
+    low: float = math.nan
+    high: float = math.nan
+    sd: float = math.nan
 
 
 @read_only

@@ -12,25 +12,29 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.analysis.walking import walking_strides
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
+from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, SourceSize, source_sizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
+from myomorph.uncertainty.value_errors import ValueErrors, widened_errors
 from myomorph.uncertainty.widening import FACTORS, widened
 
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
@@ -113,6 +117,9 @@ def _run(
         for number in range(min(chosen.contributions, chosen.draws)):
             jobs += [Draw(number, kind(sources, group), normals, sizes) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
+    numbers = drawn_values(quantities, _strides(trial, poses, torques))
+    true = numbers.of({one.name: one.values for one in quantities})
+    errors = np.full((chosen.draws, len(numbers.names)), np.nan, np.float32)
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
         results = attempts(chain, jobs, workers)
@@ -121,6 +128,7 @@ def _run(
                 failed += 1
             else:
                 draws.put(number, tables)
+                errors[number] = numbers.of(tables) - true
             advance(1)
         if len(draws.done) < 2:
             raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
@@ -132,13 +140,23 @@ def _run(
     factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
     spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
     notes, used = _notes(failed, chosen.draws), source_sizes(sources, sizes)
+    wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
+    values = ValueErrors(numbers.names, wider)
     found = Uncertainty(spreads, shares, chosen.draws, failed, notes, factors, used)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
     _write_sources(used, output.folder / SOURCE_TABLE)
     put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
+    put_value_errors(output.writer, values)
     return found
+
+
+def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
+    """Strides as the trial's tables of values have them; None where it is no walk."""
+    wrenches = None if torques is None else torques.wrenches
+    found = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.events)
+    return None if found is None else TrialStrides(trial.name, tuple(found.strikes), (found,), found.notes)
 
 
 def _shares(
@@ -266,6 +284,7 @@ STEP = Step(
     hashed=_hashed,
     grows_with="muscles",
     run=_run,
+    large=(ERRORS,),
     read=_read,
     show=_show,
 )
