@@ -291,7 +291,7 @@ def _ratios(
 
 def command(*words: object) -> None:
     """A command of Myomorph, silent; raises where it fails."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as heard:
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as heard:
         status = main([str(one) for one in words])
     if status:
-        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {heard.getvalue()}")
+        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {said.getvalue()}{heard.getvalue()}")

@@ -56,7 +56,7 @@ name = "person"
 model = "model.osim"
 steps = ["ik", "tension"]
 {tasks}
-trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = "auto" }}]
+trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = "auto", measured = "hidden" }}]
 """
 
 PINS = "shoulder-bonepin"

@@ -92,7 +92,7 @@ def read_value_errors(path: Path) -> ValueErrors | None:
     if not path.is_file():
         return None
     with open_netcdf(path) as file:
-        if ERRORS not in file:
+        if all(one.name != ERRORS for one in file.variables()):
             return None
         stored = stored_values(path, file, only=(VALUE, ERRORS))
     return ValueErrors(_pairs(stored), np.asarray(stored.values[ERRORS], np.float64))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array
 from myomorph.report.study.study_given import ValueDifference
+from myomorph.study.summary.condition_values import RunningMeans
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.value_errors import ValueErrors, of_subject
 
@@ -23,57 +24,83 @@ _Name = tuple[str, str]
 """Step and quantity."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Own:
-    """A quantity of one subject in one condition: values of its trials, and their errors (draws,) where drawn."""
+    """A quantity of one subject in one condition.
 
-    values: list[float] = field(default_factory=list)
-    errors: list[Array] = field(default_factory=list)
+    Attributes
+    ----------
+    mean, square : of its trials: mean and, with two or more, squared standard error, else NaN
+    count : of trials
+    error : (draws,) of the mean, None where not all trials were drawn
+    scatter : mean over the draws of the squared standard error by which errors of trials differ
+    """
 
-    @property
-    def mean(self) -> float:
-        return float(np.mean(self.values))
+    mean: float
+    square: float
+    count: int
+    error: Array | None
+    scatter: float
 
-    @property
-    def drawn(self) -> bool:
-        """Whether all trials have errors of as many draws."""
-        return len(self.errors) == len(self.values) and len({len(one) for one in self.errors}) == 1
 
-    @property
-    def error(self) -> Array:
-        """Of the mean (draws,)."""
-        return np.asarray(np.mean(self.errors, axis=0))
+class _Trials:
+    """Values of a subject's trials in one condition, and their errors, without keeping the trials."""
+
+    def __init__(self) -> None:
+        self.values: RunningMeans[_Name] = RunningMeans(1)
+        self.errors: RunningMeans[_Name] | None = None
+        self._undrawn = False
+
+    def add(self, values: Sequence[Value], drawn: ValueErrors | None, subject: str) -> None:
+        """One more trial."""
+        names = tuple((one.step, one.quantity) for one in values)
+        self.values.add(names, np.array([[one.value for one in values]]))
+        if drawn is None or (self.errors is not None and len(self.errors.count) != len(drawn.errors)):
+            self._undrawn = True
+            return
+        self.errors = self.errors or RunningMeans(len(drawn.errors))
+        self.errors.add(drawn.names, of_subject(drawn.errors, subject))
+
+    def of(self, name: _Name) -> _Own | None:
+        """A quantity, None where no trial has it."""
+        k = self.values.columns.get(name)
+        if k is None:
+            return None
+        count, squares = self.values.count[0, k], self.values.squares[0, k]
+        square = float(squares / (count - 1.0) / count) if count > 1 else float("nan")
+        error, scatter = None, float("nan")
+        at = None if self.errors is None or self._undrawn else self.errors.columns.get(name)
+        if at is not None and self.errors is not None and self.errors.count[:, at].max() == count:
+            # A draw that has no solution in one of the trials counts in none.
+            whole = self.errors.count[:, at] == count
+            error = np.where(whole, self.errors.mean[:, at], np.nan)
+            if count > 1:
+                scatter = float(self.errors.squares[whole, at].mean() / (count - 1.0) / count)
+        return _Own(float(self.values.mean[0, k]), square, int(count), error, scatter)
 
 
 class MeasuredValues:
-    """Values of all trials and their errors under draws, by condition, quantity and subject."""
+    """Values of all trials and their errors under draws, summed by condition and subject."""
 
     def __init__(self) -> None:
         self.units: dict[_Name, str] = {}
-        self._values: dict[str, dict[_Name, dict[str, _Own]]] = {}
+        self._trials: dict[str, dict[str, _Trials]] = {}
 
     def add(self, whose: tuple[str, str, str], values: Sequence[Value], drawn: ValueErrors | None) -> None:
         """One more trial: subject, condition and trial."""
         subject, condition, _ = whose
-        errors = None if drawn is None else of_subject(drawn.errors, subject).astype(np.float32)
-        at = {} if drawn is None else {name: k for k, name in enumerate(drawn.names)}
-        own = self._values.setdefault(condition, {})
-        for one in values:
-            name = (one.step, one.quantity)
-            self.units[name] = one.unit
-            found = own.setdefault(name, {}).setdefault(subject, _Own())
-            found.values.append(one.value)
-            if errors is not None and name in at:
-                found.errors.append(errors[:, at[name]])
+        self.units |= {(one.step, one.quantity): one.unit for one in values}
+        self._trials.setdefault(condition, {}).setdefault(subject, _Trials()).add(values, drawn, subject)
 
-    def of(self, condition: str) -> dict[_Name, dict[str, _Own]]:
-        """By quantity and subject."""
-        return self._values.get(condition, {})
+    def of(self, condition: str, name: _Name) -> dict[str, _Own]:
+        """A quantity by subject."""
+        found = {subject: one.of(name) for subject, one in self._trials.get(condition, {}).items()}
+        return {subject: one for subject, one in found.items() if one is not None}
 
     @property
     def subjects(self) -> set[str]:
         """All of them."""
-        return {name for own in self._values.values() for found in own.values() for name in found}
+        return {subject for own in self._trials.values() for subject in own}
 
 
 def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
@@ -87,12 +114,12 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
     alone = len(values.subjects) < 2
     found = []
     for first, second in itertools.combinations(conditions, 2):
-        one, other = values.of(first), values.of(second)
-        for name in one:
-            if name in other:
-                pair = _of_one(one[name], other[name]) if alone else _of_many(one[name], other[name])
+        for name, unit in values.units.items():
+            one, other = values.of(first, name), values.of(second, name)
+            if one and other:
+                pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    found.append(ValueDifference(first, second, *name, values.units[name], *pair))
+                    found.append(ValueDifference(first, second, *name, unit, *pair))
     return found
 
 
@@ -112,53 +139,52 @@ def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     shared = [name for name in one if name in other]
     if len(shared) >= 2:
         d = np.array([other[name].mean - one[name].mean for name in shared])
-        errors = [other[name].error - one[name].error for name in shared if one[name].drawn and other[name].drawn]
-        freedom, square = len(d) - 1.0, float(d.var(ddof=1)) / len(d)
+        errors = [_less(other[name].error, one[name].error) for name in shared]
         before, after = (float(np.mean([own[name].mean for name in shared])) for own in (one, other))
-        drawn = _mean_variance(errors, len(d))
-        found = _intervals(after - before, square, freedom, drawn, held=True)
+        square = float(d.var(ddof=1)) / len(d)
+        found = _intervals(after - before, square, len(d) - 1.0, _mean_variance(errors), held=True)
         return _Pair(True, "subjects", (len(d), len(d)), (before, after), *found)
     if shared:
         return None
     groups = [np.array([each.mean for each in own.values()]) for own in (one, other)]
     before, after = (float(group.mean()) for group in groups)
-    square, freedom = _welch(groups)
-    drawn = 0.0
-    for own, group in zip((one, other), groups, strict=True):
-        drawn += _mean_variance([each.error for each in own.values() if each.drawn], len(group))
-    found = _intervals(after - before, square, freedom, drawn, held=True)
-    return _Pair(False, "subjects", (len(groups[0]), len(groups[1])), (before, after), *found)
+    squares = [float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups]
+    counts = (len(groups[0]), len(groups[1]))
+    drawn = sum(_mean_variance([each.error for each in own.values()]) for own in (one, other))
+    found = _intervals(after - before, *_welch(squares, counts), drawn, held=True)
+    return _Pair(False, "subjects", counts, (before, after), *found)
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     first, second = (next(iter(own.values())) for own in (one, other))
-    trials = [np.array(own.values) for own in (first, second)]
-    square, freedom = _welch(trials)
-    drawn = np.nan
-    if first.drawn and second.drawn and len(first.errors[0]) == len(second.errors[0]):
-        drawn = float(np.nanvar(second.error - first.error, ddof=1))
-        if np.isfinite(square):
-            # What differs between trials shows in their spread already.
-            scatter = [np.nanmean(np.var(own.errors, axis=0, ddof=1)) / len(own.errors) for own in (first, second)]
-            drawn = max(drawn - float(sum(scatter)), 0.0)
+    counts = (first.count, second.count)
+    square, freedom = _welch((first.square, second.square), counts)
+    drawn = _mean_variance([_less(second.error, first.error)])
+    if np.isfinite(square):
+        # What differs between trials shows in their spread already.
+        drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
     found = _intervals(second.mean - first.mean, square, freedom, drawn, held=False)
-    return _Pair(False, "trials", (len(trials[0]), len(trials[1])), (first.mean, second.mean), *found)
+    return _Pair(False, "trials", counts, (first.mean, second.mean), *found)
 
 
-def _welch(groups: Sequence[Array]) -> tuple[float, float]:
+def _less(one: Array | None, other: Array | None) -> Array | None:
+    return None if one is None or other is None or len(one) != len(other) else np.asarray(one - other)
+
+
+def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, float]:
     """Squared standard error of the difference of two means, NaN with fewer than two in one, and its freedom."""
-    squares = [float(one.var(ddof=1)) / len(one) if len(one) > 1 else np.nan for one in groups]
     square = float(sum(squares))
     if not square > 0.0:
         return square, 1.0
-    return square, square**2 / sum(part**2 / (len(one) - 1) for part, one in zip(squares, groups, strict=True))
+    return square, square**2 / sum(part**2 / (count - 1) for part, count in zip(squares, counts, strict=True))
 
 
-def _mean_variance(errors: Sequence[Array], count: int) -> float:
-    """Variance of the mean over `count` subjects who err each by itself; NaN where one has no draws."""
-    if len(errors) < count or not count:
+def _mean_variance(errors: Sequence[Array | None]) -> float:
+    """Variance of the mean over subjects who err each by itself; NaN where one has no draws."""
+    known = [one for one in errors if one is not None]
+    if not known or len(known) < len(errors):
         return float("nan")
-    return float(sum(np.nanvar(one, ddof=1) for one in errors)) / count**2
+    return float(sum(np.nanvar(one, ddof=1) for one in known)) / len(known) ** 2
 
 
 def _intervals(
