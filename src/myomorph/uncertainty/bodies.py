@@ -122,6 +122,22 @@ def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
     )
 
 
+def with_fitted_tendons(model: Model, change: Array) -> Model:
+    """Tendons that are longer by as much as paths are in the default pose, as whoever made the model fitted them.
+
+    Else a point that lies elsewhere would stretch fibers to where they tear, which nobody's model has.
+
+    Parameters
+    ----------
+    change : (muscles,) of the paths' lengths [m]
+    """
+    muscles = (
+        changed(one, tendon_slack_length=max(one.tendon_slack_length + float(more), 0.5 * one.tendon_slack_length))
+        for one, more in zip(model.muscles, change, strict=True)
+    )
+    return replace(model, muscles=tuple(muscles))
+
+
 def _path(path: Path, muscle: str, draw: Draw) -> Path:
     """A path through other points; those that coordinates move stay."""
     if not draw.sources.attachment:
