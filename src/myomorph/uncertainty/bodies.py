@@ -8,10 +8,15 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.arrays import Array, changed
+from myomorph.model.latest import Latest
 from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.motion.root import floating_coordinates
+from myomorph.muscles.hill_arrays import compile_hill_as
+from myomorph.muscles.path import compile_paths_as
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.tree import compile_tree_as
 from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
@@ -79,6 +84,46 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     return replace(model, **parts) if parts else model
 
 
+def drawn_subject(model: Model, draw: Draw) -> Model:
+    """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that was given.
+
+    Whoever made the model chose slack lengths so that fibers are as long in the default pose as they should be. A path
+    with a point elsewhere, or another fiber, would have got another tendon; with the old one it would stretch fibers
+    to where they tear. How far off the fit itself is says the source `slack_length`.
+    """
+    made = drawn_model(model, draw)
+    if made is model:
+        return model
+    # Nothing else differs: to compile it all anew would take most of the time of a draw.
+    compile_tree_as(made, model)
+    if not model.muscles:
+        return made
+    compile_paths_as(made, model)
+    has = draw.sources
+    if has.attachment or has.wrap_radius or has.fiber_length:
+        made = _with_fitted_tendons(made, model)
+        compile_tree_as(made, model)
+        compile_paths_as(made, model)
+    compile_hill_as(made, model)
+    return made
+
+
+def _with_fitted_tendons(made: Model, given: Model) -> Model:
+    """Slack lengths with which normalized fiber lengths in the default pose are those of the model that was given."""
+    muscles = []
+    for one, old, length, before in zip(
+        made.muscles, given.muscles, default_path_lengths(made), _lengths(given), strict=True
+    ):
+        stretched = max(float(before) - old.tendon_slack_length, 0.0)
+        more = float(length - before) - (one.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
+        least = 0.5 * old.tendon_slack_length
+        muscles.append(changed(one, tendon_slack_length=max(one.tendon_slack_length + more, least)))
+    return replace(made, muscles=tuple(muscles))
+
+
+_lengths = Latest(default_path_lengths)
+
+
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
     """Bodies whose masses sum up to the same."""
     masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}
@@ -120,22 +165,6 @@ def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
         optimal_fiber_length=muscle.optimal_fiber_length * draw.factor("fiber_length", name),
         tendon_slack_length=max(slack, 0.5 * muscle.tendon_slack_length),
     )
-
-
-def with_fitted_tendons(model: Model, change: Array) -> Model:
-    """Tendons that are longer by as much as paths are in the default pose, as whoever made the model fitted them.
-
-    Else a point that lies elsewhere would stretch fibers to where they tear, which nobody's model has.
-
-    Parameters
-    ----------
-    change : (muscles,) of the paths' lengths [m]
-    """
-    muscles = (
-        changed(one, tendon_slack_length=max(one.tendon_slack_length + float(more), 0.5 * one.tendon_slack_length))
-        for one, more in zip(model.muscles, change, strict=True)
-    )
-    return replace(model, muscles=tuple(muscles))
 
 
 def _path(path: Path, muscle: str, draw: Draw) -> Path:

@@ -18,11 +18,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut
-from myomorph.muscles.hill_arrays import compile_hill_as
-from myomorph.muscles.path import compile_paths_as
-from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree, compile_tree_as
+from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
 from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
@@ -30,7 +27,7 @@ from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw, drawn_model, with_fitted_tendons
+from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.pose_slopes import PoseSlopes, pose_slopes
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -100,11 +97,6 @@ class Chain:
     slopes: PoseSlopes | None = None
     pose_step: int = 1
     tension_step: int = 1
-
-    @cached_property
-    def path_lengths(self) -> Array:
-        """Of the muscles in the default pose (muscles,) [m]."""
-        return default_path_lengths(self.trial.model)
 
     @cached_property
     def cutoff(self) -> float | None:
@@ -323,17 +315,7 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
-    model = drawn_model(trial.model, draw)
-    if model is not trial.model:
-        # Nothing else differs: to compile it all anew would take most of the time of a draw.
-        compile_tree_as(model, trial.model)
-        if model.muscles:
-            compile_paths_as(model, trial.model)
-            if acts(sources, ("paths",)):
-                model = with_fitted_tendons(model, default_path_lengths(model) - chain.path_lengths)
-                compile_tree_as(model, trial.model)
-                compile_paths_as(model, trial.model)
-            compile_hill_as(model, trial.model)
+    model = drawn_subject(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
