@@ -68,7 +68,7 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     draw : which errors
     """
     has, parts = draw.sources, dict[str, Any]()
-    if has.segment_mass or has.mass_center or has.inertia:
+    if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
     if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
@@ -125,10 +125,10 @@ _lengths = Latest(default_path_lengths)
 
 
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
-    """Bodies whose masses sum up to the same."""
+    """Bodies whose masses sum up to the same, but for the error of the whole."""
     masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}
     whole = sum(masses.values())
-    scale = model.mass / whole if whole > 0.0 else 1.0
+    scale = draw.factor("body_mass", "body") * (model.mass / whole if whole > 0.0 else 1.0)
     return tuple(_body(one, scale * masses[one.name], draw) for one in model.bodies)
 
 

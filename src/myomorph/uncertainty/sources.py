@@ -11,7 +11,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "markers": ("marker_noise", "skin_thigh", "skin_shank", "skin_foot", "skin_trunk", "skin_arm", "angle"),
     "placement": ("placement",),
     "forces": ("plate_position", "plate_gain", "clock"),
-    "masses": ("segment_mass", "mass_center", "inertia"),
+    "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
     "joints": ("joint_center", "joint_axis"),
     "filter": ("filter_cutoff",),
     "paths": ("attachment", "wrap_radius"),
@@ -38,7 +38,8 @@ class Sources:
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
     clock : of the forces against the motion [s]
-    segment_mass : of each body, as a share of it, the whole mass being known (Rao et al. 2006)
+    body_mass : of the whole body, as a share: clothes and shoes are weighed along or not (Whigham et al. 2013)
+    segment_mass : of each body, as a share of it, beside the error of the whole (Rao et al. 2006)
     mass_center : of each body and axis, as a share of its radius of gyration
     inertia : of each body, as a share
     joint_center : of each joint and axis [m] (Kainz et al. 2015)
@@ -66,6 +67,7 @@ class Sources:
     plate_position: float = 0.003
     plate_gain: float = 0.01
     clock: float = 0.002
+    body_mass: float = 0.01
     segment_mass: float = 0.1
     mass_center: float = 0.1
     inertia: float = 0.15

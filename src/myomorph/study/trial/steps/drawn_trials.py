@@ -21,6 +21,7 @@ from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
+from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
 from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
@@ -99,6 +100,13 @@ class Chain:
     tension_step: int = 1
 
     @cached_property
+    def strength(self) -> Strength:
+        """What reserves may give in a draw."""
+        assert self.torques is not None
+        task = task_of(self.trial, self.recorded, every(self.tension_step, self.torques))
+        return Strength.of(task.solved(lambda count: None)[0], self.trial.model.weight)
+
+    @cached_property
     def cutoff(self) -> float | None:
         """Of the low-pass filter [Hz], None for none."""
         return cutoff_of(self.trial, self.recorded)
@@ -137,12 +145,14 @@ class Chain:
         torques = self.torques
         if torques is not None and (moved or acts(sources, LOADED)):
             torques = solve_dynamics(trial, recorded)
-        return {one.name: one.values for one in self._made(trial, recorded, torques)}
+        return {one.name: one.values for one in self._made(trial, recorded, torques, self.tense)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
-        """`drawn`, None where the drawn trial has no solution."""
+        """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
         try:
             return self.drawn(draw)
+        except TooWeak:
+            return {}
         except FAILURES:
             return None
 
@@ -166,7 +176,9 @@ class Chain:
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
-    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
+    def _made(
+        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, judged: bool = False
+    ) -> list[Quantity]:
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
         kinds = [model.coordinate(name).motion for name in shown.names]
@@ -183,12 +195,15 @@ class Chain:
         if self.trial.torques is None:
             made.append(_torques(trial, torques))
         if self.tense:
-            made += _of_muscles(trial, task_of(trial, recorded, every(self.tension_step, torques)))
+            task = task_of(trial, recorded, every(self.tension_step, torques))
+            made += _of_muscles(trial, task, self.strength if judged else None)
         return made
 
 
-def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
+def _of_muscles(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
     tension, _ = task.solved(lambda count: None)
+    if strength is not None:
+        strength.check(tension)
     parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
     made = [_named(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
     tables = []

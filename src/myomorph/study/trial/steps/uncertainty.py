@@ -38,8 +38,8 @@ from myomorph.uncertainty.value_errors import ValueErrors, widened_errors
 from myomorph.uncertainty.widening import FACTORS, widened
 
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
-MAY_FAIL = 0.02
-"""Share of draws without a solution above which the result is doubted."""
+MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
+"""Shares of draws above which the result is doubted: without a solution, and of bodies too weak for the motion."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _run(
     chosen, sources = trial.options[DrawOptions], trial.options[Sources]
     chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames, chosen.method == "linear")
     whole, quantities = zip(*chain.quantities(), strict=True)
-    normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
+    normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
     sizes = trial.error_sizes.beside(sources)
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     # Where errors add up, what is missing without a group is what it does alone.
@@ -126,12 +126,17 @@ def _run(
         for number, tables in enumerate(islice(results, chosen.draws)):
             if tables is None:
                 failed += 1
+            elif not tables:
+                weak += 1
             else:
                 draws.put(number, tables)
                 errors[number] = numbers.of(tables) - true
             advance(1)
         if len(draws.done) < 2:
-            raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
+            raise BadData(
+                f"{trial.name}: of {chosen.draws} draws {failed} have no solution, and of {weak} the body "
+                "is too weak for the motion: state smaller errors"
+            )
         spreads = {
             one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
             for one, part in zip(whole, quantities, strict=True)
@@ -139,10 +144,10 @@ def _run(
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
     factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
     spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
-    notes, used = _notes(failed, chosen.draws), source_sizes(sources, sizes)
+    notes, used = _notes(failed, weak, chosen.draws), source_sizes(sources, sizes)
     wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
     values = ValueErrors(numbers.names, wider)
-    found = Uncertainty(spreads, shares, chosen.draws, failed, notes, factors, used)
+    found = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
@@ -190,7 +195,7 @@ def _shares(
     for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
         group, kind = k // (each * kinds), k % kinds
         advance(1)
-        if tables is None or job.number not in done:
+        if not tables or job.number not in done:
             continue
         counts[kind, group] += 1
         for one in quantities:
@@ -206,10 +211,18 @@ def _mean_square(values: Array) -> Array:
     return np.asarray((np.nan_to_num(values) ** 2).mean(axis=0))
 
 
-def _notes(failed: int, draws: int) -> tuple[str, ...]:
-    if failed <= MAY_FAIL * draws:
-        return ()
-    return (f"uncertainty: {failed} of {draws} draws have no solution and are left out: the limits are too narrow",)
+def _notes(failed: int, weak: int, draws: int) -> tuple[str, ...]:
+    notes: tuple[str, ...] = ()
+    if failed > MAY_FAIL * draws:
+        notes = (
+            f"uncertainty: {failed} of {draws} draws have no solution and are left out: the limits are too narrow",
+        )
+    if weak > MAY_BE_WEAK * draws:
+        notes += (
+            f"uncertainty: in {weak} of {draws} draws the muscles are too weak for the motion, so they are left out: the "
+            "model is hardly strong enough, and limits of what its muscles carry are worth less",
+        )
+    return notes
 
 
 def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
