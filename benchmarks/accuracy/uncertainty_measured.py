@@ -165,8 +165,6 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
             start=start,
             stop=stop,
         )
-        if case.tracked:
-            text = text.replace('"ik", ', "")
         (here / "study.toml").write_text(text, encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
         tables = limits(next((here / "out").rglob("contact_groups.sto")))

@@ -214,14 +214,11 @@ def _mean_square(values: Array) -> Array:
 def _notes(failed: int, weak: int, draws: int) -> tuple[str, ...]:
     notes: tuple[str, ...] = ()
     if failed > MAY_FAIL * draws:
-        notes = (
-            f"uncertainty: {failed} of {draws} draws have no solution and are left out: the limits are too narrow",
-        )
+        lost = f"{failed} of {draws} draws have no solution and are left out"
+        notes = (f"uncertainty: {lost}: the limits are too narrow",)
     if weak > MAY_BE_WEAK * draws:
-        notes += (
-            f"uncertainty: in {weak} of {draws} draws the muscles are too weak for the motion, so they are left out: the "
-            "model is hardly strong enough, and limits of what its muscles carry are worth less",
-        )
+        left = f"in {weak} of {draws} draws the muscles are too weak for the motion"
+        notes += (f"uncertainty: {left}, and they are left out: the model itself is hardly strong enough",)
     return notes
 
 
