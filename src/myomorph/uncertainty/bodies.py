@@ -124,6 +124,16 @@ def _with_fitted_tendons(made: Model, given: Model) -> Model:
 _lengths = Latest(default_path_lengths)
 
 
+def stronger(model: Model, factor: float) -> Model:
+    """The same with all muscles stronger, compiled as the one that was given."""
+    muscles = (changed(one, max_isometric_force=factor * one.max_isometric_force) for one in model.muscles)
+    made = replace(model, muscles=tuple(muscles))
+    compile_tree_as(made, model)
+    compile_paths_as(made, model)
+    compile_hill_as(made, model)
+    return made
+
+
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
     """Bodies whose masses sum up to the same, but for the error of the whole."""
     masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}

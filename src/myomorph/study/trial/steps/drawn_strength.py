@@ -8,12 +8,12 @@ import numpy as np
 
 from myomorph.model.errors import MyomorphError
 from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import RESERVE, RESIDUAL
+from myomorph.tension.terms.actuators import RESERVE
 
-OF_TORQUE, OF_LARGEST = 0.1, 0.02
-"""Reserve beyond that of the result: shares of the coordinate's own largest torque, and of the largest of all."""
-OF_WEIGHT = 0.05
-"""Residual force beyond that of the result, as a share of the weight (Hicks et al. 2015)."""
+LARGE = 0.3
+"""Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
+BEYOND = 0.2
+"""Reserve beyond that of the result, as a share of the coordinate's own largest torque."""
 
 
 class TooWeak(MyomorphError):
@@ -22,27 +22,20 @@ class TooWeak(MyomorphError):
 
 @dataclass(frozen=True)
 class Strength:
-    """What reserves and residual forces may give in a draw, by their names [N m or N]."""
+    """What reserves may give in a draw, by their names [N m or N]."""
 
     most: dict[str, float]
 
     @classmethod
-    def of(cls, tension: Tension, weight: float) -> Strength:
-        """What the result without errors needs, and a tolerance.
-
-        Parameters
-        ----------
-        weight : of the body [N]
-        """
+    def of(cls, tension: Tension) -> Strength:
+        """What the result without errors needs, and a tolerance."""
         peaks = dict(zip(tension.coordinates, _peaks(tension.torques), strict=True))
         largest = max(peaks.values(), default=0.0)
         most = {}
         for name, peak in zip(tension.reserve_names, _peaks(tension.reserves), strict=True):
-            if name.startswith(f"{RESIDUAL}F"):
-                most[name] = peak + OF_WEIGHT * weight
-            elif name.startswith(RESERVE):
-                own = peaks.get(name.removeprefix(RESERVE), 0.0)
-                most[name] = peak + max(OF_TORQUE * own, OF_LARGEST * largest)
+            own = peaks.get(name.removeprefix(RESERVE), 0.0) if name.startswith(RESERVE) else 0.0
+            if own > LARGE * largest:
+                most[name] = peak + BEYOND * own
         return cls(most)
 
     def check(self, tension: Tension) -> None:

@@ -28,7 +28,9 @@ from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw, drawn_subject
+from myomorph.tension.terms.contacts import ContactOptions
+from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
+from myomorph.uncertainty.contacts import drawn_sites, drawn_strengths
 from myomorph.uncertainty.pose_slopes import PoseSlopes, pose_slopes
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -42,6 +44,8 @@ EXPONENTS = (2.0, 3.0)
 """Of the effort, as published: both are usual."""
 BESIDE = 1.0
 """Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
+STRONGER = (1.4, 1.4, 1.4)
+"""Factors by which all muscles of a body grow, one after the other, until it can do what was recorded."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
 
@@ -104,7 +108,7 @@ class Chain:
         """What reserves may give in a draw."""
         assert self.torques is not None
         task = task_of(self.trial, self.recorded, every(self.tension_step, self.torques))
-        return Strength.of(task.solved(lambda count: None)[0], self.trial.model.weight)
+        return Strength.of(task.solved(lambda count: None)[0])
 
     @cached_property
     def cutoff(self) -> float | None:
@@ -121,6 +125,7 @@ class Chain:
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
+            "contacts": self.tense and self.trial.contacts is not None,
             "EMG": self.tense and self.trial.emg is not None,
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
         return tuple(one for one in GROUPS if acting.get(one, True))
@@ -145,7 +150,12 @@ class Chain:
         torques = self.torques
         if torques is not None and (moved or acts(sources, LOADED)):
             torques = solve_dynamics(trial, recorded)
-        return {one.name: one.values for one in self._made(trial, recorded, torques, self.tense)}
+        for more in STRONGER if self.tense else ():
+            try:
+                return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
+            except TooWeak:
+                trial = replace(trial, model=stronger(trial.model, more))
+        return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
         """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
@@ -177,7 +187,7 @@ class Chain:
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _made(
-        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, judged: bool = False
+        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, draw: Draw | None = None
     ) -> list[Quantity]:
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
@@ -196,8 +206,21 @@ class Chain:
             made.append(_torques(trial, torques))
         if self.tense:
             task = task_of(trial, recorded, every(self.tension_step, torques))
-            made += _of_muscles(trial, task, self.strength if judged else None)
+            if draw is not None:
+                task = _with_contacts(task, draw)
+            made += _of_muscles(trial, task, None if draw is None else self.strength)
         return made
+
+
+def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
+    """A task with the errors of contacts whose forces are estimated."""
+    if task.setting is None:
+        return task
+    own = task.setting.task
+    changed = replace(
+        own, sites=drawn_sites(own.sites, draw), strengths=drawn_strengths(own.strengths, own.sites, draw)
+    )
+    return replace(task, setting=replace(task.setting, task=changed))
 
 
 def _of_muscles(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
@@ -330,6 +353,8 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
+        if trial.contacts is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
+            options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
