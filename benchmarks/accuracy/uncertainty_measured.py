@@ -13,19 +13,26 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from benchmarks.accuracy.uncertainty import command
 from benchmarks.hands_lift import LIFTS, hands_measured, man, recorded, tracked
 from benchmarks.hands_lift_forces import HANDS, holding, plate_on_feet
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.sites import body_sites, foot_sites
+from myomorph.io.formats import read_model
 from myomorph.io.loads import write_external_loads
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import read_sto, table_from_motion, write_sto
 from myomorph.io.trc import read_trc, write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
+from myomorph.model.model import Model
 from myomorph.model.series import Markers, Table
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 from myomorph.uncertainty.spread import LEVEL
 from myomorph.uncertainty.widening import FACTORS
 
@@ -60,16 +67,20 @@ trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = 
 """
 
 PINS = "shoulder-bonepin"
-PIN_MODEL, PIN_MARKERS, PIN_ANGLES = "subject1_abdbonepin.osim", "abdbonepin.trc", "std_subject1_abdbonepin_IK.mot"
+PIN_MODEL, PIN_MARKERS = "subject1_abdbonepin.osim", "abdbonepin.trc"
+SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot", "scapula_winging")
+HUMERUS = ("plane_of_elev", "shoulder_elv", "axial_rot")
+PIN_EVERY = 20
+"""Of the frames each so many-th is compared."""
 PIN_SPAN = (0.0, 19.0)
-"""That the published angles cover [s]."""
+"""Time in which the arm is raised [s]."""
 SUBSETS = {
     "without the blade of the scapula": ("ts", "ai"),
     "without blade and head of the humerus": ("ts", "ai", "gu"),
 }
 """Markers that are left out: what cannot be seen on skin."""
 NOT_USED = ("ijc",)
-"""A marker that the published angles leave out."""
+"""A marker that the laboratory's own angles leave out."""
 NO_SKIN = "".join(f"skin_{one} = 0\n" for one in ("thigh", "shank", "foot", "trunk", "arm"))
 
 LIFT_FILE = """
@@ -197,11 +208,10 @@ def limits(path: Path) -> tuple[Table, Table, Table]:
 
 def measure_pins(folder: Path) -> Iterator[Row]:
     """Angles of a shoulder by bone pins, found from fewer markers: share inside the limits, and their widths."""
-    home = folder / PINS
+    home, factor = folder / PINS, FACTORS["coordinates"]
     markers = read_trc(home / PIN_MARKERS).markers
     assert markers is not None
-    truth = read_sto(home / PIN_ANGLES)
-    factor = FACTORS["coordinates"]
+    time, truth = _of_bones(folder, markers)
     for words, left_out in SUBSETS.items():
         kept = _without(markers, (*left_out, *NOT_USED))
         for skin, sizes in (("assumed", ""), ("stated as none", NO_SKIN)):
@@ -212,28 +222,60 @@ def measure_pins(folder: Path) -> Iterator[Row]:
                 files = ("--model", home / PIN_MODEL, "--markers", here / "markers.trc", "--out", here / "angles.mot")
                 command("ik", *files, "--time", *PIN_SPAN, "--draws", DRAWS, "--uncertainty", here / "sizes.toml")
                 tables = limits(here / "angles.mot")
-            free = [k for k, name in enumerate(truth.names) if _moves(tables, name)]
-            time = tables[1].time
-            inside = time <= truth.time[-1]
-            values = np.column_stack([np.interp(time[inside], truth.time, truth.values[:, k]) for k in free])
-            columns = [[one[truth.names[k]][inside] for k in free] for one in tables]
+            held = {
+                name: Held(values, *(np.interp(time, one.time, one[name]) for one in tables))
+                for name, values in truth.items()
+            }
+            parts = zip(*((one.truth, one.low, one.found, one.high) for one in held.values()), strict=True)
             row: Row = {"markers": words, "movement of skin": skin}
-            whole = Held(values.T.ravel(), *(np.concatenate(one) for one in columns))
-            row |= whole.row("all angles", "deg", factor)
-            for k, at in enumerate(free):
-                one = Held(values[:, k], *(parts[k] for parts in columns))
-                row[f"{truth.names[at]}, inside [%]"] = one.row("", "", factor)[", inside [%]"]
+            row |= Held(*(np.concatenate(one) for one in parts)).row("all", "deg", factor)
+            for name, one in held.items():
+                shares = one.row("", "deg", factor)
+                row[f"{name}: inside [%], width, 90 % of the error [deg]"] = ", ".join(
+                    f"{float(shares[key]):.3g}"  # type: ignore[arg-type]
+                    for key in (", inside [%]", ", width [deg]", ", 90 % of the error [deg]")
+                )
             yield row
 
 
-def _moves(tables: tuple[Table, Table, Table], name: str) -> bool:
-    """Whether a column is an angle that has limits: what is locked has none, and places are no angles."""
-    low, _, high = tables
-    return (
-        name in low.names
-        and not name.endswith(("_x", "_y", "_z", "_tx", "_ty", "_tz"))
-        and bool((high[name] - low[name]).max() > 1e-6)
-    )
+def _of_bones(folder: Path, markers: Markers) -> tuple[Array, dict[str, Array]]:
+    """Times, and angles [deg] that the pins of each bone show by themselves.
+
+    Those of the scapula from its own markers and the thorax's alone, without clavicle and humerus; those of the
+    humerus from the rotations of scapula and humerus, each of its own markers.
+    """
+    model = read_model(folder / PINS / PIN_MODEL)
+    some = np.flatnonzero(markers.time <= PIN_SPAN[1])[::PIN_EVERY]
+    shown = replace(markers, time=markers.time[some], values=markers.values[some])
+    apart = tuple(one for one in model.markers if one.body in ("thorax", "scapula"))
+    alone = inverse_kinematics(replace(model, loops=(), markers=apart), _without(shown, NOT_USED)).motion
+    found = {name: np.degrees(alone[name]) for name in SCAPULA}
+    scapula, humerus = (_rotations(model, body, shown) for body in ("scapula", "humerus"))
+    turned = np.einsum("fji,fjk->fik", scapula, humerus)
+    tree = compile_tree(model)
+    at = [model.coordinate_names.index(name) for name in HUMERUS]
+    bodies = [tree.body_index[name] for name in ("scapula", "humerus")]
+    values = np.array(alone.values)
+
+    def apart_from(angles: Array, frame: int) -> Array:
+        c = values[frame].copy()
+        c[at] = angles
+        rotations = forward_kinematics(tree, c[None]).rotations[0, bodies]
+        return np.asarray((rotations[0].T @ rotations[1] - turned[frame]).ravel())
+
+    start, angles = values[0, at], np.empty((len(some), len(at)))
+    for frame in range(len(some)):
+        angles[frame] = start = least_squares(apart_from, start, args=(frame,)).x
+    return shown.time, found | dict(zip(HUMERUS, np.degrees(angles.T), strict=True))
+
+
+def _rotations(model: Model, body: str, markers: Markers) -> Array:
+    """(frames, 3, 3) of a body from its own markers."""
+    own = [one for one in model.markers if one.body == body and one.name not in NOT_USED]
+    places = np.array([one.location for one in own])
+    seen = markers.values[:, [markers.names.index(one.name) for one in own]]
+    places, seen = places - places.mean(axis=0), seen - seen.mean(axis=1, keepdims=True)
+    return np.array([Rotation.align_vectors(frame, places)[0].as_matrix() for frame in seen])
 
 
 def _without(markers: Markers, names: tuple[str, ...]) -> Markers:

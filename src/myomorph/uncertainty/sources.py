@@ -16,6 +16,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "joints": ("joint_center", "joint_axis"),
     "filter": ("filter_cutoff",),
     "paths": ("attachment", "wrap_radius"),
+    "joint contacts": ("joint_contact_point",),
     "muscles": ("strength", "fiber_length", "slack_length"),
     "EMG": ("emg_gain",),
     "criterion": ("criterion",),
@@ -50,6 +51,8 @@ class Sources:
     filter_cutoff : of the low-pass filter, as a share: 4 to 9 Hz lie within one deviation of 6 Hz
     attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
     wrap_radius : of each wrapping surface, as a share
+    joint_contact_point : of each contact point of a joint, each axis [m]; bones of others, and legs whose axes differ,
+        move where condyles meet by millimetres (Lerner et al. 2015)
     strength : of each muscle's maximum isometric force, as a share
     fiber_length : optimal, of each muscle, as a share
     slack_length : of each tendon, as a share of the optimal fiber length
@@ -82,6 +85,7 @@ class Sources:
     filter_cutoff: float = 0.4
     attachment: float = 0.004
     wrap_radius: float = 0.05
+    joint_contact_point: float = 0.004
     strength: float = 0.2
     fiber_length: float = 0.1
     slack_length: float = 0.05

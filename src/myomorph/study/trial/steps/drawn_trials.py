@@ -26,6 +26,7 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, sol
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
@@ -125,6 +126,7 @@ class Chain:
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
+            "joint contacts": self.tense and self.trial.contact_points is not None,
             "contacts": self.tense and self.trial.contacts is not None,
             "EMG": self.tense and self.trial.emg is not None,
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
@@ -363,9 +365,21 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
         trial,
         model=model,
         options=options,
+        contact_points=_drawn_points(trial.contact_points, draw),
         loads=None if loads is None else lambda motion: loads,
         emg=None if trial.emg is None else drawn_emg(trial.emg, draw),
     )
+
+
+def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:
+    """Contact points of joints that lie elsewhere."""
+    if points is None or not draw.sources.joint_contact_point:
+        return points
+    moved = (
+        replace(one, point=tuple((one.point + draw.of("joint_contact_point", f"{one.joint} {one.name}", 3)).tolist()))
+        for one in points.points
+    )
+    return replace(points, points=tuple(moved))
 
 
 def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
