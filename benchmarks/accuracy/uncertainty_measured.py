@@ -82,6 +82,12 @@ SUBSETS = {
 NOT_USED = ("ijc",)
 """A marker that the laboratory's own angles leave out."""
 NO_SKIN = "".join(f"skin_{one} = 0\n" for one in ("thigh", "shank", "foot", "trunk", "arm"))
+SIZES = {
+    "usual": "",
+    "no movement of skin": NO_SKIN,
+    "no movement of skin, no misplaced marker": f"{NO_SKIN}placement = 0\n",
+}
+"""Sizes of errors that a user states who knows of the pins, and that their landmarks define the bones."""
 
 LIFT_FILE = """
 feet = false
@@ -214,7 +220,7 @@ def measure_pins(folder: Path) -> Iterator[Row]:
     time, truth = _of_bones(folder, markers)
     for words, left_out in SUBSETS.items():
         kept = _without(markers, (*left_out, *NOT_USED))
-        for skin, sizes in (("assumed", ""), ("stated as none", NO_SKIN)):
+        for stated, sizes in SIZES.items():
             with tempfile.TemporaryDirectory() as work:
                 here = Path(work)
                 write_trc(kept, here / "markers.trc")
@@ -227,7 +233,7 @@ def measure_pins(folder: Path) -> Iterator[Row]:
                 for name, values in truth.items()
             }
             parts = zip(*((one.truth, one.low, one.found, one.high) for one in held.values()), strict=True)
-            row: Row = {"markers": words, "movement of skin": skin}
+            row: Row = {"markers": words, "sizes": stated}
             row |= Held(*(np.concatenate(one) for one in parts)).row("all", "deg", factor)
             for name, one in held.items():
                 shares = one.row("", "deg", factor)
