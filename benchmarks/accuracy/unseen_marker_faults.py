@@ -25,6 +25,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.store.finding_store import get_findings
 from myomorph.study.analyze.recordings import bare, look_at
+from myomorph.study.subject.subjects import stored_findings
 from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.ik import FINDINGS
 
@@ -196,5 +197,5 @@ def analyzed(folder: Path, markers: Markers, static: str) -> Result:
             line = said.rpartition("\n")[2]
             return Result(None, None, (Finding("refused", "recording", line),), said)
         ((_, trial),) = load(out).items()
-        findings = get_findings(trial.stored, FINDINGS)
+        findings = (*stored_findings(out / "calibration"), *get_findings(trial.stored, FINDINGS))
         return Result(read_model(out / "calibrated.osim"), trial.motion, findings, said)

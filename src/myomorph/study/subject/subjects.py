@@ -10,16 +10,18 @@ from pathlib import Path
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadFile
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
+from myomorph.store.finding_store import findings_of
 from myomorph.store.results import whole_folder
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, Prepared, SubjectFiles, made_model, subject_step
 from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
 
 PROVENANCE = "provenance.json"
-FINDINGS = "findings.txt"
-"""Lines of checks in a step's tables, which a run prints."""
+FINDINGS = "findings.json"
+"""What checks found, in a step's tables: a run prints it."""
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -109,7 +111,7 @@ def prepare_subject(
             (*prepared.reused, step) if known else prepared.reused,
             tuple(dict.fromkeys((*prepared.changed, *changed))),
             prepared.timed if known else (*prepared.timed, (step, seconds)),
-            (*prepared.findings, *_findings(tables)),
+            (*prepared.findings, *(one.text for one in stored_findings(tables))),
         )
     return prepared
 
@@ -144,10 +146,10 @@ def reused_subject_steps(
     return found
 
 
-def _findings(tables: Path) -> tuple[str, ...]:
-    """Lines of checks that a step left in its tables."""
+def stored_findings(tables: Path) -> tuple[Finding, ...]:
+    """What checks in a step on a subject found, as the step left it in its tables."""
     path = tables / FINDINGS
-    return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
+    return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
 
 
 def _stored(tables: Path) -> Provenance | None:
