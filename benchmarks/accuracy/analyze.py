@@ -85,7 +85,7 @@ def plug_in_gait(path: str) -> Reference:
     return found
 
 
-def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[str, str] | None = None) -> Reference:
+def opensim_table(path: str, signs: dict[str, float] | None = None) -> Reference:
     """Moments of a table that OpenSim or a program like it wrote."""
 
     def found(folder: Path, mass: float) -> Series:
@@ -93,8 +93,7 @@ def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[
         columns = {}
         for joint in JOINTS:
             for side in "rl":
-                name = (names or {}).get(joint, joint)
-                title = f"{name}_{side}_moment"
+                title = f"{joint}_{side}_moment"
                 if title in table.names:
                     columns[f"{joint}_{side}"] = (signs or {}).get(joint, 1.0) * table[title]
         return Series(table.time, tuple(columns), np.column_stack(list(columns.values())))
