@@ -36,7 +36,7 @@ from myomorph.model.series import Markers, Motion
 from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.store.finding_store import get_findings
 from myomorph.study.analyze.recordings import Recording, bare, look_at
-from myomorph.study.subject.subjects import stored_findings
+from myomorph.study.subject.calibrating import stored_findings
 from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.ik import FINDINGS
 

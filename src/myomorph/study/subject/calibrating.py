@@ -27,16 +27,19 @@ from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.summary_lines import calibration_line
-from myomorph.store.finding_store import findings_text
+from myomorph.store.finding_store import findings_of, findings_text
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import FINDINGS, write_made_model
+from myomorph.study.subject.subjects import NOTES, write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
+
+FINDINGS = "findings.json"
+"""What checks of the markers found, in the folder of tables."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,12 @@ def _recording(
     return trial.markers if span is None else cut(trial.markers, *span)
 
 
+def stored_findings(tables: Path) -> tuple[Finding, ...]:
+    """What checks of the markers found before a calibration, as it left them in its tables."""
+    path = tables / FINDINGS
+    return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
+
+
 def _labelled(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
     """A recording with labels put back that are exchanged throughout: a calibration would move markers after them."""
     markers, found = mended_labels(model, markers)
@@ -207,6 +216,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         _write_rows(marker_rows(found), folder / "markers.csv")
         _write_rows(zero_rows(found), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
+        (folder / NOTES).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)

@@ -10,18 +10,16 @@ from pathlib import Path
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadFile
-from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.store.finding_store import findings_of
 from myomorph.store.results import whole_folder
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, Prepared, SubjectFiles, made_model, subject_step
 from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
 
 PROVENANCE = "provenance.json"
-FINDINGS = "findings.json"
-"""What checks found, in a step's tables: a run prints it."""
+NOTES = "notes.txt"
+"""What may not be believed of a step's result, one line each, in the folder of its tables."""
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -111,7 +109,6 @@ def prepare_subject(
             (*prepared.reused, step) if known else prepared.reused,
             tuple(dict.fromkeys((*prepared.changed, *changed))),
             prepared.timed if known else (*prepared.timed, (step, seconds)),
-            (*prepared.findings, *(one.text for one in stored_findings(tables))),
         )
     return prepared
 
@@ -146,10 +143,14 @@ def reused_subject_steps(
     return found
 
 
-def stored_findings(tables: Path) -> tuple[Finding, ...]:
-    """What checks in a step on a subject found, as the step left it in its tables."""
-    path = tables / FINDINGS
-    return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
+def subject_notes(steps: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """What the steps on a subject said of their results, also of those that an earlier run made."""
+    found: list[str] = []
+    for step in [name for name in SUBJECT_STEPS if name in steps]:
+        path = folder / subject_step(step).tables / NOTES
+        if path.is_file():
+            found += [f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()]
+    return tuple(found)
 
 
 def _stored(tables: Path) -> Provenance | None:
