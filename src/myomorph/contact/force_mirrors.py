@@ -66,7 +66,7 @@ def check_mirrors(inspection: Inspection) -> None:
             if _share(others.any(axis=1), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
         found = _mirror(inspection, centers, carriers, weights)
-        fits = _share(carriers.any(axis=1) & _stands(stands, own), weights) > STANDS
+        fits = _share(_stands(stands, own), weights) > STANDS
         if not fits or found.distance > min(FITS * feet.unit, MARKED * before):
             continue
         if found.distance < CLEARER * exchanged:
