@@ -335,8 +335,10 @@ def _faults(folder: Path) -> Page:
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
-            "marker_faults_unseen": lambda: unseen_marker_faults.injected_marker_faults(folder),
-            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_markers(folder),
+            "marker_faults_unseen": lambda: unseen_marker_faults.injected_after_calibration(folder),
+            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_after_calibration(folder),
+            "marker_faults_raw": lambda: unseen_marker_faults.injected_marker_faults(folder),
+            "marker_faults_raw_clean": lambda: unseen_marker_faults.clean_markers(folder),
         },
     )
 
