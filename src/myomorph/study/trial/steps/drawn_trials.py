@@ -15,6 +15,7 @@ from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut
@@ -315,14 +316,8 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
-        options = options.having(_criterion(options[TensionOptions], draw))
-    model = drawn_model(trial.model, draw)
-    if model is not trial.model:
-        # Nothing else differs: to compile it all anew would take most of the time of a draw.
-        compile_tree_as(model, trial.model)
-        if model.muscles:
-            compile_paths_as(model, trial.model)
-            compile_hill_as(model, trial.model)
+        options = options.having(drawn_criterion(options[TensionOptions], draw))
+    model = compiled_draw(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
@@ -335,7 +330,19 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     )
 
 
-def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
+def compiled_draw(model: Model, draw: Draw) -> Model:
+    """`drawn_model`, compiled: what does not change is used again."""
+    drawn = drawn_model(model, draw)
+    if drawn is not model:
+        # Nothing else differs: to compile it all anew would take most of the time of a draw.
+        compile_tree_as(drawn, model)
+        if drawn.muscles:
+            compile_paths_as(drawn, model)
+            compile_hill_as(drawn, model)
+    return drawn
+
+
+def drawn_criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     """Another effort that is least; of minmax nothing is drawn."""
     if options.recruitment == "minmax":
         return options
