@@ -231,7 +231,7 @@ class LiveChain:
         self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
         if self.limits is not None:
             row = np.full((len(self._names or ()), 3), np.nan)
-            motion, loads = np.zeros((5, len(self._rest))), np.zeros((3, len(self.bodies), 6))
+            motion, loads = np.zeros((4, len(self._rest))), np.zeros((3, len(self.bodies), 6))
             motion[0] = self._rest
             self.limits.warm_up(Instant(0.0, self._rest.copy(), row, motion, loads, np.zeros(0)))
 

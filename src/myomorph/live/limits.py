@@ -31,6 +31,8 @@ from myomorph.uncertainty.widening import FACTORS, NOT_NEGATIVE
 
 TABLES = ("coordinates", "torques", "activations", "forces")
 """What has limits, in the order of a row."""
+NEAR = 0.1
+"""Third derivatives of poses no further apart than this give the fourth [s]."""
 STALE = 0.25
 """Limits that were found longer ago are not given [s]."""
 CARRIES = 1.0
@@ -84,7 +86,7 @@ class Instant:
     ----------
     pose : (coordinates,) not filtered
     row : markers of the frame (markers, 3) [m], or coordinates
-    motion : (5, coordinates) filtered value and its derivatives up to the fourth
+    motion : (4, coordinates) filtered value and its derivatives up to the third
     loads : (3, bodies, 6) filtered wrenches and their first two derivatives
     result : (columns,) all `TABLES` beside each other
     """
@@ -128,12 +130,13 @@ class LiveLimits:
         sources: Sources | None = None,
         tension: TensionOptions | None = None,
     ):
-        self._filter, self._count = filter, options.draws
+        self._count = options.draws
         self.draws = options.draws
         self.factors = {name: FACTORS[name] if options.widened else 1.0 for name in TABLES}
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
-        self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions(), up) for draw in draws]
+        self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
+        self._inputs = _Inputs(draws, bodies, filter.delay, up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
             trees, thinned = [one.tree for one in self._drawn], min(rate, POSES) / rate
@@ -146,6 +149,7 @@ class LiveLimits:
         self._job: Iterator[None] | None = None
         self._posed = self._round = -np.inf
         self._found: tuple[float, Array] | None = None
+        self._before = -np.inf, np.zeros(self._n)
         self.failed = self.tried = self.missed = 0
 
     @property
@@ -167,7 +171,7 @@ class LiveLimits:
         self._stream.push(instant.time + np.array([0.0, 0.01]), np.zeros((2, errors.size)))
         self._stream.at(instant.time + 10.0)
         self._stream.forget()
-        self._drawn[0].fill(instant, np.zeros((3, self._n)), self._filter.delay, np.empty(int(self._ends[-1])))
+        self._drawn[0].fill(instant.motion[:3], instant.loads[0], np.empty(int(self._ends[-1])))
 
     def due(self, time: float) -> bool:
         """Whether a frame of that time is to be drawn around."""
@@ -209,24 +213,34 @@ class LiveLimits:
 
     def _work(self, instant: Instant) -> Iterator[None]:
         """Errors of the pose, and where it is due, all that follows from them; stops between parts of the work."""
-        found = np.empty((self._count, self._n))
+        fourth, found = self._fourth(instant.time, instant.motion[3]), np.empty((self._count, self._n))
         yield from self._errors.fill(instant.time, instant.pose, instant.row, found)
         self._stream.push(np.array([instant.time]), found.reshape(1, -1))
         waits = instant.time - self._round < 1.0 / TENSIONS - 1e-6 or not self._stream.settled(instant.time)
         if waits or not np.isfinite(instant.result).all():
             return
         self._round = instant.time
-        errors = self._stream.at(instant.time).reshape(3, self._count, self._n).copy()
-        rows = np.empty((self._count, int(self._ends[-1])))
+        errors = self._stream.at(instant.time).reshape(3, self._count, self._n)
+        motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(errors, 0, 1)
+        loads, rows = self._inputs.loads(instant.loads), np.empty((self._count, int(self._ends[-1])))
         for k, one in enumerate(self._drawn):
             yield
-            one.fill(instant, errors[:, k], self._filter.delay, rows[k])
+            one.fill(motion[k], loads[k], rows[k])
         yield
         known = np.isfinite(rows).all(axis=1)
         self.tried += self._count
         self.failed += int(self._count - known.sum())
         if known.sum() > 1:
             self._found = instant.time, self._limits(rows[known] - instant.result)
+
+    def _fourth(self, time: float, third: Array) -> Array:
+        """(coordinates,) fourth derivative by the change of the third since the pose before.
+
+        The filter's own equation has it too, but passes on what lines between frames leave of the recorded motion.
+        """
+        (then, before), self._before = self._before, (time, third)
+        gap = time - then
+        return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
 
     def _limits(self, apart: Array) -> Array:
         """(3, columns) how far both limits lie from the result, and its standard deviation.
@@ -242,41 +256,60 @@ class LiveLimits:
         return np.stack([low, high, apart.std(axis=0, ddof=1)])
 
 
+class _Inputs:
+    """Filtered motion and forces with the errors of all draws, those of the pose apart."""
+
+    def __init__(self, draws: Sequence[Draw], bodies: Sequence[str], delay: float, up: Array):
+        shifts = _each(draws, bodies, "plate_position")
+        self._shifts, self._up = shifts - (shifts @ up)[..., None] * up, up
+        self._gains = np.exp(_each(draws, bodies, "plate_gain"))
+        self._late = np.array([draw.of("clock", "forces")[0] for draw in draws])
+        # A filter with a delay r T passes exp(-w^2 T^2 (r^2 - 1) / 14) of what one with T does: for slow motion
+        # the second derivative, times this share of T^2.
+        ratios = np.array([1.0 / draw.factor("filter_cutoff", "cutoff") for draw in draws])
+        self._smooth = delay**2 * (ratios**2 - 1.0) / 14.0
+
+    def motion(self, motion: Array) -> Array:
+        """(draws, 3, coordinates) value, velocity and acceleration through other filters, of five derivatives."""
+        return np.asarray(motion[:3] + self._smooth[:, None, None] * motion[2:])
+
+    def loads(self, loads: Array) -> Array:
+        """(draws, bodies, 6) wrenches of plates that stand elsewhere, with other gains, clocks and filters.
+
+        Parameters
+        ----------
+        loads : (3, bodies, 6) filtered wrenches and their first two derivatives
+        """
+        given = loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
+        moments, forces = given[..., :3], given[..., 3:]
+        lift = forces @ self._up
+        acts = np.abs(lift) > CARRIES
+        points = np.where(acts[..., None], np.cross(self._up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)
+        other = self._gains * forces
+        moments = moments + np.cross(points, other - forces) + np.cross(self._shifts, other)
+        return np.concatenate([moments, other], axis=2)
+
+
+def _each(draws: Sequence[Draw], bodies: Sequence[str], source: str) -> Array:
+    """(draws, bodies, 3) errors of a source."""
+    return np.array([[draw.of(source, name, 3) for name in bodies] for draw in draws]).reshape(len(draws), -1, 3)
+
+
 class _Drawn:
     """The chain behind the pose with the errors of one draw."""
 
-    def __init__(self, model: Model, draw: Draw, bodies: Sequence[str], tension: TensionOptions, up: Array):
+    def __init__(self, model: Model, draw: Draw, bodies: Sequence[str], tension: TensionOptions):
         drawn = compiled_draw(model, draw)
         self.tree = compile_tree(drawn)
         self._dynamics = OnlineDynamics(drawn, bodies)
         self._tension = OnlineTension(drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension)
-        shifts = np.array([draw.of("plate_position", name, 3) for name in bodies]).reshape(-1, 3)
-        self._shifts, self._up = shifts - (shifts @ up)[:, None] * up, up
-        self._gains = np.exp(np.array([draw.of("plate_gain", name, 3) for name in bodies]).reshape(-1, 3))
-        self._late = float(draw.of("clock", "forces")[0])
-        # A filter with a delay r T passes exp(-w^2 T^2 (r^2 - 1) / 14) of what one with T does: for slow motion
-        # the second derivative, times this share of T^2.
-        self._smooth = (draw.factor("filter_cutoff", "cutoff") ** -2 - 1.0) / 14.0
 
-    def fill(self, instant: Instant, errors: Array, delay: float, row: Array) -> None:
-        """Fill a row (columns,) with results under errors (3, coordinates) of the motion; NaN without a solution."""
-        smooth = self._smooth * delay**2
-        value, velocity, acceleration = instant.motion[:3] + smooth * instant.motion[2:] + errors
-        loads = instant.loads[0] + smooth * instant.loads[2] - self._late * instant.loads[1]
-        torques = self._dynamics.solve(value, velocity, acceleration, self._moved(loads))
+    def fill(self, motion: Array, loads: Array, row: Array) -> None:
+        """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a solution."""
         solver = self._dynamics
+        torques = solver.solve(motion[0], motion[1], motion[2], loads)
         shared = self._tension.solve(solver.coordinates, solver.rates, solver.torques)
         if shared.status == OPTIMAL:
             row[:] = np.concatenate([solver.coordinates[0], torques, shared.activations, shared.forces])
         else:
             row[:] = np.nan
-
-    def _moved(self, loads: Array) -> Array:
-        """Wrenches (bodies, 6) of plates that stand elsewhere and have other gains."""
-        moments, forces = loads[:, :3], loads[:, 3:]
-        lift = forces @ self._up
-        acts = np.abs(lift) > CARRIES
-        points = np.where(acts[:, None], np.cross(self._up, moments) / np.where(acts, lift, 1.0)[:, None], 0.0)
-        other = self._gains * forces
-        moments = moments + np.cross(points, other - forces) + np.cross(self._shifts, other)
-        return np.concatenate([moments, other], axis=1)

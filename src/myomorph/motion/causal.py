@@ -142,14 +142,10 @@ class CausalStream:
         return np.asarray(self._state[0].copy())
 
     def derivatives(self, time: float) -> Array:
-        """(5, width) as `at`, with the third and the fourth derivative besides, which is the filter's equation; a copy.
-
-        T^4 x4 = 105 (u - x - T x1) - 45 T^2 x2 - 10 T^3 x3
-        """
-        found, delay = self.at(time), self._delay
+        """(4, width) as `at`, with the third derivative besides; a copy."""
+        found = self.at(time)
         state = self._ahead if time > self._clock[1] else self._state
-        fourth = 105.0 * (self._last - state[0] - state[1]) - 45.0 * state[2] - 10.0 * state[3]
-        return np.concatenate([found, (state[3] / delay**3)[None], (fourth / delay**4)[None]])
+        return np.concatenate([found, (state[3] / self._delay**3)[None]])
 
     def forget(self) -> None:
         """Begin anew with the next row."""
