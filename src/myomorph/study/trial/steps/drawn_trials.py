@@ -17,7 +17,8 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.motion.nearby import poses_near
 from myomorph.motion.sync import cut
 from myomorph.muscles.hill_arrays import compile_hill_as
 from myomorph.muscles.path import compile_paths_as
@@ -162,8 +163,9 @@ class Chain:
             errors = self.slopes.errors(trial.model, markers, moved)
             errors[~np.isfinite(self.base.values[:: self.pose_step]).all(axis=1)] = np.nan
         else:
-            found = inverse_kinematics(trial.model, moved, trial.options[InverseKinematicsOptions]).motion
-            errors = found.values - self.base.values[:: self.pose_step]
+            near = thinned(self.base, self.pose_step)
+            found = poses_near(trial.model, moved, near, trial.options[InverseKinematicsOptions])
+            errors = found.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
@@ -278,7 +280,7 @@ def chain_of(
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
         markers = markers_of(trial, recorded)
-        base = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+        base = poses_near(trial.model, markers, whole(recorded, trial.model), trial.options[InverseKinematicsOptions])
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
     loads = None if trial.loads is None else trial.loads(recorded)
@@ -296,6 +298,11 @@ def chain_of(
         trial.model, thinned(markers, step), thinned(base, step), trial.options[InverseKinematicsOptions]
     )
     return replace(chain, slopes=found)
+
+
+def whole(motion: Motion, model: Model) -> Motion:
+    """A motion with all coordinates of the model, those that it lacks at their defaults."""
+    return Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
 
 
 def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
