@@ -25,7 +25,7 @@ from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.store.settings import Differentiation, TensionTables
-from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -47,6 +47,13 @@ BESIDE = 1.0
 """Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
+COARSE = 4
+"""Of so many tensions one is drawn for contributions, which are means over all frames."""
+
+
+@dataclass(frozen=True)
+class ShareDraw(Draw):
+    """A draw that only contributions are computed from."""
 
 
 @read_only
@@ -86,8 +93,8 @@ class Chain:
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
     slopes : by which poses follow the markers, where they are not solved for anew
-    pose_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not depend on each
-        other
+    pose_step, torque_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not
+        depend on each other. The second divides the third
     """
 
     trial: TrialInputs
@@ -100,6 +107,7 @@ class Chain:
     loads: Wrenches | None
     slopes: PoseSlopes | None = None
     pose_step: int = 1
+    torque_step: int = 1
     tension_step: int = 1
 
     @cached_property
@@ -123,10 +131,12 @@ class Chain:
 
     def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
         """Tables without errors, of all frames and of those that are drawn."""
-        whole = replace(self, tension_step=1)._made(self.trial, self.recorded, self.torques)
+        whole = self._made(self.trial, self.recorded, self.torques, 1)
         if self.tension_step == 1:
             return tuple((one, one) for one in whole)
-        return tuple(zip(whole, self._made(self.trial, self.recorded, self.torques), strict=True))
+        torques = None if self.torques is None else every(self.torque_step, self.torques)
+        part = self._made(self.trial, self.recorded, torques, self.tension_step // self.torque_step)
+        return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
         """Values of all tables under the errors of a draw, at the frames that are drawn.
@@ -140,8 +150,13 @@ class Chain:
         recorded = self._moved(trial, draw) if moved else self.recorded
         torques = self.torques
         if torques is not None and (moved or acts(sources, LOADED)):
-            torques = solve_dynamics(trial, recorded)
-        return {one.name: one.values for one in self._made(trial, recorded, torques)}
+            torques = solve_dynamics(trial, recorded, self.torque_step)
+        elif torques is not None:
+            torques = every(self.torque_step, torques)
+        step = self.tension_step // self.torque_step
+        if isinstance(draw, ShareDraw) and self.tension_step > 1:
+            step *= COARSE
+        return {one.name: one.values for one in self._made(trial, recorded, torques, step)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
         """`drawn`, None where the drawn trial has no solution."""
@@ -171,7 +186,8 @@ class Chain:
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
-    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
+    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int) -> list[Quantity]:
+        """All tables; tensions of every so manieth frame of the torques."""
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
         kinds = [model.coordinate(name).motion for name in shown.names]
@@ -188,7 +204,7 @@ class Chain:
         if self.trial.torques is None:
             made.append(_torques(trial, torques))
         if self.tense:
-            made += _of_muscles(trial, task_of(trial, recorded, every(self.tension_step, torques)))
+            made += _of_muscles(trial, task_of(trial, recorded, every(step, torques)))
         return made
 
 
@@ -217,16 +233,8 @@ def every(step: int, torques: Torques) -> Torques:
     """Every so manieth frame of a motion with its torques and external forces."""
     if step == 1:
         return torques
-    some, motion, wrenches = slice(None, None, step), torques.motion, torques.wrenches
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    thin = replace(
-        motion,
-        time=motion.time[some],
-        values=motion.values[some],
-        velocities=motion.velocities[some],
-        accelerations=motion.accelerations[some],
-    )
+    some, wrenches = slice(None, None, step), torques.wrenches
+    thin = every_frame(step, torques.motion)
     if wrenches is not None:
         parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
         wrenches = replace(wrenches, **parts)
@@ -289,8 +297,10 @@ def chain_of(
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
         # Contacts and elastic tendons tie frames to each other.
         tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
-        tension_step = 1 if tied else max(1, int(rate / TENSIONS))
-        chain = replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
+        pose_step = max(1, int(rate / POSES))
+        torque_step = 1 if tied else pose_step
+        tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
+        chain = replace(chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step)
     if not linear or markers is None or base is None:
         return chain
     step = chain.pose_step

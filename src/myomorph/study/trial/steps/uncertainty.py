@@ -20,7 +20,7 @@ from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
-from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_trials import COARSE, Quantity, ShareDraw, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
@@ -96,7 +96,7 @@ def _run(
     jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [Draw(number, kind(sources, group), normals) for kind in kinds]
+            jobs += [ShareDraw(number, kind(sources, group), normals) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
@@ -160,7 +160,9 @@ def _shares(
         counts[kind, group] += 1
         for one in quantities:
             other = one.values if kind == 0 else draws.at(one.name, job.number)
-            squares[one.name][kind, group] += _mean_square(tables[one.name] - other)
+            found = tables[one.name]
+            # Tensions of some frames alone: a mean over time needs no more.
+            squares[one.name][kind, group] += _mean_square(found - other[:: 1 if len(found) == len(other) else COARSE])
     with np.errstate(invalid="ignore", divide="ignore"):
         parts = {name: one / np.maximum(counts, 1) / whole[name] for name, one in squares.items()}
     return {name: Shares(groups, one[0], one[-1]) for name, one in parts.items()}
