@@ -29,7 +29,7 @@ MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
 NOW: Mapping[str, Any] = FrozenMap(
-    {"label": "now", "stroke": "#1d2329", "width": 1, "points": FrozenMap({"show": False})}
+    {"label": "now", "stroke": "#8a939a", "width": 1, "points": FrozenMap({"show": False})}
 )
 LIMIT: Mapping[str, Any] = FrozenMap(
     {
