@@ -33,6 +33,7 @@ from benchmarks.accuracy import (
     kinematics,
     knee,
     live,
+    live_limits,
     loop_forces,
     loops,
     marker_faults,
@@ -238,6 +239,7 @@ def _uncertainty(folder: Path) -> Page:
             "uncertainty_other": lambda: uncertainty.measure_other(folder),
             "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
             "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
+            "uncertainty_live": lambda: live_limits.measure(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
         },
     )
