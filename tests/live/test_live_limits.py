@@ -14,7 +14,6 @@ from myomorph.io.sto import read_sto
 from myomorph.live.chain import LiveChain
 from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import follow
-from myomorph.live.marker_errors import SlowNoise
 from myomorph.live.sources import Replay
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
@@ -24,6 +23,7 @@ from myomorph.motion.sync import cut
 from myomorph.study.trial.load import load
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.online_poses import SlowNoise
 from myomorph.uncertainty.pose_slopes import pose_slopes
 from myomorph.uncertainty.sources import GROUPS, Sources
 
@@ -62,7 +62,7 @@ def test_derivatives_are_those_of_the_filtered_value() -> None:
 
 
 def test_slow_noise_has_variance_one_and_the_correlation_of_a_gaussian() -> None:
-    noise = SlowNoise(0.15, 4000, 3)
+    noise = SlowNoise(0.15, 4000, 3, 50.0)
     first, then, later = (noise.at(time) for time in (5.0, 5.2, 5.5))
     assert first.std() == pytest.approx(1.0, abs=0.05)
     for other, apart in ((then, 0.2), (later, 0.5)):

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.live.marker_errors import AngleErrors, MarkerErrors
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -25,6 +24,8 @@ from myomorph.tension.online import OnlineTension
 from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.online_inputs import OnlineInputs
+from myomorph.uncertainty.online_poses import AngleErrors, MarkerErrors
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import LEVEL
 from myomorph.uncertainty.widening import FACTORS, NOT_NEGATIVE
@@ -35,8 +36,6 @@ NEAR = 0.1
 """Third derivatives of poses no further apart than this give the fourth [s]."""
 STALE = 0.25
 """Limits that were found longer ago are not given [s]."""
-CARRIES = 1.0
-"""Vertical force from which on a center of pressure is taken from a wrench [N]."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +135,13 @@ class LiveLimits:
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
         self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
-        self._inputs = _Inputs(draws, bodies, filter.delay, up)
+        self._inputs = OnlineInputs(draws, bodies, filter.delay, up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
             trees, thinned = [one.tree for one in self._drawn], min(rate, POSES) / rate
-            self._errors = MarkerErrors(model, trees, draws, names, thinned)
+            self._errors = MarkerErrors(model, trees, draws, names, POSES, thinned)
         else:
-            self._errors = AngleErrors(model, draws)
+            self._errors = AngleErrors(model, draws, POSES)
         self._n, self._muscles = len(model.coordinates), len(model.muscles)
         self._ends = np.cumsum([0, self._n, self._n, self._muscles, self._muscles])
         self._stream = CausalStream(filter, options.draws * self._n)
@@ -254,45 +253,6 @@ class LiveLimits:
             middle, half = 0.5 * (low[a:b] + high[a:b]), 0.5 * factor * (high[a:b] - low[a:b])
             low[a:b], high[a:b] = middle - half, middle + half
         return np.stack([low, high, apart.std(axis=0, ddof=1)])
-
-
-class _Inputs:
-    """Filtered motion and forces with the errors of all draws, those of the pose apart."""
-
-    def __init__(self, draws: Sequence[Draw], bodies: Sequence[str], delay: float, up: Array):
-        shifts = _each(draws, bodies, "plate_position")
-        self._shifts, self._up = shifts - (shifts @ up)[..., None] * up, up
-        self._gains = np.exp(_each(draws, bodies, "plate_gain"))
-        self._late = np.array([draw.of("clock", "forces")[0] for draw in draws])
-        # A filter with a delay r T passes exp(-w^2 T^2 (r^2 - 1) / 14) of what one with T does: for slow motion
-        # the second derivative, times this share of T^2.
-        ratios = np.array([1.0 / draw.factor("filter_cutoff", "cutoff") for draw in draws])
-        self._smooth = delay**2 * (ratios**2 - 1.0) / 14.0
-
-    def motion(self, motion: Array) -> Array:
-        """(draws, 3, coordinates) value, velocity and acceleration through other filters, of five derivatives."""
-        return np.asarray(motion[:3] + self._smooth[:, None, None] * motion[2:])
-
-    def loads(self, loads: Array) -> Array:
-        """(draws, bodies, 6) wrenches of plates that stand elsewhere, with other gains, clocks and filters.
-
-        Parameters
-        ----------
-        loads : (3, bodies, 6) filtered wrenches and their first two derivatives
-        """
-        given = loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
-        moments, forces = given[..., :3], given[..., 3:]
-        lift = forces @ self._up
-        acts = np.abs(lift) > CARRIES
-        points = np.where(acts[..., None], np.cross(self._up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)
-        other = self._gains * forces
-        moments = moments + np.cross(points, other - forces) + np.cross(self._shifts, other)
-        return np.concatenate([moments, other], axis=2)
-
-
-def _each(draws: Sequence[Draw], bodies: Sequence[str], source: str) -> Array:
-    """(draws, bodies, 3) errors of a source."""
-    return np.array([[draw.of(source, name, 3) for name in bodies] for draw in draws]).reshape(len(draws), -1, 3)
 
 
 class _Drawn:

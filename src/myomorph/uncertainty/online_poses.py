@@ -17,7 +17,6 @@ from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
 from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.study.trial.steps.drawn_trials import POSES
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.pose_slopes import SlopeFinder
 from myomorph.uncertainty.recordings import skin_sizes
@@ -37,12 +36,13 @@ class SlowNoise:
     ----------
     width : standard deviation of that Gaussian [s]
     count : independent numbers
+    rate : at which they are asked for, about [Hz]
     """
 
-    def __init__(self, width: float, count: int, seed: int):
+    def __init__(self, width: float, count: int, seed: int, rate: float):
         delay = np.sqrt(7.0) * width
         filter = CausalFilter(CausalFilter().delay * CausalFilter().cutoff / delay)
-        self._random, self._step = np.random.default_rng(seed), 1.0 / POSES
+        self._random, self._step = np.random.default_rng(seed), 1.0 / rate
         self._stream, self._clock = CausalStream(filter, count), 0.0
         impulse = CausalStream(filter, 1)
         answer = []
@@ -76,11 +76,18 @@ class MarkerErrors:
     ----------
     drawn : trees of the models with the errors of each draw
     names : of the markers that arrive; None for those of the model, in poses that arrive themselves
-    thinned : share of the frames whose poses are drawn; of the noise of cameras so much is left
+    rate, thinned : poses that are drawn a second [Hz], and their share of the frames: of the variance of the cameras'
+        noise so much is left
     """
 
     def __init__(
-        self, model: Model, drawn: Sequence[Tree], draws: Sequence[Draw], names: Sequence[str] | None, thinned: float
+        self,
+        model: Model,
+        drawn: Sequence[Tree],
+        draws: Sequence[Draw],
+        names: Sequence[str] | None,
+        rate: float,
+        thinned: float,
     ):
         given = tuple(model.marker_names if names is None else names)
         empty = Markers(np.zeros(1), given, np.full((1, len(given), 3), np.nan))
@@ -98,7 +105,7 @@ class MarkerErrors:
         seed = draws[0].normals.seed
         self._random = np.random.default_rng((seed, 1))
         self._noise = sources.marker_noise * np.sqrt(thinned)
-        self._skin = SlowNoise(sources.skin_time, int(np.prod(self._shape)), seed)
+        self._skin = SlowNoise(sources.skin_time, int(np.prod(self._shape)), seed, rate)
         self._squares, self._seen = np.zeros(len(self._names)), np.zeros(len(self._names))
 
     def forget(self) -> None:
@@ -141,16 +148,16 @@ class MarkerErrors:
 
 
 class AngleErrors:
-    """Errors of angles of a body without markers, as of `drawn_angles`."""
+    """Errors of angles of a body without markers, as of `drawn_angles`; `rate` as of `MarkerErrors`."""
 
-    def __init__(self, model: Model, draws: Sequence[Draw]):
+    def __init__(self, model: Model, draws: Sequence[Draw], rate: float):
         driven, floating = {one.dependent for one in model.couplers}, floating_coordinates(model)
         free = [
             one.motion == "rotational" and not one.locked and one.name not in driven and one.name not in floating
             for one in model.coordinates
         ]
         self._sizes = draws[0].sources.angle * np.array(free, dtype=np.float64)
-        self._noise = SlowNoise(draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed)
+        self._noise = SlowNoise(draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed, rate)
 
     def forget(self) -> None:
         """Begin anew with the next frame: nothing is kept."""
