@@ -290,7 +290,8 @@ class LabOutlet:
         channels += [(one, "1", "Activation") for one in chain.tension.muscles]
         self._results, self._limited = len(channels), chain.limits is not None
         if self._limited:
-            channels += [(f"{name}_{end}", *rest) for end in ("low", "high") for name, *rest in tuple(channels)]
+            results = tuple(channels)
+            channels += [(f"{name}_{end}", unit, kind) for end in ("low", "high") for name, unit, kind in results]
         try:
             info = lsl.StreamInfo(name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}")
             described = info.desc().append_child("channels")

@@ -43,7 +43,8 @@ def poses_near(
     targets = coordinate_targets(tree, markers.time, options)
     arrays = marker_arrays(tree, names, weights, options)
     found = np.array(motion.values)
-    blank = ~np.isfinite(found).all(axis=1) | ~np.isfinite(observed).all(axis=2).any(axis=1)
+    seen = np.asarray(np.isfinite(observed).all(axis=2))
+    blank = np.asarray(~np.isfinite(found).all(axis=1) | ~seen.any(axis=1))
     found[blank] = tree.defaults
     solve = partial(settle_closed, ties_of(tree)) if model.loops else settle_frames
     cost, converged = np.empty(len(found)), np.empty(len(found), np.bool_)

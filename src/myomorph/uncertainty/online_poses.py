@@ -114,7 +114,9 @@ class MarkerErrors:
 
     def fill(self, time: float, pose: Array, row: Array, errors: Array) -> Iterator[None]:
         """Fill errors (draws, coordinates) of a pose; stops between parts of the work."""
-        seen = np.ones(len(self._names), np.bool_) if self._posed else np.isfinite(row[self._columns]).all(axis=1)
+        seen = np.ones(len(self._names), np.bool_)
+        if not self._posed:
+            seen[:] = np.isfinite(row[self._columns]).all(axis=1)
         places = self._places[0].at(pose)
         if not self._posed:
             away = np.where(seen, np.sum((row[self._columns] - places) ** 2, axis=1, where=seen[:, None]), 0.0)
