@@ -18,11 +18,11 @@ from myomorph.model.model import Model
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.steps.drawn_trials import POSES, TENSIONS, compiled_draw, drawn_criterion
+from myomorph.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.online import OnlineTension
 from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.online_inputs import OnlineInputs
 from myomorph.uncertainty.online_poses import AngleErrors, MarkerErrors
@@ -259,7 +259,7 @@ class _Drawn:
     """The chain behind the pose with the errors of one draw."""
 
     def __init__(self, model: Model, draw: Draw, bodies: Sequence[str], tension: TensionOptions):
-        drawn = compiled_draw(model, draw)
+        drawn = drawn_subject(model, draw)
         self.tree = compile_tree(drawn)
         self._dynamics = OnlineDynamics(drawn, bodies)
         self._tension = OnlineTension(drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension)

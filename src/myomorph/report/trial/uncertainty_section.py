@@ -10,6 +10,7 @@ from myomorph.model.model import Model
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.prepared import Prepared
+from myomorph.uncertainty.found_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 TITLES = {
@@ -18,8 +19,9 @@ TITLES = {
     "activations": "Muscle activations",
     "forces": "Muscle tensions",
     "joint_reactions": "Joint loads",
+    "contact_forces": "Contact forces of bodies",
+    "contact_groups": "Contact forces",
     "joint_contact_forces": "Forces at contact points of joints",
-    "contact_forces": "Contact forces",
 }
 UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N")}
 """Of tables by coordinate: of rotations, and of translations."""
@@ -41,6 +43,8 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
         title = TITLES.get(name, name.replace("_", " ").capitalize())
         units = [unit_of(name, column, prepared.given.model) for column in spread.names]
         grids.append(_grid(title, units, spread, found.shares.get(name)))
+    if found.sizes:
+        grids.append(_sizes(found.sizes))
     lead = (
         f"{found.draws - found.failed} of {found.draws} inputs, drawn with errors of sizes that were stated or that "
         f"are usual, have a solution; {found.summary}. They are as right as these sizes are. Of each "
@@ -72,6 +76,17 @@ def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -
         rows.append(row if shares is None else (*row, _leading(shares, int(k))))
     head = ("Column", "Mean width of the limits", "Standard deviation")
     return Grid(head if shares is None else (*head, "Most of it from"), tuple(rows), title)
+
+
+def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
+    """How large sources of error were taken to be, those that are left out not."""
+    rows = []
+    for one in sizes:
+        if not one.size:
+            continue
+        found = f"{one.origin}, {one.items} sizes, {number(one.least)} to {number(one.greatest)}"
+        rows.append((one.source, one.group, number(one.size), found if one.items else one.origin))
+    return Grid(("Source", "Group", "Standard deviation", "From"), tuple(rows), "Sizes of errors")
 
 
 def _leading(shares: Shares, column: int) -> str:
