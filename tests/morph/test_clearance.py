@@ -11,7 +11,7 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.checks.clearance import clear_paths, watched_with, without_worse
+from myomorph.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
 from myomorph.morph.checks.ground import Ground
 from myomorph.morph.checks.moment_arms import compared_coordinates
 from myomorph.morph.checks.path_changes import path_changes, point_effect
@@ -21,6 +21,7 @@ from myomorph.morph.checks.penetration import range_poses
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.morphed import TransferredPoint
 
 LENGTH = 0.4
 THIN, THICK = 0.02, 0.026
@@ -49,18 +50,14 @@ def muscle(*places, wraps=()):
     return Muscle("m", "Thelen2003Muscle", Path(points, wraps), 100.0, 0.1, 0.1)
 
 
-def ground(one, thickness=THICK, size=1.0):
+def bone_of(thickness=THICK, size=1.0):
     same = AffineMap(np.eye(3), np.zeros(3))
-    bone = BoneMap(
-        "femur",
-        "femur",
-        same,
-        Similarity(np.eye(3), np.zeros(3)),
-        "given",
-        shaft(THIN * size, size),
-        shaft(thickness, size),
-    )
-    found = Ground.of(one, one, [bone], compared_coordinates(one, one), CheckOptions())
+    whole = Similarity(np.eye(3), np.zeros(3))
+    return BoneMap("femur", "femur", same, whole, "given", shaft(THIN * size, size), shaft(thickness, size))
+
+
+def ground(one, thickness=THICK, size=1.0):
+    found = Ground.of(one, one, [bone_of(thickness, size)], compared_coordinates(one, one), CheckOptions())
     assert found is not None
     return found
 
@@ -77,6 +74,19 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
     np.testing.assert_array_equal([first, last], [ALONG[0], ALONG[2]])
     assert np.hypot(via[0], via[1]) > THICK - 2 * CheckOptions().deeper * LENGTH
     assert found.shifts["m", "P1"] == pytest.approx(np.linalg.norm(via - ALONG[1]))
+
+
+@pytest.mark.parametrize(
+    ("within", "told"), [(0.01, None), (0.001, "further than their place is uncertain"), (np.nan, "tell no interval")]
+)
+def test_what_goes_further_than_its_interval_is_told(within, told):
+    one = model(muscle(*ALONG))
+    points = [TransferredPoint("m", f"P{i}", "femur", "femur", at, at, within=within) for i, at in enumerate(ALONG)]
+    _, after, notes = cleared(one, one, [bone_of()], points)
+    assert [point.cleared > 0.0 for point in after] == [False, True, False]
+    assert np.linalg.norm(after[1].target - ALONG[1]) == pytest.approx(after[1].cleared)
+    assert len(notes) == (1 if told is None else 2)
+    assert told is None or (told in notes[1] and "'m' (P1)" in notes[1])
 
 
 def test_a_path_that_is_outside_stays_as_it_is():

@@ -120,20 +120,34 @@ def cleared(
 
 
 def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]) -> list[str]:
-    """A line where points were brought out of bone further than they may have been wrong by."""
+    """Lines where points were brought out of bone further than they may have been wrong by, or nobody knows by what."""
     known = {(one.owner, one.name): one.within for one in points}
     far = {name: shift for name, shift in shifts.items() if shift > known.get(name, np.nan)}
-    if not far:
-        return []
-    named = [
-        f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
-        for owner, name in sorted(far, key=lambda one: known[one] - far[one])
-    ]
+    unknown = {name: shift for name, shift in shifts.items() if not np.isfinite(known.get(name, np.nan))}
+    lines = []
+    if far:
+        named = [
+            f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
+            for owner, name in sorted(far, key=lambda one: known[one] - far[one])
+        ]
+        lines.append(
+            f"{len(far)} via points were brought out of bone further than their place is uncertain by: {_first(named)}"
+        )
+    if unknown:
+        named = [f"'{owner}' ({name}) by {mm(by)}" for (owner, name), by in sorted(unknown.items(), key=_negative)]
+        lines.append(
+            f"{len(unknown)} via points were brought out of bone on bodies whose maps tell no interval: {_first(named)}"
+        )
+    return lines
+
+
+def _negative(one: tuple[tuple[str, str], float]) -> float:
+    return -one[1]
+
+
+def _first(named: Sequence[str]) -> str:
     rest = f" and {len(named) - NAMED} more (points.csv)" if len(named) > NAMED else ""
-    return [
-        f"{len(far)} via points were brought out of bone further than their place is uncertain by: "
-        f"{', '.join(named[:NAMED])}{rest}"
-    ]
+    return ", ".join(named[:NAMED]) + rest
 
 
 def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Clearance:
