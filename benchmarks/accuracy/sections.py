@@ -470,6 +470,7 @@ def _real_bones(folder: Path) -> Page:
             "real_bones": lambda: real_bones.measure(folder),
             "real_bones_arms": lambda: real_bones.measure_arms(folder),
             "real_bones_depths": lambda: real_bones.measure_depths(folder),
+            "real_bones_round": lambda: real_bones.measure_round(folder),
             "real_bones_clearing": lambda: clearing.measure(folder),
             "real_bones_pairs": lambda: real_bones.measure_pairs(folder),
             "morph_masses": lambda: masses.measure(folder),

@@ -66,7 +66,7 @@ def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Arr
     if not isinstance(point, PathPoint):
         return np.zeros((0, 3))
     step = _step(model, muscle, where)
-    shifted = []
+    shifted: list[Muscle] = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             place = point.location + sign * step * np.eye(3)[axis]

@@ -69,7 +69,7 @@ def least_move(
         effect = point_effect(model, muscle, end.point, poses) if weight else np.zeros((0, 3))
         stiffness = np.eye(3) + weight * effect.T @ effect
         least = np.linalg.solve(stiffness, normal)
-        by = way * least / float(normal @ least)
+        by = np.asarray(way * least / float(normal @ least), dtype=np.float64)
         found.append(Move(end, by, float(by @ stiffness @ by)))
     return min(found, key=lambda one: one.cost)
 
