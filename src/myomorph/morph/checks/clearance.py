@@ -26,7 +26,8 @@ from myomorph.morph.shapes.articular import mm
 ROUNDS = 10
 
 WEIGHT = 10.0
-"""Of the change of a muscle's length, and of its moment arms per radian, in squares beside that of the displacement."""
+"""Of the squared change of a muscle's length and moment arms, beside that of the displacement; on the demo's leg 3 to 30
+do alike."""
 
 IN_VAIN = 0.5
 """Via points that left more than this share of what was too deep go back."""
