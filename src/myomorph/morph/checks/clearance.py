@@ -26,8 +26,8 @@ from myomorph.morph.shapes.articular import mm
 ROUNDS = 10
 
 WEIGHT = 10.0
-"""Of the squared change of a muscle's length and moment arms, beside that of the displacement; on the demo's leg 3 to 30
-do alike."""
+"""Of the squared change of a muscle's length and moment arms, beside that of the displacement; 3 to 30 do alike on the
+demo's leg."""
 
 IN_VAIN = 0.5
 """Via points that left more than this share of what was too deep go back."""
