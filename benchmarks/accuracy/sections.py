@@ -70,8 +70,10 @@ from benchmarks.accuracy import (
 )
 from benchmarks.accuracy.morph import (
     articular,
+    clearing,
     correspondence,
     demo,
+    held_out,
     laws,
     masses,
     mirror,
@@ -462,6 +464,7 @@ def _bone_maps(folder: Path) -> Page:
             "correspondence_smooth": lambda: correspondence.measure("smooth"),
             "correspondence_landmarks": lambda: correspondence.measure("landmarks", range(20, 25)),
             "correspondence_persons": correspondence.measure_persons,
+            "persons_held_out": held_out.measure,
             "morph_laws": lambda: laws.measure(folder),
             "morph_shapes": shapes.measure,
             "morph_shapes_bones": shapes.measure_bones,
@@ -481,6 +484,8 @@ def _real_bones(folder: Path) -> Page:
             "real_bones": lambda: real_bones.measure(folder),
             "real_bones_arms": lambda: real_bones.measure_arms(folder),
             "real_bones_depths": lambda: real_bones.measure_depths(folder),
+            "real_bones_round": lambda: real_bones.measure_round(folder),
+            "real_bones_clearing": lambda: clearing.measure(folder),
             "real_bones_pairs": lambda: real_bones.measure_pairs(folder),
             "morph_masses": lambda: masses.measure(folder),
             "mirror": lambda: mirror.measure(folder),

@@ -11,11 +11,17 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.checks.clearance import Ground, clear_paths, watched_with, without_worse
+from myomorph.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
+from myomorph.morph.checks.ground import Ground
 from myomorph.morph.checks.moment_arms import compared_coordinates
+from myomorph.morph.checks.path_changes import path_changes, point_effect
+from myomorph.morph.checks.path_ends import PathEnd
+from myomorph.morph.checks.path_moves import least_move
+from myomorph.morph.checks.penetration import range_poses
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.morphed import TransferredPoint
 
 LENGTH = 0.4
 THIN, THICK = 0.02, 0.026
@@ -44,18 +50,14 @@ def muscle(*places, wraps=()):
     return Muscle("m", "Thelen2003Muscle", Path(points, wraps), 100.0, 0.1, 0.1)
 
 
-def ground(one, thickness=THICK, size=1.0):
+def bone_of(thickness=THICK, size=1.0):
     same = AffineMap(np.eye(3), np.zeros(3))
-    bone = BoneMap(
-        "femur",
-        "femur",
-        same,
-        Similarity(np.eye(3), np.zeros(3)),
-        "given",
-        shaft(THIN * size, size),
-        shaft(thickness, size),
-    )
-    found = Ground.of(one, one, [bone], compared_coordinates(one, one), CheckOptions())
+    whole = Similarity(np.eye(3), np.zeros(3))
+    return BoneMap("femur", "femur", same, whole, "given", shaft(THIN * size, size), shaft(thickness, size))
+
+
+def ground(one, thickness=THICK, size=1.0):
+    found = Ground.of(one, one, [bone_of(thickness, size)], compared_coordinates(one, one), CheckOptions())
     assert found is not None
     return found
 
@@ -72,6 +74,19 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
     np.testing.assert_array_equal([first, last], [ALONG[0], ALONG[2]])
     assert np.hypot(via[0], via[1]) > THICK - 2 * CheckOptions().deeper * LENGTH
     assert found.shifts["m", "P1"] == pytest.approx(np.linalg.norm(via - ALONG[1]))
+
+
+@pytest.mark.parametrize(
+    ("within", "told"), [(0.01, None), (0.001, "further than their place is uncertain"), (np.nan, "tell no interval")]
+)
+def test_what_goes_further_than_its_interval_is_told(within, told):
+    one = model(muscle(*ALONG))
+    points = [TransferredPoint("m", f"P{i}", "femur", "femur", at, at, within=within) for i, at in enumerate(ALONG)]
+    _, after, notes = cleared(one, one, [bone_of()], points)
+    assert [point.cleared > 0.0 for point in after] == [False, True, False]
+    assert np.linalg.norm(after[1].target - ALONG[1]) == pytest.approx(after[1].cleared)
+    assert len(notes) == (1 if told is None else 2)
+    assert told is None or (told in notes[1] and "'m' (P1)" in notes[1])
 
 
 def test_a_path_that_is_outside_stays_as_it_is():
@@ -137,6 +152,87 @@ def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
     assert not found.after
     assert 2.0 * found.before["m"] < found.shifts["m", "P1"] < 5.0 * found.before["m"]
     assert found.model.muscle("m").path.points[1].location[0] > 0.03 + found.before["m"]
+
+
+def arm(second):
+    """A muscle from the ground over a via point of a body to a second body, which hinges turn, the first along z."""
+    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3) * 0.01) for name in ("upper", "lower"))
+    joints = tuple(
+        Joint(
+            child, "PinJoint", parent, child, pose, STILL,
+            (Axis("rotation", axis, linear(1.0, 0.0), (child,)),), (child,),
+        )
+        for child, parent, pose, axis in (
+            ("upper", "ground", STILL, [0.0, 0.0, 1.0]),
+            ("lower", "upper", Transform(np.eye(3), np.array([0.0, -0.3, 0.0])), second),
+        )
+    )  # fmt: skip
+    turns = tuple(Coordinate(name, range=(-0.8, 1.2)) for name in ("upper", "lower"))
+    points = (
+        PathPoint("from", "ground", [0.06, 0.05, 0.01]),
+        PathPoint("via", "upper", [0.05, -0.15, 0.02]),
+        PathPoint("to", "lower", [0.04, -0.05, 0.0]),
+    )
+    bent = Muscle("m", "Thelen2003Muscle", Path(points, ()), 100.0, 0.1, 0.1)
+    return Model("arm", bodies, joints, turns, [0, -9.81, 0], muscles=(bent,))
+
+
+def posed(one):
+    names = one.coordinate_names
+    return range_poses(one, names, [np.linspace(-0.8, 1.2, 9)] * len(names))
+
+
+def shifted(one, by):
+    points = list(one.muscles[0].path.points)
+    points[1] = replace(points[1], location=points[1].location + by)
+    return replace(one, muscles=(replace(one.muscles[0], path=Path(tuple(points), ())),))
+
+
+@pytest.mark.parametrize("second", [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+def test_effects_tell_what_a_small_move_changes(second):
+    one = arm(second)
+    poses, by = posed(one), np.array([3e-5, -2e-5, 5e-5])
+    effect = point_effect(one, one.muscles[0], 1, poses) @ by
+    change = path_changes(one, shifted(one, by), poses)["m"]
+    assert np.linalg.norm(effect) == pytest.approx(np.hypot(change.length, change.arm), rel=0.01)
+    assert change.length > 1e-7
+
+
+def test_of_moves_as_far_out_the_one_found_changes_least():
+    """With all weight on change, no other direction that brings the place out as far changes less."""
+    one, out = arm([0.6, 0.0, 0.8]), np.array([0.6, 0.48, 0.64])
+    poses = posed(one)
+    ends = [PathEnd(0.8, 1)]
+    moves = {weight: least_move(one, one.muscles[0], ends, out, 1e-3, poses, weight) for weight in (0.0, 10.0, 1e6)}
+    for move in moves.values():
+        assert out @ move.by == pytest.approx(1e-3 / 0.8)
+    np.testing.assert_allclose(moves[0.0].by, 1e-3 / 0.8 * out, atol=1e-12)
+
+    def changed(by):
+        change = path_changes(one, shifted(one, by), poses)["m"]
+        return np.hypot(change.length, change.arm)
+
+    by_weight = [changed(move.by) for move in moves.values()]
+    assert by_weight == sorted(by_weight, reverse=True)
+    across = np.linalg.svd(out[None])[2][1:]
+    for angle in np.linspace(0.0, 2.0 * np.pi, 7):
+        other = moves[1e6].by + 2e-4 * (np.cos(angle) * across[0] + np.sin(angle) * across[1])
+        assert changed(other) > by_weight[2]
+    sizes = [np.linalg.norm(move.by) for move in moves.values()]
+    assert sizes == sorted(sizes)
+
+
+def test_a_move_goes_no_further_than_the_path_has_to():
+    one = model(muscle(*ALONG))
+    held = ground(one)
+    found = clear_paths(one, held)
+    via = one.muscle("m").path.points[1]
+    back = found.model.muscle("m").path.points[1].location - via.location
+    points = list(one.muscle("m").path.points)
+    points[1] = replace(via, location=via.location + 0.8 * back)
+    less = replace(one, muscles=(replace(one.muscle("m"), path=Path(tuple(points), ())),))
+    assert held.excess(less, ("m",))
+    assert not held.excess(found.model, ("m",))
 
 
 @pytest.mark.parametrize("size", [0.05, 20.0])

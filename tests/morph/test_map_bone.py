@@ -7,11 +7,13 @@ import pytest
 import trimesh
 from made_bones import deformed, made_target, real_bone
 
+from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints, MapOptions
 from myomorph.morph.registration.alignment import align_bones, turned_by
-from myomorph.morph.registration.map_bone import STEPS, map_bone
+from myomorph.morph.registration.map_bone import STEPS, WRONG_SIDE, map_bone
+from myomorph.morph.registration.nonrigid import place_bone
 from myomorph.morph.registration.smooth import MatchOptions
 from scans import joined
 
@@ -118,3 +120,11 @@ def test_what_is_no_counterpart_is_named(bone):
         map_bone("humerus", bone, None)
     with pytest.raises(BadData, match="no extent"):
         map_bone("humerus", bone, Surface(np.zeros((3, 3)), [[0, 1, 2]]), marks(bone))
+
+
+def test_a_small_bone_of_another_person_is_not_taken_for_one_of_the_other_side(data):
+    """Both ways leave about the same distance; how unlikely either deformation is differs a thousandfold."""
+    ours = read_mesh(data("bones-opensim-rajagopal/Geometry/r_talus.vtp"))
+    scan = read_mesh(data("bones-mri-two-adults/ICL_MRI/talus_r.ply"))
+    placed = place_bone(ours, Surface(1e-3 * scan.vertices, scan.faces))
+    assert WRONG_SIDE < placed.mirrored < 1.5

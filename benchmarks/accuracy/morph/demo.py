@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.demo.morph import MorphDemo, run_morph_demo
+from myomorph.morph.morphed import Morph
 
 Row = dict[str, object]
 
@@ -18,6 +19,11 @@ Row = dict[str, object]
 def _demo() -> MorphDemo:
     with tempfile.TemporaryDirectory() as folder:
         return run_morph_demo(Path(folder))
+
+
+def demo_morph() -> Morph:
+    """The leg of the demo in its deformed bones."""
+    return _demo().morphed.morph
 
 
 def measure() -> Iterator[Row]:

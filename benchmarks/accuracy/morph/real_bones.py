@@ -17,9 +17,10 @@ from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.warnings import MorphChecks
-from myomorph.morph.maps.fields import FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph
+from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.transfer.model import morph_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, map_bones
@@ -174,6 +175,34 @@ def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
             "of": f"{worst.muscle} in {worst.body}",
             "warnings": ", ".join(f"{len(person.checks.of(kind))} {kind}" for kind in kinds),
         }
+
+
+def measure_round(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a bone that both persons have whole: muscle points on the woman's directly and by way of the man's."""
+    man, woman = (one.morph for one in persons(folder))
+    for body in ("femur_r", "tibia_r"):
+        between = map_bone(body, man.bones[body].target, woman.bones[body].target)
+        yield {"bone": body} | round_trip(man, woman, between, body)
+
+
+def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[str, object]:
+    """How far points of a bone are apart that went both ways, and whether the intervals of both foresee it."""
+    source = np.array([one.source for one in man.points if one.body == body])
+    direct, first = (one.bones[body].map.apply(source) for one in (woman, man))
+    around = between.map.apply(first)
+    radii = [woman.bones[body].within(source), between.within(first)]
+    radii.append(between.whole.scale * man.bones[body].within(source))
+    apart, likely = np.linalg.norm(around - direct, axis=1), np.sqrt(np.sum(np.square(radii), axis=0))
+    scaled = procrustes(source, direct, True).apply(source)
+    return {
+        "points": len(source),
+        "apart, median [mm]": 1e3 * float(np.median(apart)),
+        "95 % [mm]": 1e3 * float(np.percentile(apart, 95)),
+        "largest [mm]": 1e3 * float(apart.max()),
+        "from a similarity, median [mm]": 1e3 * float(np.median(np.linalg.norm(scaled - direct, axis=1))),
+        "intervals of all three together, median [mm]": 1e3 * float(np.median(likely)),
+        "hold [%]": 100.0 * float(np.mean(apart <= likely)),
+    }
 
 
 def measure_pairs(folder: Path) -> Iterator[dict[str, object]]:

@@ -64,6 +64,7 @@ class TransferredPoint:
     lifted : how far it was moved onto the surface [m]; 0 where it was not
     depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN without surfaces
     within : distance from the target within which the point belongs with 90 % [m]; NaN where nothing is known
+    cleared : how far it was brought out of a bone [m]; 0 where it was not
     """
 
     owner: str
@@ -76,6 +77,7 @@ class TransferredPoint:
     depth_source: float = float("nan")
     depth_target: float = float("nan")
     within: float = float("nan")
+    cleared: float = 0.0
 
 
 @read_only

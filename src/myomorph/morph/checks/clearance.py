@@ -2,167 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
-from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
-from myomorph.model.spatial import Transform
+from myomorph.model.paths import Path, PathPoint
+from myomorph.morph.checks.ground import Ground
 from myomorph.morph.checks.moment_arms import (
     CoordinatePair,
     CoordinateTable,
     compare_moment_arms,
     compared_coordinates,
-    paired_values,
 )
-from myomorph.morph.checks.penetration import Depth, Poses, Solid, body_poses, path_depths, range_poses
+from myomorph.morph.checks.path_ends import SAME, wraps_of
+from myomorph.morph.checks.path_moves import moved_once
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.shapes.articular import mm
-from myomorph.muscles.path import Paths, compile_paths
-
-SAME = 1e-7
-"""Points nearer than this are one [m]."""
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class PathEnd:
-    """Where a straight part of a path, or an arc, ends.
-
-    Attributes
-    ----------
-    lever : share of its motion with which the place looked at moves
-    point : number of the via point, -1 for none
-    wrap : name of the wrap object, "" for none
-    rotation : (3, 3) of the via point's body in ground
-    """
-
-    lever: float
-    point: int = -1
-    wrap: str = ""
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-
-    @property
-    def movable(self) -> bool:
-        """Whether it is a via point or on a wrap object, and no origin or insertion."""
-        return bool(self.wrap) or self.point >= 0
-
-
-def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array) -> list[PathEnd]:
-    """Both ends of the straight part, or of the arc around a wrap object, that a place in ground (3,) is on."""
-    where = body_poses(model, coordinates)
-    nodes = paths.nodes(coordinates[None])[0, model.muscle_names.index(muscle.name)]
-    nodes = nodes[np.isfinite(nodes[:, 0])]
-    starts, along = nodes[:-1, :3], np.diff(nodes[:, :3], axis=0)
-    share = np.einsum("ij,ij->i", place - starts, along) / np.maximum(np.einsum("ij,ij->i", along, along), SAME**2)
-    share = np.clip(share, 0.0, 1.0)
-    k = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
-    arc = bool(nodes[k + 1, 3] > 0.0)
-    levers = (1.0, 1.0) if arc else (1.0 - float(share[k]), float(share[k]))
-    return [_end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((k, k + 1), levers, strict=True)]
-
-
-def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float) -> PathEnd:
-    points = muscle.path.points
-    for number, point in enumerate(points):
-        if isinstance(point, PathPoint) and np.linalg.norm(where[point.body].apply(point.location) - node) < SAME:
-            inner = 0 < number < len(points) - 1
-            return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
-    around = [one for one in model.wrap_objects if one.name in _wraps_of(muscle) and one.kind != "torus"]
-    touched = [(abs(_height(one, where[one.body], node)), one.name) for one in around]
-    return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
-
-
-def _height(wrap: WrapObject, body: Transform, place: Array) -> float:
-    """How far a place in ground lies from a wrap object's surface, about, as a share of its size."""
-    local = (body @ wrap.pose).inverse().apply(place)
-    if wrap.kind == "cylinder":
-        return float(np.linalg.norm(local[:2]) / wrap.size[0] - 1.0)
-    return float(np.linalg.norm(local / np.array(wrap.size)) - 1.0)
-
 
 ROUNDS = 10
 
-OVER = 1.2
-"""A path is moved by so many times what it is too deep: the deepest place changes as it moves."""
-
-LEVER = 0.25
-"""What moves the deepest place by less than this share of its own motion is not moved for it."""
-
-FURTHEST = 0.04
-"""A via point is moved by no more than this share of the bone's length."""
-
-LARGEST = 1.5
-"""A wrap object grows to no more than so many times its size."""
+WEIGHT = 10.0
+"""Of the squared change of a muscle's length and moment arms, beside that of the displacement; 3 to 30 do alike on the
+demo's leg."""
 
 IN_VAIN = 0.5
 """Via points that left more than this share of what was too deep go back."""
 
-SMALLEST = 0.1
-"""Share of a step below which it is not tried any more."""
+HALVINGS = 4
+"""Of the share of every move that is taken back in the end."""
 
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """What paths are held against.
-
-    Attributes
-    ----------
-    target : bones, by body
-    poses : in which paths are looked at
-    deeper : how much deeper than the source's, in the target's size, a path may run, as a share of the bone's length
-    allowed : by muscle and body of the target how deep its path may run [m]; the share for those that are not there
-    """
-
-    target: Mapping[str, Solid]
-    poses: Poses
-    deeper: float
-    allowed: Mapping[tuple[str, str], float]
-
-    @staticmethod
-    def of(
-        source: Model,
-        target: Model,
-        bones: Iterable[BoneMap],
-        pairs: Sequence[CoordinatePair],
-        options: CheckOptions,
-    ) -> Ground | None:
-        """The bones of which both surfaces are known; None where there is none."""
-        known = {bone.body: bone for bone in bones if bone.source is not None and bone.target is not None}
-        if not known:
-            return None
-        values, target_values = paired_values(source, target, pairs, options.poses)
-        ours = {body: Solid(bone.source) for body, bone in known.items() if bone.source is not None}
-        allowed: dict[tuple[str, str], float] = {}
-        poses = range_poses(source, [one.source for one in pairs], values)
-        for (muscle, body), one in path_depths(source, ours, poses).items():
-            key, size = (muscle, known[body].target_body), known[body].whole.scale
-            allowed[key] = max(allowed.get(key, 0.0), size * one.depth)
-        return Ground(
-            {bone.target_body: Solid(bone.target) for bone in known.values() if bone.target is not None},
-            range_poses(target, [one.target for one in pairs], target_values),
-            options.deeper,
-            allowed,
-        )
-
-    def too_deep(self, model: Model, muscles: Sequence[str]) -> Iterator[tuple[str, Depth, float]]:
-        """Muscles that run deeper through a bone than they may, where, and by how much [m]."""
-        for (muscle, body), one in path_depths(model, self.target, self.poses, muscles).items():
-            over = one.depth - self.allowed.get((muscle, body), 0.0) - self.deeper * self.target[body].length
-            if over > 0.0:
-                yield muscle, one, over
-
-    def excess(self, model: Model, muscles: Sequence[str]) -> dict[str, float]:
-        """By muscle how much too deep it runs at most, where it does [m]."""
-        found: dict[str, float] = {}
-        for muscle, _, over in self.too_deep(model, muscles):
-            found[muscle] = max(found.get(muscle, 0.0), over)
-        return found
+NAMED = 3
+"""Points of which a line tells how far they went."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +46,13 @@ class Clearance:
     Attributes
     ----------
     start, model : the target before and after
-    before, after : by muscle how much deeper than allowed it runs, where it does [m]
+    after, before : by muscle how much deeper than allowed it runs, where it does [m]
     """
 
     start: Model
     model: Model
-    before: Mapping[str, float]
     after: Mapping[str, float]
+    before: Mapping[str, float]
 
     @property
     def shifts(self) -> dict[tuple[str, str], float]:
@@ -192,9 +66,9 @@ class Clearance:
 
     def without(self, muscles: Collection[str], ground: Ground) -> Clearance:
         """The same, but for these muscles and the wrap objects they run around."""
-        wraps = _wraps_of(*map(self.start.muscle, muscles))
+        wraps = wraps_of(*map(self.start.muscle, muscles))
         found = _put_back(self.model, self.start, {*muscles, *wraps})
-        return Clearance(self.start, found, self.before, ground.excess(found, found.muscle_names))
+        return Clearance(self.start, found, ground.excess(found, found.muscle_names), self.before)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -238,37 +112,63 @@ def cleared(
     shifts = found.shifts
     places = {(one.name, at.name): at.location for one in found.model.muscles for at in _fixed(one.path)}
     moved = (
-        replace(one, target=places[one.owner, one.name]) if (one.owner, one.name) in shifts else one for one in points
+        replace(one, target=places[one.owner, one.name], cleared=shifts[one.owner, one.name])
+        if (one.owner, one.name) in shifts
+        else one
+        for one in points
     )
     return found.model, tuple(moved), (*found.notes, *_beyond_interval(points, shifts))
 
 
 def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]) -> list[str]:
-    """A line where points were brought out of bone further than they may have been wrong by."""
+    """Lines where points were brought out of bone further than they may have been wrong by, or nobody knows by what."""
     known = {(one.owner, one.name): one.within for one in points}
     far = {name: shift for name, shift in shifts.items() if shift > known.get(name, np.nan)}
-    if not far:
-        return []
-    worst = max(far, key=lambda name: far[name])
-    return [
-        f"{len(far)} via points were brought out of bone further than their place is uncertain by: most "
-        f"'{worst[0]}' ({worst[1]}), by {mm(far[worst])} where {mm(known[worst])} are likely"
-    ]
+    unknown = {name: shift for name, shift in shifts.items() if not np.isfinite(known.get(name, np.nan))}
+    lines = []
+    if far:
+        named = [
+            f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
+            for owner, name in sorted(far, key=lambda one: known[one] - far[one])
+        ]
+        lines.append(
+            f"{len(far)} via points were brought out of bone further than their place is uncertain by: {_first(named)}"
+        )
+    if unknown:
+        named = [f"'{owner}' ({name}) by {mm(by)}" for (owner, name), by in sorted(unknown.items(), key=_negative)]
+        lines.append(
+            f"{len(unknown)} via points were brought out of bone on bodies whose maps tell no interval: {_first(named)}"
+        )
+    return lines
 
 
-def clear_paths(target: Model, ground: Ground) -> Clearance:
+def _negative(one: tuple[tuple[str, str], float]) -> float:
+    return -one[1]
+
+
+def _first(named: Sequence[str]) -> str:
+    rest = f" and {len(named) - NAMED} more (points.csv)" if len(named) > NAMED else ""
+    return ", ".join(named[:NAMED]) + rest
+
+
+def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Clearance:
     """Bring out of the bones what does not run through them in the source.
 
-    Where a path is deepest, the via point beside that place goes outward, or the wrap object around which the path runs
-    there grows, whichever moves the place more; origins and insertions stay. What makes a path deeper is undone and
-    tried again with smaller steps: a wrap object that grows past a path's points throws the path aside.
+    Where a path is deepest, a via point beside that place goes out, or the wrap object around which the path runs there
+    grows, whichever changes lengths and moment arms over the ranges of motion the least; origins and insertions stay.
+    What makes a path deeper is undone and tried again with smaller steps: a wrap object that grows past a path's points
+    throws the path aside. In the end every move is taken back as far as the path stays out.
+
+    Parameters
+    ----------
+    weight : of the change of lengths and moment arms beside the displacement; 0 moves points the least
     """
     found = target
     before = left = ground.excess(target, target.muscle_names)
     watched = watched_with(target, before)
     steps: dict[str, float] = {}
     for _ in range(ROUNDS):
-        moved = _round(found, target, ground, steps, watched) if left else None
+        moved = moved_once(found, target, ground, steps, watched, weight) if left else None
         if moved is None:
             break
         after = ground.excess(moved, watched)
@@ -279,7 +179,59 @@ def clear_paths(target: Model, ground: Ground) -> Clearance:
     if vain:
         found = _put_back(found, target, vain)
         left = ground.excess(found, watched)
-    return Clearance(target, found, before, left)
+    return Clearance(target, *_taken_back(target, found, ground, left, watched), before)
+
+
+def _taken_back(
+    start: Model, found: Model, ground: Ground, left: Mapping[str, float], watched: Sequence[str]
+) -> tuple[Model, Mapping[str, float]]:
+    """Every move as small as no path gets deeper than it is, by halving; and how much too deep paths are then."""
+    grown = _growth(start, found)
+    units = {*grown, *(name for name, _ in _shifts(start, found))}
+    if not units:
+        return found, left
+    least, most = dict.fromkeys(units, 0.0), dict.fromkeys(units, 1.0)
+
+    def concerned(now: Mapping[str, float]) -> set[str]:
+        """Moves beside paths that are deeper."""
+        deeper = [found.muscle(name) for name in now if now[name] > left.get(name, 0.0) + SAME]
+        return units & (wraps_of(*deeper) | {one.name for one in deeper})
+
+    for _ in range(HALVINGS):
+        tried = {name: 0.5 * (least[name] + most[name]) for name in units}
+        too_far = concerned(ground.excess(_between(start, found, tried), watched))
+        least |= {name: tried[name] for name in too_far}
+        most |= {name: tried[name] for name in units - too_far}
+    while True:
+        model = _between(start, found, most)
+        now = ground.excess(model, watched)
+        again = {name for name in concerned(now) if most[name] < 1.0}
+        if not again:
+            return model, now
+        most |= dict.fromkeys(again, 1.0)
+
+
+def _between(start: Model, found: Model, shares: Mapping[str, float]) -> Model:
+    """A model with its muscles' points and wrap objects so far on their way from one model to another."""
+
+    def point(old: PathPoint, new: PathPoint, share: float) -> PathPoint:
+        return replace(new, location=old.location + share * (new.location - old.location))
+
+    muscles, wraps = list(found.muscles), list(found.wrap_objects)
+    for k, (old, new) in enumerate(zip(start.muscles, found.muscles, strict=True)):
+        share = shares.get(new.name, 1.0)
+        if share < 1.0:
+            points = tuple(
+                point(a, b, share) if isinstance(a, PathPoint) and isinstance(b, PathPoint) else b
+                for a, b in zip(old.path.points, new.path.points, strict=True)
+            )
+            muscles[k] = replace(new, path=replace(new.path, points=points))
+    for k, (first, last) in enumerate(zip(start.wrap_objects, found.wrap_objects, strict=True)):
+        share = shares.get(last.name, 1.0)
+        if share < 1.0:
+            sizes = (a + share * (b - a) for a, b in zip(first.size, last.size, strict=True))
+            wraps[k] = replace(last, size=tuple(sizes))
+    return replace(found, muscles=tuple(muscles), wrap_objects=tuple(wraps))
 
 
 def without_worse(
@@ -287,9 +239,9 @@ def without_worse(
 ) -> tuple[Model, frozenset[str]]:
     """What was done less what made a path deeper, and the names of the wrap objects and muscles this concerns."""
     deeper = {name for name in now if now[name] > left.get(name, 0.0) + SAME}
-    worse = _wraps_of(*map(after.muscle, deeper)) & _growth(before, after).keys()
+    worse = wraps_of(*map(after.muscle, deeper)) & _growth(before, after).keys()
     # A path that only a wrap object has thrown aside comes back with it.
-    worse |= {name for name in deeper if not _wraps_of(after.muscle(name)) & worse}
+    worse |= {name for name in deeper if not wraps_of(after.muscle(name)) & worse}
     if not worse:
         return after, frozenset()
     return _put_back(after, before, worse), frozenset(worse)
@@ -309,7 +261,7 @@ def _new_oddities(
 ) -> frozenset[str]:
     """Muscles whose moment arms turned to another sign than the source's, or jump, because paths were moved."""
     grown = cleared.grown.keys()
-    around = {one.name for one in cleared.model.muscles if grown & _wraps_of(one)}
+    around = {one.name for one in cleared.model.muscles if grown & wraps_of(one)}
     moved = around | {muscle for muscle, _ in cleared.shifts}
     few = replace(source, muscles=tuple(one for one in source.muscles if one.name in moved))
 
@@ -323,75 +275,8 @@ def _new_oddities(
 
 def watched_with(model: Model, names: Collection[str]) -> tuple[str, ...]:
     """Names of muscles, and of those that run around the same wrap objects."""
-    wraps = _wraps_of(*map(model.muscle, names))
-    return tuple(one.name for one in model.muscles if one.name in names or wraps & _wraps_of(one))
-
-
-def _wraps_of(*muscles: Muscle) -> set[str]:
-    return {wrap.wrap_object for one in muscles for wrap in one.path.wraps}
-
-
-def _round(
-    model: Model, start: Model, ground: Ground, steps: Mapping[str, float], muscles: Sequence[str]
-) -> Model | None:
-    """The model with every path that is too deep moved once, by its share of the way; None where nothing can be."""
-    poses, paths = ground.poses, compile_paths(model)
-    pushes: dict[tuple[str, int], Array] = {}
-    swollen: dict[str, float] = {}
-    for name, place, over in ground.too_deep(model, muscles):
-        if steps.get(name, 1.0) < SMALLEST:
-            continue
-        ends = [
-            one
-            for one in part_at(paths, model, model.muscle(name), poses.coordinates[place.pose], place.place)
-            if one.movable and one.lever >= LEVER and steps.get(one.wrap, 1.0) >= SMALLEST
-        ]
-        if not ends:
-            continue
-        chosen = max(ends, key=lambda one: one.lever)
-        way = OVER * steps.get(chosen.wrap or name, 1.0) * over / chosen.lever
-        if chosen.wrap:
-            swollen[chosen.wrap] = max(swollen.get(chosen.wrap, 0.0), way)
-        else:
-            push = way * (place.outward @ chosen.rotation)
-            known = pushes.get((name, chosen.point))
-            pushes[name, chosen.point] = push if known is None or way > np.linalg.norm(known) else known
-    if not pushes and not swollen:
-        return None
-    reach = {body: FURTHEST * solid.length for body, solid in ground.target.items()}
-    return replace(
-        model,
-        muscles=tuple(_pushed(one, start.muscle(one.name), pushes, reach) for one in model.muscles),
-        wrap_objects=tuple(
-            _swollen(one, first, swollen.get(one.name, 0.0))
-            for one, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
-        ),
-    )
-
-
-def _pushed(
-    muscle: Muscle, start: Muscle, pushes: Mapping[tuple[str, int], Array], reach: Mapping[str, float]
-) -> Muscle:
-    points = list(muscle.path.points)
-    for number, (point, first) in enumerate(zip(points, start.path.points, strict=True)):
-        push = pushes.get((muscle.name, number))
-        if push is None or not isinstance(point, PathPoint) or not isinstance(first, PathPoint):
-            continue
-        away = point.location + push - first.location
-        size, most = float(np.linalg.norm(away)), reach.get(point.body, np.inf)
-        points[number] = replace(point, location=first.location + away * min(1.0, most / size))
-    return replace(muscle, path=replace(muscle.path, points=tuple(points)))
-
-
-def _swollen(wrap: WrapObject, start: WrapObject, by: float) -> WrapObject:
-    if by <= 0.0:
-        return wrap
-    grows = slice(0, 1) if wrap.kind == "cylinder" else slice(None)
-    sizes = list(wrap.size)
-    sizes[grows] = [
-        min(one + by, LARGEST * most) for one, most in zip(wrap.size[grows], start.size[grows], strict=True)
-    ]
-    return replace(wrap, size=tuple(sizes))
+    wraps = wraps_of(*map(model.muscle, names))
+    return tuple(one.name for one in model.muscles if one.name in names or wraps & wraps_of(one))
 
 
 def _shifts(before: Model, after: Model) -> dict[tuple[str, str], float]:

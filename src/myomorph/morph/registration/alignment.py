@@ -75,12 +75,14 @@ class Alignment:
     affine : from the source's frame to the target's
     similarity : nearest to it over the source's bone
     distance : that remains after a quick deformation, more where that is unlikely [m]
+    left : that remains, however unlikely the deformation is [m]
     others : other ways to lie, with their distances, the nearest first
     """
 
     affine: AffineMap
     similarity: Similarity
     distance: float = float("nan")
+    left: float = float("nan")
     others: tuple[tuple[Similarity, float], ...] = ()
 
     def warnings(self) -> tuple[str, ...]:
@@ -124,18 +126,22 @@ def align_bones(
     if start is None:
         equal = [one for one in tried if one[2] < AMBIGUOUS * max(tried[0][2], EXACT)]
         chosen = next((one for one in equal if turned_by(one[1]) < UPRIGHT), chosen)
-    others = tuple(one[1:] for one in tried if one is not chosen and turn_between(one[1], chosen[1]) > APART)
+    others = tuple(one[1:3] for one in tried if one is not chosen and turn_between(one[1], chosen[1]) > APART)
     return Alignment(*chosen, others if start is None else ())
 
 
-def mirrored_share(source: Surface, target: Surface, distance: float, options: MatchOptions | None = None) -> float:
-    """Distance that the mirrored source leaves at its best, over that of the source: below 1 it fits better."""
+def mirrored_share(source: Surface, target: Surface, left: float, options: MatchOptions | None = None) -> float:
+    """Distance that the mirrored source leaves at its likeliest, over that of the source: below 1 it fits better.
+
+    How unlikely both deformations are does not count: between two persons' tali one is a thousand times as unlikely as
+    the other where the distances are alike.
+    """
     mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
     tried = _tried(mirrored, Shape(target), None, None, options or MatchOptions(), MIRRORED_WAYS)
-    return max(tried[0][2], EXACT) / max(distance, EXACT)
+    return max(tried[0][3], EXACT) / max(left, EXACT)
 
 
-Tried: TypeAlias = tuple[AffineMap, Similarity, float]
+Tried: TypeAlias = tuple[AffineMap, Similarity, float, float]
 
 
 def _tried(
@@ -146,7 +152,8 @@ def _tried(
     options: MatchOptions,
     most: int = WAYS,
 ) -> list[Tried]:
-    """Ways to lie, the similarities nearest to them and the distances that a deformation leaves, the nearest first.
+    """Ways to lie, the similarities nearest to them, and the distances that a deformation leaves, the nearest first:
+    times how unlikely it is, and alone.
 
     Where hulls do not lead to a good one, as those of a part, similarities are tried.
     """
@@ -185,7 +192,8 @@ def _deformed(
             continue
         fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
         unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
-        tried.append((way.affine, similarity, _distance(ours, goal, fit) * float(np.exp(unlikely))))
+        left = _distance(ours, goal, fit)
+        tried.append((way.affine, similarity, left * float(np.exp(unlikely)), left))
     return sorted(tried, key=lambda one: one[2])
 
 

@@ -204,7 +204,7 @@ def place_bone(
     found = align_bones(ours.surface, goal.surface, pulls, near, options)
     mirrored = float("nan")
     if landmarks is None:
-        mirrored = mirrored_share(ours.surface, goal.surface, found.distance, options)
+        mirrored = mirrored_share(ours.surface, goal.surface, found.left, options)
     return PlacedBone(
         _between_units(found.similarity, ours.length, goal.length),
         _grown(found.affine, 1.0 / ours.length, goal.length),

@@ -52,11 +52,11 @@ def point_rows(morph: Morph) -> Rows:
     header = (
         "owner", "point", "body", "target body", *(f"source {a} [m]" for a in axes), *(f"target {a} [m]" for a in axes),
         "lifted [m]", "source height over surface [m]", "target height over surface [m]",
-        "within, 90 % [m]",
+        "within, 90 % [m]", "brought out of bone [m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
         (one.owner, one.name, one.body, one.target_body, *_xyz(one.source), *_xyz(one.target), one.lifted,
-         one.depth_source, one.depth_target, one.within)
+         one.depth_source, one.depth_target, one.within, one.cleared)
         for one in morph.points
     ]  # fmt: skip
     return header, rows

@@ -1,0 +1,171 @@
+"""A leg carried into the bones of persons who are held out: attachments and moment arms of our maps and of others.
+
+The leg is first laid on the mean of other persons of LLP26. From there to a person the truth is known, for nodes
+correspond: it is the model that the map through all nodes makes. The persons' bones do not share a frame, so joints go
+by the maps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from benchmarks.accuracy.morph.correspondence import three_landmarks
+from benchmarks.accuracy.morph.shapes import BODIES, attachments, mean_shape
+from benchmarks.cases import data_folder
+from benchmarks.leg_shapes import leg_shapes
+from myomorph.io.formats import read_model
+from myomorph.model.arrays import Array
+from myomorph.model.surface import Surface
+from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap, fit_map
+from myomorph.morph.maps.linear import procrustes
+from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.registration.map_bone import map_bone
+from myomorph.morph.transfer.model import morph_model
+from myomorph.study.subject.morph_files import source_bones
+
+Row = dict[str, object]
+
+MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
+GEOMETRY = "bones-opensim-rajagopal/Geometry"
+PERSONS = (2, 10, 18, 24)
+"""Held out; the template is the mean of persons with an odd number, on whom settings were chosen."""
+
+DENSE = 400
+"""Nodes through which the true map of a bone goes."""
+
+LANDMARKS = 12
+"""At attachments, exact, as in `morph_shapes_bones`."""
+
+EXACT = MorphOptions(surface_within=0.0, joints="mapped", clear=False, fibers="keep", force="keep")
+DEFAULT = MorphOptions(joints="mapped", fibers="keep", force="keep")
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """The leg in the template's bones.
+
+    Attributes
+    ----------
+    morph : from Rajagopal's model
+    nodes : (n, 3) of the template, by body [m]
+    """
+
+    morph: Morph
+    nodes: Mapping[str, Array]
+
+
+@cache
+def leg() -> Leg:
+    """Rajagopal's left leg, without landmarks, in the mean bones of persons with an odd number."""
+    model = read_model(data_folder() / MODEL)
+    model = replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_l")))
+    ours = source_bones(model, data_folder() / GEOMETRY, [])
+    nodes = {BODIES[name]: mean_shape(shapes.nodes[1::2]) for name, shapes in leg_shapes().items()}
+    faces = {BODIES[name]: shapes.faces for name, shapes in leg_shapes().items()}
+    bones = {body: map_bone(body, ours[body], Surface(nodes[body], faces[body])) for body in nodes}
+    return Leg(morph_model(model, bones, DEFAULT), nodes)
+
+
+def given_map(body: str, mapping: PointMap, source: Surface, target: Surface) -> BoneMap:
+    """A bone that goes by a map."""
+    whole = procrustes(source.vertices, mapping.apply(source.vertices), True)
+    return BoneMap(body, body, mapping, whole, "given", source, target)
+
+
+def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
+    """The true maps of a person's bones, then each method's, and what is made of them."""
+    pairs = {}
+    for name, shapes in leg_shapes().items():
+        body = BODIES[name]
+        template, there = leg().nodes[body], shapes.nodes[person]
+        pairs[body] = (name, Surface(template, shapes.faces), Surface(there, shapes.faces))
+
+    def through(count: int) -> dict[str, BoneMap]:
+        found = {}
+        for body, (name, source, target) in pairs.items():
+            places = attachments()[name].on(source.vertices) if count < DENSE else source.vertices
+            chosen = spread_nodes(source.vertices, places, count)
+            features = FeaturePoints(tuple(str(k) for k in chosen), source.vertices[chosen], target.vertices[chosen])
+            found[body] = given_map(body, fit_map(features), source, target)
+        return found
+
+    def laid(marked: bool) -> dict[str, BoneMap]:
+        found = {}
+        for body, (_, source, target) in pairs.items():
+            marks = None
+            if marked:
+                ends = three_landmarks(source)
+                index = [int(np.argmin(np.linalg.norm(source.vertices - one, axis=1))) for one in ends]
+                marks = FeaturePoints(("a", "b", "c"), ends, target.vertices[index])
+            found[body] = map_bone(body, source, target, marks)
+        return found
+
+    yield "truth", through(DENSE), EXACT
+    scaled = {
+        body: given_map(body, procrustes(source.vertices, target.vertices, True), source, target)
+        for body, (_, source, target) in pairs.items()
+    }
+    yield "scaling", scaled, EXACT
+    yield f"{LANDMARKS} landmarks", through(LANDMARKS), EXACT
+    yield "no landmarks", laid(False), DEFAULT
+    yield "three landmarks", laid(True), DEFAULT
+
+
+def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
+    """Nodes nearest to places as far from each other as they go, then nodes of the whole as far as they go."""
+    chosen = [int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1)))]
+    away = np.linalg.norm(nodes - nodes[chosen[0]], axis=1)
+    near = np.array([int(np.argmin(np.linalg.norm(nodes - one, axis=1))) for one in places])
+    while len(chosen) < min(count, len(nodes)):
+        wanted = near if away[near].max() > 0.0 else np.arange(len(nodes))
+        chosen.append(int(wanted[np.argmax(away[wanted])]))
+        away = np.minimum(away, np.linalg.norm(nodes - nodes[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
+    """A row a method: errors of muscle points and of moment arms over the ranges, and whether intervals hold."""
+    every: dict[str, list[tuple[Array, Array, Array, Array]]] = {}
+    for person in persons:
+        true: Morph | None = None
+        for way, bones, options in ways(person):
+            found = morph_model(leg().morph.model, bones, options)
+            if true is None:
+                true = found
+                continue
+            every.setdefault(way, []).append(_against(true, found))
+    for way, parts in every.items():
+        points, within, arms, sizes = (np.concatenate(one) for one in zip(*parts, strict=True))
+        known = np.isfinite(within)
+        yield {
+            "way": way,
+            "persons": len(persons),
+            "points": len(points),
+            "median [mm]": 1e3 * float(np.median(points)),
+            "95 % [mm]": 1e3 * float(np.percentile(points, 95)),
+            "largest [mm]": 1e3 * float(points.max()),
+            "intervals hold [%]": 100.0 * float(np.mean(points[known] <= within[known])) if known.any() else "",
+            "moment arms": len(arms),
+            "moment arm, median [mm]": 1e3 * float(np.median(arms)),
+            "moment arm, 95 % [mm]": 1e3 * float(np.percentile(arms, 95)),
+            "moment arm, largest [mm]": 1e3 * float(arms.max()),
+            "all together, of the arms' [%]": 100.0 * float(np.linalg.norm(arms) / np.linalg.norm(sizes)),
+        }
+
+
+def _against(true: Morph, found: Morph) -> tuple[Array, Array, Array, Array]:
+    """Errors and radii of muscle points on the mapped bones [m]; errors and sizes of moment arms, rms of each [m]."""
+    mapped = {BODIES[name] for name in leg_shapes()}
+    goals = {(one.owner, one.name): one.target for one in true.points}
+    own = [one for one in found.points if one.body in mapped]
+    away = np.array([np.linalg.norm(one.target - goals[one.owner, one.name]) for one in own])
+    tables = compare_moment_arms(true.model, found.model, compared_coordinates(true.model, found.model))
+    turning = [one for one in tables if one.kind == "rotational"]
+    arms = [np.sqrt(np.mean((one.target - one.source) ** 2, axis=0)) for one in turning]
+    sizes = [np.sqrt(np.mean(one.source**2, axis=0)) for one in turning]
+    return away, np.array([one.within for one in own]), np.concatenate(arms), np.concatenate(sizes)

@@ -1,0 +1,123 @@
+"""What moving a via point, or growing a wrap object, changes: lengths and moment arms over the ranges of motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle, PathPoint, WrapObject
+from myomorph.morph.checks.path_ends import wraps_of
+from myomorph.morph.checks.penetration import Poses
+from myomorph.muscles.path import compile_paths
+
+STEP = 1e-3
+"""Of a difference, as a share of the muscle's path in the first pose."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class PathChange:
+    """How far a muscle's path is from that of another model, each the root mean square over the poses.
+
+    Attributes
+    ----------
+    length : its length [m]
+    arm : all its moment arms about turning coordinates together [m/rad]
+    """
+
+    length: float
+    arm: float
+
+
+def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
+    """Those poses (n, coordinates) whose coordinate moves a muscle, the default pose among them."""
+    paths = compile_paths(model)
+    own = paths.arm_coordinate[paths.arm_muscle == model.muscle_names.index(muscle.name)]
+    names = {"", *(model.coordinate_names[j] for j in own)}
+    return np.asarray(poses.coordinates[[one in names for one in poses.moved]])
+
+
+def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathChange]:
+    """Of each muscle whose path, or wrap object, differs between two models that are alike but for these."""
+    odd = {new.name for old, new in zip(before.wrap_objects, after.wrap_objects, strict=True) if old is not new}
+    found = {}
+    for old, new in zip(before.muscles, after.muscles, strict=True):
+        if old.path is not new.path or wraps_of(old) & odd:
+            where = moved_poses(before, old, poses)
+            (l0, a0), (l1, a1) = (
+                _lengths_and_arms(replace(model, muscles=(one,)), where) for model, one in ((before, old), (after, new))
+            )
+            arms = np.sqrt(np.mean(np.sum((a1 - a0)[0] ** 2, axis=1)))
+            found[old.name] = PathChange(float(np.sqrt(np.mean((l1 - l0) ** 2))), float(arms))
+    return found
+
+
+def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Array:
+    """(n, 3) changes of lengths and moment arms with the place of a via point, so weighted that their sum of squares
+    is the mean over the poses that move the muscle [m/m, and m/rad/m].
+    """
+    where = moved_poses(model, muscle, poses)
+    points = muscle.path.points
+    point = points[number]
+    if not isinstance(point, PathPoint):
+        return np.zeros((0, 3))
+    step = _step(model, muscle, where)
+    shifted: list[Muscle] = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            place = point.location + sign * step * np.eye(3)[axis]
+            own = (*points[:number], replace(point, location=place), *points[number + 1 :])
+            shifted.append(replace(muscle, name=f"{muscle.name} {len(shifted)}", path=replace(muscle.path, points=own)))
+    rows = _rows(*_lengths_and_arms(replace(model, muscles=tuple(shifted)), where))
+    return np.asarray((rows[0::2] - rows[1::2]).T / (2.0 * step))
+
+
+def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
+    """(n,) the same with the radius of a wrap object, of all muscles that run around it."""
+    found = [np.zeros(0)]
+    for muscle in model.muscles:
+        if wrap.name in wraps_of(muscle):
+            where = moved_poses(model, muscle, poses)
+            step = _step(model, muscle, where)
+            larger = replace(wrap, size=grown_sizes(wrap, step))
+            grown = replace(
+                model,
+                muscles=(muscle,),
+                wrap_objects=tuple(larger if one.name == wrap.name else one for one in model.wrap_objects),
+            )
+            both = [_rows(*_lengths_and_arms(one, where))[0] for one in (replace(model, muscles=(muscle,)), grown)]
+            found.append((both[1] - both[0]) / step)
+    return np.concatenate(found)
+
+
+def grown_sizes(wrap: WrapObject, by: float) -> tuple[float, ...]:
+    """Sizes of a wrap object that is so much larger [m]; a cylinder keeps its length."""
+    grows = 1 if wrap.kind == "cylinder" else len(wrap.size)
+    return tuple(one + by if k < grows else one for k, one in enumerate(wrap.size))
+
+
+def _step(model: Model, muscle: Muscle, where: Array) -> float:
+    lengths = compile_paths(model).evaluate(where[:1])[0]
+    return STEP * float(lengths[0, model.muscle_names.index(muscle.name)])
+
+
+def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
+    """Lengths (muscles, poses), and moment arms (muscles, poses, arms) about turning coordinates of their own."""
+    paths = compile_paths(model)
+    lengths, _, arms = paths.evaluate(where)
+    turning = np.array(
+        [one.motion == "rotational" and one.name not in model.dependent_coordinates for one in model.coordinates]
+    )
+    chosen = turning[paths.arm_coordinate]
+    found = [arms[:, (paths.arm_muscle == k) & chosen] for k in range(len(model.muscles))]
+    return lengths.T, np.array(found)
+
+
+def _rows(lengths: Array, arms: Array) -> Array:
+    """(muscles, n) in one row each."""
+    flat: Sequence[Array] = (lengths, arms.reshape(len(arms), -1))
+    return np.concatenate(flat, axis=1) / np.sqrt(lengths.shape[1])

@@ -1,0 +1,134 @@
+"""Moves of via points and wrap objects that bring paths out of bones, and change lengths and moment arms the least."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.model import Model
+from myomorph.model.paths import Muscle, PathPoint, WrapObject
+from myomorph.morph.checks.ground import Ground
+from myomorph.morph.checks.path_changes import grown_sizes, point_effect, wrap_effect
+from myomorph.morph.checks.path_ends import PathEnd, part_at
+from myomorph.morph.checks.penetration import Poses
+from myomorph.muscles.path import compile_paths
+
+OVER = 1.2
+"""A path is moved by so many times what it is too deep: the deepest place changes as it moves."""
+
+LEVER = 0.25
+"""What moves the deepest place by less than this share of its own motion is not moved for it."""
+
+FURTHEST = 0.04
+"""A via point is moved by no more than this share of the bone's length."""
+
+LARGEST = 1.5
+"""A wrap object grows to no more than so many times its size."""
+
+SMALLEST = 0.1
+"""Share of a step below which it is not tried any more."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A way to bring a path out of a bone.
+
+    Attributes
+    ----------
+    end : the via point or wrap object that is moved
+    by : (3,) of a via point in its body's frame, (1,) by how much a wrap object grows [m]
+    cost : square of what it moves, and `weight` times the square of what it changes
+    """
+
+    end: PathEnd
+    by: Array
+    cost: float
+
+
+def least_move(
+    model: Model, muscle: Muscle, ends: Sequence[PathEnd], outward: Array, over: float, poses: Poses, weight: float
+) -> Move:
+    """Of all moves of one end that bring the place out by `over` [m], the one of least cost.
+
+    With E the changes of lengths and moment arms by the move d of a via point, and n the way out, the least of
+    |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1 n), M = 1 + weight E^T E.
+    """
+    found = []
+    for end in ends:
+        way = over / end.lever
+        if end.wrap:
+            wrap = next(one for one in model.wrap_objects if one.name == end.wrap)
+            effect = wrap_effect(model, wrap, poses) if weight else np.zeros(1)
+            found.append(Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect))))
+            continue
+        normal = outward @ end.rotation
+        effect = point_effect(model, muscle, end.point, poses) if weight else np.zeros((0, 3))
+        stiffness = np.eye(3) + weight * effect.T @ effect
+        least = np.linalg.solve(stiffness, normal)
+        by = np.asarray(way * least / float(normal @ least), dtype=np.float64)
+        found.append(Move(end, by, float(by @ stiffness @ by)))
+    return min(found, key=lambda one: one.cost)
+
+
+def moved_once(
+    model: Model, start: Model, ground: Ground, steps: Mapping[str, float], muscles: Sequence[str], weight: float
+) -> Model | None:
+    """The model with every path that is too deep moved once, by its share of the way; None where nothing can be."""
+    poses, paths = ground.poses, compile_paths(model)
+    pushes: dict[tuple[str, int], Array] = {}
+    swollen: dict[str, float] = {}
+    for name, place, over in ground.too_deep(model, muscles):
+        if steps.get(name, 1.0) < SMALLEST:
+            continue
+        muscle = model.muscle(name)
+        ends = [
+            one
+            for one in part_at(paths, model, muscle, poses.coordinates[place.pose], place.place)
+            if one.movable and one.lever >= LEVER and steps.get(one.wrap, 1.0) >= SMALLEST
+        ]
+        if not ends:
+            continue
+        move = least_move(model, muscle, ends, place.outward, over, poses, weight)
+        end, by = move.end, OVER * steps.get(move.end.wrap or name, 1.0) * move.by
+        if end.wrap:
+            swollen[end.wrap] = max(swollen.get(end.wrap, 0.0), float(by[0]))
+        else:
+            known = pushes.get((name, end.point))
+            further = known is None or np.linalg.norm(by) > np.linalg.norm(known)
+            pushes[name, end.point] = by if known is None or further else known
+    if not pushes and not swollen:
+        return None
+    reach = {body: FURTHEST * solid.length for body, solid in ground.target.items()}
+    return replace(
+        model,
+        muscles=tuple(_pushed(one, start.muscle(one.name), pushes, reach) for one in model.muscles),
+        wrap_objects=tuple(
+            _swollen(one, first, swollen.get(one.name, 0.0))
+            for one, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
+        ),
+    )
+
+
+def _pushed(
+    muscle: Muscle, start: Muscle, pushes: Mapping[tuple[str, int], Array], reach: Mapping[str, float]
+) -> Muscle:
+    points = list(muscle.path.points)
+    for number, (point, first) in enumerate(zip(points, start.path.points, strict=True)):
+        push = pushes.get((muscle.name, number))
+        if push is None or not isinstance(point, PathPoint) or not isinstance(first, PathPoint):
+            continue
+        away = point.location + push - first.location
+        size, most = float(np.linalg.norm(away)), reach.get(point.body, np.inf)
+        points[number] = replace(point, location=first.location + away * min(1.0, most / size))
+    return replace(muscle, path=replace(muscle.path, points=tuple(points)))
+
+
+def _swollen(wrap: WrapObject, start: WrapObject, by: float) -> WrapObject:
+    if by <= 0.0:
+        return wrap
+    sizes = [min(one, LARGEST * most) for one, most in zip(grown_sizes(wrap, by), start.size, strict=True)]
+    return replace(wrap, size=tuple(sizes))
