@@ -71,7 +71,7 @@ def study(tmp_path_factory):
 
 def test_all_values_in_one_table(study):
     rows = table(study.out / "results_tidy.csv")
-    assert list(rows[0]) == ["subject", "condition", "trial", "step", "quantity", "value", "unit"]
+    assert list(rows[0]) == ["subject", "condition", "trial", "step", "quantity", "value", "unit", "low", "high", "sd"]
     trials = list(dict.fromkeys((row["subject"], row["trial"]) for row in rows))
     assert trials == [(one.subject, one.trial) for one in study.outcomes if not one.error]
     assert {(row["condition"], row["trial"][5:9]) for row in rows} == {("slow", "slow"), ("fast", "fast")}
