@@ -48,6 +48,7 @@ from benchmarks.accuracy import (
     reaction,
     recruitment,
     refine,
+    refine_held_out,
     regressor,
     scale,
     setups,
@@ -63,6 +64,7 @@ from benchmarks.accuracy import (
     uncertainty,
     uncertainty_measured,
     unseen_faults,
+    unseen_marker_faults,
     vendors,
 )
 from benchmarks.accuracy.morph import (
@@ -333,6 +335,8 @@ def _faults(folder: Path) -> Page:
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
+            "marker_faults_unseen": lambda: unseen_marker_faults.injected_marker_faults(folder),
+            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_markers(folder),
         },
     )
 
@@ -392,6 +396,7 @@ def _identification(folder: Path) -> Page:
             "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
             "refine": lambda: refine.measure(folder),
+            "refine_held_out": lambda: refine_held_out.measure(folder),
             "refine_simulated": refine.measure_simulated,
         },
     )

@@ -117,9 +117,9 @@ def _report(outcome: Outcome) -> None:
     again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
     if not outcome.trial:
         said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
-        return
-    rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
-    said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
+    else:
+        rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
+        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
     for text in outcome.findings:
         said(f"  {text}")
 

@@ -258,12 +258,12 @@ class _Looked:
 
     def _reused(self, files: TrialFiles, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
         """Why steps of a trial with earlier results would be computed, and what kept it from being looked at."""
-        made = self._made(self.plan.maker(files.subject))
+        made, settings = self._made(self.plan.maker(files.subject)), self.plan.settings_of(files.subject, files.name)
         try:
             if made is not None:
-                files = with_made(files, made, self.plan.maker(files.subject))
+                files = with_made(files, made, self.plan.maker(files.subject), self.plan.settings_of(files.subject))
             model = self._model(files.model, made)
-            trial = open_trial(files, self.plan.settings_of(files.subject, files.name), model)
+            trial = open_trial(files, settings, model)
             return reused_steps(trial, steps, folder), ""
         except MyomorphError as error:
             return dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())

@@ -118,12 +118,14 @@ class MadeModel:
     path : of its file
     drawn : file beside which its meshes lie
     gains : of the subject's EMG channels, None where no step finds them
+    motions : folder with refined coordinates of the subject's trials, None where no step finds them
     sizes : tables of how far off the model may be, one of each step; where a step finds none it is not there
     """
 
     path: Path
     drawn: Path
     gains: Path | None = None
+    motions: Path | None = None
     sizes: tuple[Path, ...] = ()
 
     def open(self) -> Model:
@@ -189,6 +191,7 @@ class SubjectStep(StepHead):
     run : from the files, the model so far, settings and provenance to the model's file and its tables
     provenance : what the model is derived from
     gains : file in `tables` with the gains of the subject's EMG channels, "" for none
+    motions : folder in `tables` with coordinates of the subject's trials, "" for none
     brings_bones : whether the model has meshes of its own; those of other steps are drawn by what they began with
     """
 
@@ -198,6 +201,7 @@ class SubjectStep(StepHead):
     provenance: Callable[[SubjectFiles, Prepared, Settings], Provenance]
     brings_bones: bool = False
     gains: str = ""
+    motions: str = ""
 
 
 def subject_step(name: str) -> SubjectStep:
@@ -211,6 +215,7 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
     for step in [subject_step(name) for name in SUBJECT_STEPS if name in steps]:
         path = folder / step.model if step.model else made.path
         gains = folder / step.tables / step.gains if step.gains else made.gains
+        motions = folder / step.tables / step.motions if step.motions else made.motions
         sizes = (*made.sizes, folder / step.tables / ERROR_SIZES)
-        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, sizes)
+        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, motions, sizes)
     return made

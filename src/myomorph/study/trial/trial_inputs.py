@@ -84,6 +84,20 @@ class TrialNotes:
 
 @read_only
 @dataclass(frozen=True, eq=False)
+class RefinedMotion:
+    """Coordinates that agree with markers and forces.
+
+    Attributes
+    ----------
+    cutoff : of the low-pass filter of the forces; the motion holds nothing much above it [Hz]
+    """
+
+    motion: Motion
+    cutoff: float
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
 class TrialInputs:
     """One recording of one subject with all that the steps need, whatever files or programs it came from.
 
@@ -92,6 +106,7 @@ class TrialInputs:
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
     motion : coordinates of a file, in the place of inverse kinematics; None to compute them
+    refined : coordinates that the step `refine` found, which take the place of those of inverse kinematics
     loads : external forces of a motion, or None where there are none
     torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
@@ -121,6 +136,7 @@ class TrialInputs:
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
     motion: Motion | None = None
+    refined: RefinedMotion | None = None
     loads: Callable[[Motion], Wrenches] | None = None
     torques: Series | None = None
     emg: Emg | None = None
