@@ -17,8 +17,8 @@ from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.report.study.study_given import Described, Outlier
-from myomorph.study.trial.tidy import IN_STRIDE, OF_STRIDE
-from myomorph.study.trial.trial_inputs import Value
+from myomorph.study.trial.tidy import OF_STRIDE
+from myomorph.study.trial.trial_inputs import IN_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS
 
 Curve = tuple[str, str]

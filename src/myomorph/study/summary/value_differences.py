@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -119,11 +118,14 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    found.append(ValueDifference(first, second, *name, unit, *pair))
+                    found.append(ValueDifference(first, second, *name, unit, **vars(pair)))
     return found
 
 
-class _Pair(NamedTuple):
+@dataclass(frozen=True)
+class _Pair:
+    """What two conditions come to in one quantity; fields as of `ValueDifference`."""
+
     paired: bool
     unit_of: str
     count: tuple[int, int]

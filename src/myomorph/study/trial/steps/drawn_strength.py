@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.errors import MyomorphError
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import RESERVE
+from myomorph.tension.tension import RESERVE, Tension
 
 LARGE = 0.3
 """Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
