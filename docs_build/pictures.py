@@ -201,9 +201,13 @@ def how_sure() -> Figure:
         for folder, color in (("usual", "#cccccc"), ("images", "#92c5de")):
             low, high = (mm.read_sto(f"{folder}/{table}_{end}.sto") for end in ("low", "high"))
             curve.fill_between(low.time, scale * low[column], scale * high[column], color=color, lw=0, label=folder)
-        found = mm.read_sto(f"usual/{table}.sto")
-        curve.plot(found.time, scale * found[column], color=INK)
         wanted, names = column.removesuffix("_moment"), list[str]()
+        if table == "torques":
+            trial = xarray.open_dataset("usual/tension.nc")
+            curve.plot(trial.time.values, trial.generalized_force.sel(coordinate=wanted).values, color=INK)
+        else:
+            found = mm.read_sto(f"usual/{table}.sto")
+            curve.plot(found.time, scale * found[column], color=INK)
         for folder, color, beside in (("usual", "#999999", -0.2), ("images", BLUE, 0.2)):
             with open(f"{folder}/uncertainty.csv", encoding="utf-8") as stream:
                 row = next(one for one in csv.DictReader(stream) if (one["table"], one["column"]) == (table, wanted))

@@ -215,6 +215,16 @@ def test_a_study_draws_where_it_says_so(arm):
     page = (home / "report.html").read_text(encoding="utf-8")
     assert 'id="uncertainty"' in page
     assert "12 of 12 inputs" in page
+    with (home / "uncertainty_sources.csv").open(encoding="utf-8") as stream:
+        origins = {row["source"]: (row["sd"], row["from"]) for row in csv.DictReader(stream)}
+    assert (origins["strength"], origins["placement"]) == (("0.3", "stated"), ("0.005", "usual"))
+    with (arm.out / "results_tidy.csv").open(encoding="utf-8") as stream:
+        values = {row["quantity"]: row for row in csv.DictReader(stream)}
+    peak = values["elbow_flexion_moment, maximum"]
+    assert float(peak["low"]) < float(peak["value"]) < float(peak["high"])
+    # Between the limits of a peak lies 3.29 times its deviation where it is normal, and it is widened.
+    assert 2.0 < (float(peak["high"]) - float(peak["low"])) / float(peak["sd"]) < 4.5
+    assert values["frames"]["low"] == ""
     (result,) = load(home).values()
     assert result.uncertainty.spreads["forces"].low.shape == low.shape
 
