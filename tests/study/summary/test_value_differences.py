@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from myomorph.model.series import Series
+from myomorph.study.summary.condition_values import GrowingCondition, OutlierSearch
 from myomorph.study.summary.value_differences import KEPT_DRAWS, MeasuredValues, difference_rows, differences
+from myomorph.study.trial.tidy import OF_TRIAL
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.value_errors import ValueErrors, of_subject, widened_errors
 
@@ -85,3 +88,13 @@ def test_widened_errors_keep_their_middle():
     low, high = np.nanquantile(errors, (0.05, 0.95)), np.nanquantile(wide, (0.05, 0.95))
     assert np.diff(high)[0] == pytest.approx(1.5 * np.diff(low)[0])
     assert high.mean() == pytest.approx(low.mean())
+
+
+def test_a_condition_of_one_trial_without_strides_has_no_curves_to_be_far_from():
+    """Beside another condition its curves are dropped; the search for outliers asks nothing of them."""
+    curves = {"joint angle [deg]": Series(np.linspace(0.0, 100.0, 101), ("knee",), np.zeros((101, 1)))}
+    condition, search = GrowingCondition("rise"), OutlierSearch()
+    condition.add("s", "rise1", [Value(*NAME, 1.0, "N m")], OF_TRIAL, curves)
+    condition.without_whole_trials()
+    search.add_curves(("s", "rise", "rise1"), condition, OF_TRIAL, curves)
+    assert search.found() == []

@@ -252,7 +252,8 @@ class OutlierSearch:
         self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
     ) -> None:
         """How far curves of a trial are from the mean of its condition, root mean square over the cycle."""
-        if cycle != condition.cycle:
+        if cycle != condition.cycle or not condition.each.columns:
+            # Of another cycle, or dropped because beside conditions with strides it is not shown.
             return
         names, values = joined_curves(curves)
         if not names:
