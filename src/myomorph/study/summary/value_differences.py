@@ -68,7 +68,7 @@ class _Trials:
         if len(errors) != len(self._sum):
             return
         pairs = [(k, self._columns[name]) for k, name in enumerate(drawn.names) if name in self._columns]
-        here, there = (np.array(part, np.int64) for part in zip(*pairs, strict=True)) if pairs else ([], [])
+        here, there = np.array(pairs, np.int64).reshape(-1, 2).T
         self._drawn[there] += 1.0
         self._sum[:, there] += errors[:, here]
         self._squares[there] += np.nanmean(errors[:, here].astype(np.float64) ** 2, axis=0)
