@@ -193,9 +193,44 @@ def live() -> Figure:
     return figure
 
 
+def how_sure() -> Figure:
+    """Moment and force of a knee with their limits, usual and with better joint centers, and what contributes."""
+    columns = (("torques", "knee_angle_l_moment", 1.0), ("joint_contact_forces", "total_walker_knee_l", 1e-3))
+    figure, axes = plt.subplots(2, 2, figsize=(7.0, 4.8), width_ratios=(2, 1))
+    for (table, column, scale), (curve, bars) in zip(columns, axes, strict=True):
+        for folder, color in (("usual", "#cccccc"), ("images", "#92c5de")):
+            low, high = (mm.read_sto(f"{folder}/{table}_{end}.sto") for end in ("low", "high"))
+            curve.fill_between(low.time, scale * low[column], scale * high[column], color=color, lw=0, label=folder)
+        wanted, names = column.removesuffix("_moment"), list[str]()
+        if table == "torques":
+            trial = xarray.open_dataset("usual/tension.nc")
+            curve.plot(trial.time.values, trial.generalized_force.sel(coordinate=wanted).values, color=INK)
+        else:
+            found = mm.read_sto(f"usual/{table}.sto")
+            curve.plot(found.time, scale * found[column], color=INK)
+        for folder, color, beside in (("usual", "#999999", -0.2), ("images", BLUE, 0.2)):
+            with open(f"{folder}/uncertainty.csv", encoding="utf-8") as stream:
+                row = next(one for one in csv.DictReader(stream) if (one["table"], one["column"]) == (table, wanted))
+            if folder == "usual":
+                names = [key for key in row if key.endswith("_total") and float(row[key]) > 0.01]
+                bars.set_yticks(np.arange(len(names)), [key.removesuffix("_total") for key in names])
+                bars.invert_yaxis()
+            values = [100.0 * float(row[key]) for key in names]
+            bars.barh(np.arange(len(names)) + beside, values, 0.4, color=color)
+        bars.set_xlabel("share of the variance [%]")
+    measured = np.loadtxt("knee-implant-walk/walk1_knee_force.csv", delimiter=",", skiprows=1)
+    axes[1, 0].plot(measured[::4, 0], 1e-3 * measured[::4, 3], ".", color=RED, ms=4, label="measured")
+    axes[0, 0].set_ylabel("knee moment [N m]")
+    axes[1, 0].set_ylabel("force in the knee [kN]")
+    axes[1, 0].set_xlabel("time [s]")
+    axes[1, 0].legend(frameon=False, ncols=3)
+    return figure
+
+
 DRAWN: dict[str, Callable[[], Figure]] = {
     "walking": walking,
     "one-body": one_body,
+    "how-sure": how_sure,
     "without-plates": without_plates,
     "other-bones": other_bones,
     "mouse": mouse,

@@ -163,6 +163,20 @@ def _of_persons() -> tuple[Claim, ...]:
             "measured force",
         ),
         Claim(
+            "Limits of 90 %: vertical forces of feet whose plates are hidden inside, walks by recording [%]",
+            "uncertainty_plates",
+            _span("vertical, inside [%]"),
+            "85 to 95",
+            "measured force",
+        ),
+        Claim(
+            "Limits of 90 %: the force that lifts a box of known mass inside, by lift [%]",
+            "uncertainty_box",
+            _span("up, inside [%]"),
+            "85 to 95",
+            "measured force",
+        ),
+        Claim(
             "Raw recordings by one command: correlation of flexion moments of the hip, where a set has its own",
             "analyze",
             _span("hip, r"),

@@ -13,9 +13,10 @@ from myomorph.model.paths import PathPoint
 from myomorph.model.series import Motion
 from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
 from myomorph.muscles.path import compile_paths, compile_paths_as
+from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree, compile_tree_as
-from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
 
@@ -89,3 +90,33 @@ def test_arrays_of_a_drawn_model_are_those_that_compiling_it_anew_makes(data):
         for name, one, other in zip(kept._fields, kept, anew, strict=True):
             if isinstance(one, np.ndarray) and name != "pre_is_shift":
                 np.testing.assert_allclose(one, other, atol=1e-14, err_msg=name)
+
+
+def test_tendons_are_fitted_to_drawn_paths_and_fibers(model):
+    """Normalized fiber lengths in the default pose stay; the source of slack lengths alone changes them."""
+
+    def fibers(one):
+        lengths = default_path_lengths(one)
+        return np.array(
+            [
+                (length - muscle.tendon_slack_length) / muscle.optimal_fiber_length
+                for muscle, length in zip(one.muscles, lengths, strict=True)
+            ]
+        )
+
+    drawn = drawn_subject(model, draw(4, attachment=0.004, wrap_radius=0.1, fiber_length=0.1))
+    assert np.abs(default_path_lengths(drawn) - default_path_lengths(model)).max() > 1e-3
+    np.testing.assert_allclose(fibers(drawn), fibers(model), atol=1e-9)
+    apart = [fibers(drawn_subject(model, draw(k, slack_length=0.05))) - fibers(model) for k in range(200)]
+    np.testing.assert_allclose(np.std(apart, axis=0), 0.05, rtol=0.05)
+
+
+def test_a_stronger_body_is_stronger_in_all_muscles(model):
+    more = stronger(model, 1.4)
+    for one, other in zip(model.muscles, more.muscles, strict=True):
+        assert other.max_isometric_force == pytest.approx(1.4 * one.max_isometric_force)
+
+
+def test_the_whole_body_weighs_otherwise(model):
+    masses = [drawn_model(model, draw(k, body_mass=0.02)).mass for k in range(200)]
+    np.testing.assert_allclose(np.std(np.log(masses)), 0.02, rtol=0.02)

@@ -71,7 +71,7 @@ def study(tmp_path_factory):
 
 def test_all_values_in_one_table(study):
     rows = table(study.out / "results_tidy.csv")
-    assert list(rows[0]) == ["subject", "condition", "trial", "step", "quantity", "value", "unit"]
+    assert list(rows[0]) == ["subject", "condition", "trial", "step", "quantity", "value", "unit", "low", "high", "sd"]
     trials = list(dict.fromkeys((row["subject"], row["trial"]) for row in rows))
     assert trials == [(one.subject, one.trial) for one in study.outcomes if not one.error]
     assert {(row["condition"], row["trial"][5:9]) for row in rows} == {("slow", "slow"), ("fast", "fast")}
@@ -81,6 +81,11 @@ def test_all_values_in_one_table(study):
     whole = pq.read_table(study.out / "results.parquet")
     assert whole.column_names == list(rows[0])
     for name in whole.column_names:
+        if name in ("low", "high", "sd"):
+            # Nothing was drawn.
+            assert np.isnan(whole[name].to_numpy()).all()
+            assert {row[name] for row in rows} == {""}
+            continue
         told = [float(row[name]) if name == "value" else row[name] for row in rows]
         assert whole[name].to_pylist() == told
 

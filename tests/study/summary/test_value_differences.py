@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
+from myomorph.model.series import Series
+from myomorph.study.summary.condition_values import GrowingCondition, OutlierSearch
+from myomorph.study.summary.value_differences import KEPT_DRAWS, MeasuredValues, difference_rows, differences
+from myomorph.study.trial.tidy import OF_TRIAL
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.value_errors import ValueErrors, of_subject, widened_errors
 
 NAME = ("id", "knee_angle_r_moment, maximum")
-DRAWS = 400
+DRAWS = KEPT_DRAWS
 
 
 def gathered(trials):
@@ -29,7 +32,7 @@ def test_errors_that_trials_of_a_subject_share_cancel_between_its_conditions():
     own = {name: rng.normal(0.0, 1.0, DRAWS) for name in "ab"}
     (one,) = gathered([("s", name, value, shared + own[name]) for name, value in (("a", 10.0), ("b", 14.0))])
     assert one.difference == 4.0
-    assert one.measured_sd == pytest.approx(np.std(own["b"] - own["a"], ddof=1), rel=1e-6)
+    assert one.measured_sd == pytest.approx(np.std(own["b"] - own["a"], ddof=1), rel=1e-5)
     assert np.isnan(one.low)
     assert one.high_all - one.low_all == pytest.approx(2 * 1.95996 * one.measured_sd, rel=1e-4)
 
@@ -40,9 +43,9 @@ def test_errors_of_subjects_are_independent_though_their_draws_have_the_same_num
     trials = [(f"s{k}", name, 10.0 * k, same if name == "b" else 0.0 * same) for k in range(9) for name in "ab"]
     (one,) = gathered(trials)
     assert one.paired
-    assert one.measured_sd == pytest.approx(np.std(same, ddof=1) / 3.0, rel=1e-6)
+    assert one.measured_sd == pytest.approx(np.std(same, ddof=1) / 3.0, rel=1e-5)
     orders = [of_subject(same[:, None], f"s{k}")[:, 0] for k in range(2)]
-    assert abs(np.corrcoef(*orders)[0, 1]) < 0.2
+    assert abs(np.corrcoef(*orders)[0, 1]) < 0.25
 
 
 @pytest.mark.parametrize("paired", [True, False])
@@ -71,7 +74,7 @@ def test_trials_of_an_only_subject_do_not_show_what_they_share():
             trials.append(("s", name, x + 5.0 * sign, sign * tilt + rng.normal(0.0, 1.0, DRAWS)))
     (one,) = gathered(trials)
     assert one.unit_of == "trials"
-    assert one.measured_sd == pytest.approx(2.0, rel=0.1)
+    assert one.measured_sd == pytest.approx(np.std(tilt, ddof=1), rel=0.1)
     half, drawn = one.high - one.difference, 1.95996 * one.measured_sd
     assert one.high_all - one.difference == pytest.approx(np.hypot(half, drawn), rel=1e-4)
     head, row = difference_rows([one])
@@ -85,3 +88,13 @@ def test_widened_errors_keep_their_middle():
     low, high = np.nanquantile(errors, (0.05, 0.95)), np.nanquantile(wide, (0.05, 0.95))
     assert np.diff(high)[0] == pytest.approx(1.5 * np.diff(low)[0])
     assert high.mean() == pytest.approx(low.mean())
+
+
+def test_a_condition_of_one_trial_without_strides_has_no_curves_to_be_far_from():
+    """Beside another condition its curves are dropped; the search for outliers asks nothing of them."""
+    curves = {"joint angle [deg]": Series(np.linspace(0.0, 100.0, 101), ("knee",), np.zeros((101, 1)))}
+    condition, search = GrowingCondition("rise"), OutlierSearch()
+    condition.add("s", "rise1", [Value(*NAME, 1.0, "N m")], OF_TRIAL, curves)
+    condition.without_whole_trials()
+    search.add_curves(("s", "rise", "rise1"), condition, OF_TRIAL, curves)
+    assert search.found() == []

@@ -216,6 +216,16 @@ def test_a_study_draws_where_it_says_so(arm):
     assert 'id="uncertainty"' in page
     # A drawn arm may be too weak for the motion.
     assert re.search("1[0-2] of 12 inputs", page)
+    with (home / "uncertainty_sources.csv").open(encoding="utf-8") as stream:
+        origins = {row["source"]: (row["sd"], row["from"]) for row in csv.DictReader(stream)}
+    assert (origins["strength"], origins["placement"]) == (("0.3", "stated"), ("0.005", "usual"))
+    with (arm.out / "results_tidy.csv").open(encoding="utf-8") as stream:
+        values = {row["quantity"]: row for row in csv.DictReader(stream)}
+    peak = values["elbow_flexion_moment, maximum"]
+    assert float(peak["low"]) < float(peak["value"]) < float(peak["high"])
+    # Between the limits of a peak lies 3.29 times its deviation where it is normal, and it is widened.
+    assert 2.0 < (float(peak["high"]) - float(peak["low"])) / float(peak["sd"]) < 4.5
+    assert values["frames"]["low"] == ""
     (result,) = load(home).values()
     assert result.uncertainty.spreads["forces"].low.shape == low.shape
 

@@ -17,8 +17,8 @@ from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.report.study.study_given import Described, Outlier
-from myomorph.study.trial.tidy import IN_STRIDE, OF_STRIDE
-from myomorph.study.trial.trial_inputs import Value
+from myomorph.study.trial.tidy import OF_STRIDE
+from myomorph.study.trial.trial_inputs import IN_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS
 
 Curve = tuple[str, str]
@@ -252,7 +252,8 @@ class OutlierSearch:
         self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
     ) -> None:
         """How far curves of a trial are from the mean of its condition, root mean square over the cycle."""
-        if cycle != condition.cycle:
+        if cycle != condition.cycle or not condition.each.columns:
+            # Of another cycle, or dropped because beside conditions with strides it is not shown.
             return
         names, values = joined_curves(curves)
         if not names:

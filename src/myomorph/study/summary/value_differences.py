@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -19,6 +18,8 @@ from myomorph.uncertainty.value_errors import ValueErrors, of_subject
 
 CONFIDENCE = 0.95
 """Of the intervals, as of those of curves and of parameters of strides."""
+KEPT_DRAWS = 100
+"""Of each trial so many draws at most are kept for differences, which know their deviation to 7 % by them."""
 Row = tuple[str, ...]
 _Name = tuple[str, str]
 """Step and quantity."""
@@ -44,22 +45,33 @@ class _Own:
 
 
 class _Trials:
-    """Values of a subject's trials in one condition, and their errors, without keeping the trials."""
+    """Values of a subject's trials in one condition, and their errors, summed without keeping the trials."""
 
     def __init__(self) -> None:
         self.values: RunningMeans[_Name] = RunningMeans(1)
-        self.errors: RunningMeans[_Name] | None = None
-        self._undrawn = False
+        self._columns: dict[_Name, int] = {}
+        # By quantity: trials that were drawn, sum of their errors by draw, sum of their mean squares.
+        self._drawn, self._squares = np.zeros(0), np.zeros(0)
+        self._sum = np.zeros((0, 0), np.float32)
 
     def add(self, values: Sequence[Value], drawn: ValueErrors | None, subject: str) -> None:
         """One more trial."""
         names = tuple((one.step, one.quantity) for one in values)
         self.values.add(names, np.array([[one.value for one in values]]))
-        if drawn is None or (self.errors is not None and len(self.errors.count) != len(drawn.errors)):
-            self._undrawn = True
+        if drawn is None:
             return
-        self.errors = self.errors or RunningMeans(len(drawn.errors))
-        self.errors.add(drawn.names, of_subject(drawn.errors, subject))
+        errors = of_subject(drawn.errors, subject)[:KEPT_DRAWS].astype(np.float32)
+        if not self._columns:
+            self._columns = {name: k for k, name in enumerate(drawn.names)}
+            self._drawn, self._squares = np.zeros(len(drawn.names)), np.zeros(len(drawn.names))
+            self._sum = np.zeros(errors.shape, np.float32)
+        if len(errors) != len(self._sum):
+            return
+        pairs = [(k, self._columns[name]) for k, name in enumerate(drawn.names) if name in self._columns]
+        here, there = np.array(pairs, np.int64).reshape(-1, 2).T
+        self._drawn[there] += 1.0
+        self._sum[:, there] += errors[:, here]
+        self._squares[there] += np.nanmean(errors[:, here].astype(np.float64) ** 2, axis=0)
 
     def of(self, name: _Name) -> _Own | None:
         """A quantity, None where no trial has it."""
@@ -69,13 +81,13 @@ class _Trials:
         count, squares = self.values.count[0, k], self.values.squares[0, k]
         square = float(squares / (count - 1.0) / count) if count > 1 else float("nan")
         error, scatter = None, float("nan")
-        at = None if self.errors is None or self._undrawn else self.errors.columns.get(name)
-        if at is not None and self.errors is not None and self.errors.count[:, at].max() == count:
+        at = self._columns.get(name)
+        if at is not None and self._drawn[at] == count:
             # A draw that has no solution in one of the trials counts in none.
-            whole = self.errors.count[:, at] == count
-            error = np.where(whole, self.errors.mean[:, at], np.nan)
+            error = self._sum[:, at].astype(np.float64) / count
             if count > 1:
-                scatter = float(self.errors.squares[whole, at].mean() / (count - 1.0) / count)
+                within = self._squares[at] - count * float(np.nanmean(error**2))
+                scatter = max(within, 0.0) / (count - 1.0) / count
         return _Own(float(self.values.mean[0, k]), square, int(count), error, scatter)
 
 
@@ -119,11 +131,14 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    found.append(ValueDifference(first, second, *name, unit, *pair))
+                    found.append(ValueDifference(first, second, *name, unit, **vars(pair)))
     return found
 
 
-class _Pair(NamedTuple):
+@dataclass(frozen=True)
+class _Pair:
+    """What two conditions come to in one quantity; fields as of `ValueDifference`."""
+
     paired: bool
     unit_of: str
     count: tuple[int, int]

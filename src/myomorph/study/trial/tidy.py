@@ -21,12 +21,11 @@ from myomorph.store.uncertainty_store import get_value_limits
 from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_inputs import LOADED, Signals, Value, statistics_of
+from myomorph.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
 OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
-IN_STRIDE = "in a stride"
 VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd")
 NUMBERS = ("value", "low", "high", "sd")
 """Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn."""

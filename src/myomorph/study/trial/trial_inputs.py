@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from myomorph.tension.joint_contact import JointPoints
 
 Held = TypeVar("Held")
+IN_STRIDE = "in a stride"
+"""With which quantities end that are the mean over strides of each stride's own."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""

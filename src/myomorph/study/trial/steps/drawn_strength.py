@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.errors import MyomorphError
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import RESERVE
+from myomorph.tension.tension import RESERVE, Tension
 
 LARGE = 0.3
 """Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
 BEYOND = 0.2
-"""Reserve beyond that of the result, as a share of the coordinate's own largest torque."""
+"""Share of a coordinate's largest torque that its reserve may give beyond its share in the result."""
 
 
 class TooWeak(MyomorphError):
@@ -22,27 +21,36 @@ class TooWeak(MyomorphError):
 
 @dataclass(frozen=True)
 class Strength:
-    """What reserves may give in a draw, by their names [N m or N]."""
+    """What share of the largest torque of coordinates reserves may give in a draw, by the coordinates' names."""
 
     most: dict[str, float]
 
     @classmethod
     def of(cls, tension: Tension) -> Strength:
         """What the result without errors needs, and a tolerance."""
-        peaks = dict(zip(tension.coordinates, _peaks(tension.torques), strict=True))
+        peaks, reserves = _torques(tension), _reserves(tension)
         largest = max(peaks.values(), default=0.0)
-        most = {}
-        for name, peak in zip(tension.reserve_names, _peaks(tension.reserves), strict=True):
-            own = peaks.get(name.removeprefix(RESERVE), 0.0) if name.startswith(RESERVE) else 0.0
-            if own > LARGE * largest:
-                most[name] = peak + BEYOND * own
-        return cls(most)
+        judged = [name for name in reserves if peaks.get(name, 0.0) > LARGE * largest]
+        return cls({name: reserves[name] / peaks[name] + BEYOND for name in judged})
 
     def check(self, tension: Tension) -> None:
-        """Raise `TooWeak` where a reserve of a draw gives more."""
-        for name, peak in zip(tension.reserve_names, _peaks(tension.reserves), strict=True):
-            if peak > self.most.get(name, np.inf):
-                raise TooWeak(f"{name} gives {peak:.3g}, at most {self.most[name]:.3g} can be")
+        """Raise `TooWeak` where reserves of a draw give more."""
+        peaks, reserves = _torques(tension), _reserves(tension)
+        for name, most in self.most.items():
+            if reserves[name] > most * peaks[name]:
+                given = 100.0 * reserves[name] / max(peaks[name], 1e-300)
+                raise TooWeak(
+                    f"the reserve of {name} gives {given:.0f} % of its torque, {100.0 * most:.0f} % at most can be"
+                )
+
+
+def _torques(tension: Tension) -> dict[str, float]:
+    return dict(zip(tension.coordinates, _peaks(tension.torques), strict=True))
+
+
+def _reserves(tension: Tension) -> dict[str, float]:
+    found = zip(tension.reserve_names, _peaks(tension.reserves), strict=True)
+    return {name.removeprefix(RESERVE): peak for name, peak in found if name.startswith(RESERVE)}
 
 
 def _peaks(values: np.ndarray) -> list[float]:

@@ -11,8 +11,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
 from myomorph.study.trial.steps.drawn_trials import Quantity
-from myomorph.study.trial.tidy import IN_STRIDE
-from myomorph.study.trial.trial_inputs import EXTREMES, statistics_of
+from myomorph.study.trial.trial_inputs import EXTREMES, IN_STRIDE, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
 PEAKS = ("maximum", "mean")

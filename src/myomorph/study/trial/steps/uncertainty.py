@@ -119,7 +119,7 @@ def _run(
     shapes = {one.name: one.values.shape for one in quantities}
     numbers = drawn_values(quantities, _strides(trial, poses, torques))
     true = numbers.of({one.name: one.values for one in quantities})
-    errors = np.full((chosen.draws, len(numbers.names)), np.nan, np.float32)
+    errors = np.full((chosen.draws, len(numbers.names)), np.nan)
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
         results = attempts(chain, jobs, workers)

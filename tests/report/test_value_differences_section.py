@@ -1,0 +1,28 @@
+"""Differences of values with their errors on the page of a study."""
+
+from __future__ import annotations
+
+from myomorph.report.charts.axis import number
+from myomorph.report.study.study_given import StudyInput, ValueDifference
+from myomorph.report.study.study_page import study_page
+
+NAN = float("nan")
+
+
+def difference(quantity, means, half, whole, sd):
+    middle = means[1] - means[0]
+    limits = (middle - half, middle + half, sd, middle - whole, middle + whole)
+    return ValueDifference("slow", "fast", "id", quantity, "N m", True, "subjects", (4, 4), means, *limits)
+
+
+def test_what_is_largest_beside_its_interval_comes_first():
+    small = difference("knee_angle_r_moment, maximum", (30.0, 31.0), 2.0, 3.0, 1.5)
+    large = difference("ankle_angle_r_moment, minimum", (-90.0, -110.0), NAN, 6.0, 3.0)
+    page = study_page(StudyInput("walks", "2026", "0", (), differences=(small, large)))
+    assert page.index("ankle_angle_r_moment") < page.index("knee_angle_r_moment")
+    assert f"{number(-26.0)} to {number(-14.0)}" in page
+    assert "Differences with their errors" in page
+
+
+def test_without_draws_nothing_is_said():
+    assert "Differences with their errors" not in study_page(StudyInput("walks", "2026", "0", ()))
