@@ -96,6 +96,7 @@ def fit(
             normal += weight * part.jacobian.T @ part.jacobian
             right += weight * (part.jacobian.T @ part.misfit - part.widening)
         rows, misfit = _outside(prior, shapes, windows, p)
+        known = normal.copy()
         normal += rows.T @ rows
         right += rows.T @ misfit
         covariance = np.zeros_like(normal)
@@ -127,6 +128,8 @@ def fit(
         settled = 0 if trusting or moved >= SETTLED else settled + 1
         if settled == 3:
             break
+    # How far fibers work is an assumption: it moves what recordings leave open, but they say no more for it.
+    covariance[np.ix_(free, free)] = np.linalg.inv(known[np.ix_(free, free)])
     rest = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
     return Fitted(p, covariance, noise, *rest, done, moved)
 
