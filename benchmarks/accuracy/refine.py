@@ -72,12 +72,18 @@ def rows_of(subject: Subject, trials: tuple[str, ...], found: Refinement) -> Ite
             "before": _text(one.before),
             "after": _text(one.after),
             "predicted": "; ".join(
+                f"{1e3 * each.refined.markers:.1f} mm ({each.markers_ratio:.2f}), "
                 f"{each.refined.force:.1f} N ({each.refined.force / each.given.force:.2f}), "
                 f"{each.refined.moment:.1f} N m ({each.refined.moment / each.given.moment:.2f})"
                 for each in unseen
             ),
-            "body and masses": "kept" if found.kept else "refined",
+            "refined": _parts(found),
         }
+
+
+def _parts(found: Refinement) -> str:
+    parts = [text for text, one in (("body", found.body), ("masses", found.masses)) if one]
+    return ", ".join(("motions", *parts))
 
 
 def _text(one: Errors) -> str:
@@ -109,7 +115,7 @@ def measure_simulated(seeds: tuple[int, ...] = (1, 2, 3), seconds: float = 8.0) 
             "masses, largest error [%]": f"{_percent(before, truth):.1f} -> {_percent(after, truth):.1f}",
             "lengths inside": f"{int((np.abs(off) <= NINETY * start * factors_sd).sum())} of {len(off)}",
             "masses inside": f"{int((np.abs(after - truth) <= NINETY * sd).sum())} of {len(sd)}",
-            "body and masses": "kept" if found.kept else "refined",
+            "refined": _parts(found),
         }
 
 

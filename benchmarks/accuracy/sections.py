@@ -48,6 +48,7 @@ from benchmarks.accuracy import (
     reaction,
     recruitment,
     refine,
+    refine_held_out,
     regressor,
     scale,
     setups,
@@ -61,7 +62,9 @@ from benchmarks.accuracy import (
     tension_defaults,
     transfer,
     uncertainty,
+    uncertainty_measured,
     unseen_faults,
+    unseen_marker_faults,
     vendors,
 )
 from benchmarks.accuracy.morph import (
@@ -239,6 +242,10 @@ def _uncertainty(folder: Path) -> Page:
             "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
             "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
+            "uncertainty_plates": lambda: uncertainty_measured.measure_plates(folder),
+            "uncertainty_plates_factor": lambda: uncertainty_measured.measure_plates_factor(folder),
+            "uncertainty_pins": lambda: uncertainty_measured.measure_pins(folder),
+            "uncertainty_box": lambda: uncertainty_measured.measure_box(folder),
         },
     )
 
@@ -328,6 +335,8 @@ def _faults(folder: Path) -> Page:
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
+            "marker_faults_unseen": lambda: unseen_marker_faults.injected_marker_faults(folder),
+            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_markers(folder),
         },
     )
 
@@ -387,6 +396,7 @@ def _identification(folder: Path) -> Page:
             "identification_intervals": lambda: identification_intervals.measure(folder),
             "identification_segments": lambda: identification.measure_segments(folder),
             "refine": lambda: refine.measure(folder),
+            "refine_held_out": lambda: refine_held_out.measure(folder),
             "refine_simulated": refine.measure_simulated,
         },
     )

@@ -20,13 +20,15 @@ from benchmarks.simulated_subject import (
 from test_simulated_subject import person
 
 from myomorph.identify.refine.equations import cost, linearize
-from myomorph.identify.refine.fit import _far_from_given, _opened, problem_of, refine
+from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.masses import MassPrior, changed, tangents
+from myomorph.identify.refine.notes import far_from_given
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import moved
 from myomorph.identify.refine.refinement import SubjectTrial
 from myomorph.identify.refine.solve import step
 from myomorph.identify.refine.spline import WIDTH, Basis
+from myomorph.identify.refine.trial_data import opened, problem_of
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
@@ -64,7 +66,7 @@ def problem(recorded):
         trial,
         markers=replace(trial.markers, time=trial.markers.time[:60], values=trial.markers.values[:60]),
     )
-    return problem_of(subject.generic, [short], [_opened(subject.generic, short, OPTIONS)], OPTIONS)
+    return problem_of(subject.generic, [short], [opened(subject.generic, short, OPTIONS)], OPTIONS)
 
 
 def test_splines_are_polynomials_with_their_derivatives():
@@ -140,12 +142,12 @@ def test_sparse_step_is_that_of_the_full_matrix(problem):
 
 def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(problem):
     at = problem.begin()
-    assert _far_from_given(problem, at) == []
+    assert not list(far_from_given(problem, at))
     parameters = at.parameters.copy()
     body, pelvis = problem.model.joints[-1].child, problem.model.joints[0].child
     for name in (body, pelvis):
         parameters[problem.model.body_names.index(name)] *= 1.6
-    (note,) = _far_from_given(problem, replace(at, parameters=parameters))
+    (note,) = far_from_given(problem, replace(at, parameters=parameters))
     assert note.startswith(f"2 of {len(problem.model.bodies)} links")
     assert all(repr(name) in note for name in (body, pelvis, *problem.model.joints[-1].coordinates))
     # No plate asks for a swing of the floating base.

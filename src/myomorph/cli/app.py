@@ -93,6 +93,11 @@ COMMANDS = {
         "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml "
         "--mass 72.6 --cutoff 6 --out identified.osim",
     ),
+    "transfer": Command(
+        "transfer",
+        "A subject's lengths, marker positions and masses for a model with more joints.",
+        "myomorph transfer --model subject.osim --to detailed.osim --out detailed_subject.osim",
+    ),
     "personalize": Command(
         "personalize",
         "Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.",

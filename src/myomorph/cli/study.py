@@ -81,7 +81,8 @@ def _say_remarks(plan: Plan) -> None:
 def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     """Print what a run by so many workers would do."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run.dry_run import dry_run, dry_run_lines
+    from myomorph.study.run.dry_run import dry_run
+    from myomorph.study.run.dry_run_text import dry_run_lines
 
     _say_remarks(plan)
     found = dry_run(plan, out, fresh, count)
@@ -117,9 +118,9 @@ def _report(outcome: Outcome) -> None:
     again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
     if not outcome.trial:
         said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")
-        return
-    rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
-    said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
+    else:
+        rms = f", markers {100 * outcome.rms:.2f} cm" if outcome.rms == outcome.rms else ""
+        said(f"{name}: {outcome.frames} frames in {outcome.seconds:.1f} s{kept}{rms}{again}")
     for text in outcome.findings:
         said(f"  {text}")
 

@@ -8,7 +8,7 @@ that pose markers keep their place in space, and the masses of each region are s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,36 +31,17 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
+from myomorph.identify.transfer_options import TransferOptions
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.segments import Segment
 from myomorph.model.series import Motion
 from myomorph.muscles.scaling import default_path_lengths
 
 MIN_CENTERS = 4
-
-
-@dataclass(frozen=True)
-class TransferOptions:
-    """Options of a transfer.
-
-    Attributes
-    ----------
-    rounds : of scaling and posing, at most
-    tolerance : the rounds end when no joint center moves further relative to the lower model's [m]
-    keep_markers : keep markers of the higher model that the lower one lacks
-    lower_segments, higher_segments : segments of bodies whose names do not tell them
-    """
-
-    rounds: int = 8
-    tolerance: float = 1e-4
-    keep_markers: bool = False
-    lower_segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
-    higher_segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
 
 
 @dataclass(frozen=True)

@@ -204,6 +204,18 @@ def plain_settings(options: object) -> dict[str, object]:
 
 
 @dataclass(frozen=True)
+class TrialMotion:
+    """Which motion the trials of a subject go on with.
+
+    Attributes
+    ----------
+    use_motions : the refined one, with forces filtered alike; else that of inverse kinematics on the refined model
+    """
+
+    use_motions: bool = True
+
+
+@dataclass(frozen=True)
 class SettingGroup:
     """Option values of several kinds in fields of their own, each with a default."""
 

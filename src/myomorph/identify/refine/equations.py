@@ -116,10 +116,10 @@ def _beyond(problem: Problem, values: Array) -> Array:
 def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
     """Columns, rows and misses of what is held likely of the shared unknowns."""
     lengths, places, masses = problem.columns()
-    options, rows = problem.options, []
+    rows = []
     if problem.body:
-        marker_sd = 0.005 * problem.unit if options.marker_sd is None else options.marker_sd
-        rows.append((lengths, np.eye(len(at.factors)) / options.length_sd, (at.factors - 1.0) / options.length_sd))
+        length_sd, marker_sd = problem.options.length_sd, problem.marker_sd
+        rows.append((lengths, np.eye(len(at.factors)) / length_sd, (at.factors - 1.0) / length_sd))
         rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
     if problem.masses:
         prior = problem.prior

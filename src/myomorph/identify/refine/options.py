@@ -20,8 +20,10 @@ class RefineOptions:
     force_noise : of each component of the residual force, in body weights
     moment_noise : of each component of the residual moment, in body weights times 1 m
     length_sd : how far a length may differ from the model's, of itself
-    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.005 likewise
+    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.015 likewise
     mass_sd : how far a link's mass may differ from the model's, of itself
+    body : whether lengths and marker positions change
+    masses : whether masses, mass centers and inertias change
     iterations : at most so many steps
     check : predict every recording, or the parts of a single one, from the others, and keep the model's body and
         masses where they predict better
@@ -32,9 +34,11 @@ class RefineOptions:
     marker_time: float = 0.1
     force_noise: float = 0.005
     moment_noise: float = 0.005
-    length_sd: float = 0.02
+    length_sd: float = 0.1
     marker_sd: float | None = None
     mass_sd: float = 0.1
+    body: bool = True
+    masses: bool = True
     iterations: int = 20
     check: bool = True
 

@@ -79,6 +79,7 @@ class Problem:
     markers : what is tracked, and the coordinates that are free
     locations : (markers, 3) on the model [m]
     trials : that count
+    prior : of the masses
     weight : of the body [N]
     unit : size of the body against a human's, see `length_unit`
     body, masses : whether lengths and marker positions, and masses are unknown
@@ -102,6 +103,12 @@ class Problem:
         """Of a marker along one axis [m^2]."""
         given = self.options.marker_noise
         return float((0.01 * self.unit if given is None else given) ** 2)
+
+    @property
+    def marker_sd(self) -> float:
+        """Of a marker's position on the model along one axis [m]."""
+        given = self.options.marker_sd
+        return 0.015 * self.unit if given is None else given
 
     @property
     def residual_sd(self) -> Array:

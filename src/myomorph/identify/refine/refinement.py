@@ -12,8 +12,6 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions
 
-MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
-
 
 @dataclass(frozen=True, eq=False)
 class SubjectTrial:
@@ -74,17 +72,24 @@ class Prediction:
     Attributes
     ----------
     given, refined : errors of the model as given, and of the refined one
+    markers_alone : marker error of a body that was refined from the same recordings' markers without their forces [m]
     """
 
     name: str
     given: Errors
     refined: Errors
+    markers_alone: float
 
     @property
     def ratio(self) -> float:
         """Refined to given: root mean square of the ratios of force and moment."""
         ratios = (self.refined.force / self.given.force, self.refined.moment / self.given.moment)
         return float(np.sqrt(np.mean(np.square(ratios))))
+
+    @property
+    def markers_ratio(self) -> float:
+        """Marker error of the refined body to that of a body that the same markers made without forces."""
+        return self.refined.markers / self.markers_alone
 
 
 @read_only
@@ -102,7 +107,8 @@ class Refinement:
     parameters : (bodies, 10) inertial
     mass_sd : (bodies,) standard deviation of the masses [kg]
     predictions : of what was left out, empty where not asked for
-    kept : whether the given body and masses were kept because they predict better
+    body, masses : whether lengths and marker positions, and masses were refined in the end
+    kept : whether parts of the given body were kept because they predict better
     converged : whether the last step was small
     notes : what looks wrong, one line each
     """
@@ -116,6 +122,8 @@ class Refinement:
     parameters: Array
     mass_sd: Array
     predictions: tuple[Prediction, ...]
+    body: bool
+    masses: bool
     kept: bool
     converged: bool
     notes: tuple[str, ...]

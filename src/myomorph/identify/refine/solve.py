@@ -23,12 +23,12 @@ class Solution:
 
     Attributes
     ----------
-    covariance : (shared, shared) of the shared unknowns
+    problem : with the weights of frames that it was solved with
     costs : after every step
     """
 
+    problem: Problem
     at: Unknowns
-    covariance: Array
     costs: tuple[float, ...]
     converged: bool
 
@@ -62,7 +62,7 @@ def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: 
         if costs[-2] - costs[-1] < LEAST_GAIN * costs[-2]:
             converged = True
             break
-    return Solution(at, _covariance(linearize(problem, at)), tuple(costs), converged)
+    return Solution(problem, at, tuple(costs), converged)
 
 
 def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
@@ -90,6 +90,6 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
     return H, g, solved
 
 
-def _covariance(equations: Equations) -> Array:
-    H = _reduce(equations, 0.0)[0]
-    return np.asarray(np.linalg.inv(H), dtype=np.float64) if len(H) else H
+def reduced_information(equations: Equations) -> Array:
+    """(shared, shared) what is known of the shared unknowns, with all motions eliminated."""
+    return _reduce(equations, 0.0)[0]

@@ -11,16 +11,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from myomorph.identify.refine.options import RefineOptions
 from myomorph.model.model import Model
 from myomorph.store.locks import RunMark, folder_lock
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import STORED, file_name, file_source, made_from, stored_values
+from myomorph.store.settings import TrialMotion, with_settings
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_work import do_subject, do_together, do_trial
 from myomorph.study.run.jobs import Job
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel, SubjectFiles, made_model
-from myomorph.study.subject.subjects import reused_subject_steps
+from myomorph.study.subject.subjects import reused_subject_steps, subject_notes
 from myomorph.study.summary.page_key import groups_key, made_of
 from myomorph.study.trial.reuse import KEY, PAGE, report_key
 from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
@@ -72,7 +74,10 @@ def reused_subject(
 
     def look() -> Outcome | None:
         reasons = reused_subject_steps(files, steps, settings, folder)
-        return None if any(reasons.values()) else Outcome(files.name, "", folder, tuple(reasons), tuple(reasons))
+        if any(reasons.values()):
+            return None
+        done = tuple(reasons)
+        return Outcome(files.name, "", folder, done, done, findings=subject_notes(done, folder))
 
     return _looked(folder, mark, look)
 
@@ -167,13 +172,26 @@ def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = N
     return StudyJobs(tuple(found.jobs), models, found.homes, dict(found.made))
 
 
-def with_made(files: TrialFiles, made: MadeModel, maker: str) -> TrialFiles:
-    """A trial with the model, and the gains of EMG, that a subject's own steps make.
+def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
+    """A trial with the model, the gains of EMG and the motion that a subject's own steps make.
 
-    Electrodes are one subject's: gains of a subject whose model another begins with are not the other's.
+    Electrodes and recordings are one subject's: those of a subject whose model another begins with are not the other's.
+
+    Parameters
+    ----------
+    maker : subject whose steps they are
+    settings : of the trial's subject
     """
-    gains = made.gains if maker == files.subject and files.emg is not None else None
-    return replace(files, model=made.path, emg_gains=gains or files.emg_gains)
+    files = replace(files, model=made.path, error_sizes=made.sizes)
+    if maker != files.subject:
+        return files
+    if made.gains is not None and files.emg is not None:
+        files = replace(files, emg_gains=made.gains)
+    given = settings.get("refine", {})
+    if made.motions is not None and with_settings(TrialMotion(), given).use_motions:
+        cutoff = with_settings(RefineOptions(), given).cutoff
+        files = replace(files, refined=made.motions / f"{file_name(files.name)}.mot", refined_cutoff=cutoff)
+    return files
 
 
 @dataclass
@@ -220,7 +238,7 @@ class _Jobs:
         """Add a trial, and before the first of a subject its own steps."""
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:
-            files = with_made(files, self.made[maker], maker)
+            files = with_made(files, self.made[maker], maker, self.plan.settings_of(files.subject))
         self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
         arguments: dict[str, Any] = {

@@ -15,7 +15,7 @@ from myomorph.store.outcome import GATHERED, Key, Outcome, failed
 from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
-from myomorph.study.subject.subjects import prepare_subject
+from myomorph.study.subject.subjects import prepare_subject, subject_notes
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import StepResults, large_variables
@@ -75,7 +75,10 @@ def do_subject(
 
     def work(outcome: Outcome) -> Outcome:
         made = prepare_subject(files, steps, settings, folder, fresh)
-        return replace(outcome, done=made.done, reused=made.reused, changed=made.changed, timed=made.timed)
+        notes = subject_notes(made.done, folder)
+        return replace(
+            outcome, done=made.done, reused=made.reused, changed=made.changed, timed=made.timed, findings=notes
+        )
 
     return _alone(Outcome(files.name, "", folder), mark, work)
 

@@ -23,16 +23,20 @@ from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
 from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, file_source, provenance_of
-from myomorph.store.settings import plain_settings, with_settings
+from myomorph.store.settings import TrialMotion, plain_settings, with_settings
+from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import NOTES, write_made_model
+from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 Rows = Sequence[Mapping[str, object]]
+MOTIONS = "motions"
+"""Folder of refined coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +98,7 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     if not given:
         raise BadData(f"{name}: no trial has markers and external forces, so 'refine' has nothing to hold together")
     model = trials[0].model
-    pieces = 1 + (max(2, len(given)) if options.check else 0)
+    pieces = 1 + (max(2, len(given)) if options.check and (options.body or options.masses) else 0)
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
         found = refine(model, given, mass, options, default_path_lengths, lambda: advance(1))
     made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
@@ -116,12 +120,14 @@ def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[
     found = one.found
 
     def fill(folder: Path) -> None:
-        motions = folder / "motions"
+        motions = folder / MOTIONS
         motions.mkdir()
         for trial in found.trials:
             write_sto(table_from_motion(trial.motion, found.model), motions / f"{file_name(trial.name)}.mot")
+        (folder / NOTES).write_text("".join(f"{text}\n" for text in found.notes), encoding="utf-8")
         _write_rows(trial_rows(found), folder / "trials.csv")
         _write_rows(mass_rows(found), folder / "masses.csv")
+        write_error_sizes(folder, STEP.name, refined_errors(found))
         _write_rows(length_rows(found), folder / "lengths.csv")
         # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT
@@ -142,6 +148,15 @@ def trial_rows(found: Refinement) -> Rows:
         {"trial": one.name, "what": f"predicted, {what}", "frames": "", "frames_with_plates": "", **_numbers(errors)}
         for one in found.predictions
         for what, errors in (("given model", one.given), ("refined from the others", one.refined))
+    ]
+    rows += [
+        {
+            "trial": one.name,
+            "what": "predicted, body from the others' markers alone",
+            **{"frames": "", "frames_with_plates": "", "force_N": "", "moment_N_m": ""},
+            "markers_mm": 1e3 * one.markers_alone,
+        }
+        for one in found.predictions
     ]
     return rows
 
@@ -196,11 +211,13 @@ def summary(found: Refinement) -> list[str]:
         f"{sum(one.frames for one in found.trials)} frames with plates"
     ]
     lines += [
-        f"{one.name}, not used: {one.refined.force:.1f} N, {one.refined.moment:.1f} N m (given model "
-        f"{one.given.force:.1f} N, {one.given.moment:.1f} N m)"
-        for one in found.predictions
+        f"{one.name}, not used: {_errors(one.refined)} (given model {_errors(one.given)})" for one in found.predictions
     ]
     return lines
+
+
+def _errors(one: Errors) -> str:
+    return f"{one.force:.1f} N, {one.moment:.1f} N m, markers {1e3 * one.markers:.1f} mm"
 
 
 def refinement_section(found: Refinement) -> Section:
@@ -251,7 +268,8 @@ def _run(
     files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
 ) -> Refined:
     options = with_settings(RefineOptions(), settings.get("refine", {}))
-    found = refined(prepared.trials(files, settings), check_mass(prepared.model, files.mass), options, files.name)
+    trials, mass = prepared.trials(files, settings), check_mass(prepared.model, files.mass)
+    found = refined(trials, mass, options, files.name)
     write_refined(replace(found, provenance=made), out, tables)
     return found
 
@@ -260,15 +278,19 @@ def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> 
     more: dict[str, object] = {}
     for earlier in ("ik", "id"):
         more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
-    return recordings_provenance("refine", files, prepared, settings, more)
+    # Which motion trials go on with changes nothing here.
+    ways = plain_settings(TrialMotion())
+    own = {name: value for name, value in settings.get("refine", {}).items() if name not in ways}
+    return recordings_provenance("refine", files, prepared, {**settings, "refine": own}, more)
 
 
 STEP = SubjectStep(
     name="refine",
     title="motion, body and masses at once",
-    options=(RefineOptions,),
+    options=(RefineOptions, TrialMotion),
     model="refined.osim",
     tables="refinement",
+    motions=MOTIONS,
     run=_run,
     provenance=_provenance,
 )

@@ -18,6 +18,8 @@ from myomorph.study.trial.reuse import NEVER, changes
 from myomorph.study.trial.trial_files import Settings
 
 PROVENANCE = "provenance.json"
+NOTES = "notes.txt"
+"""What may not be believed of a step's result, one line each, in the folder of its tables."""
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -139,6 +141,16 @@ def reused_subject_steps(
         if not found[step]:
             prepared = Prepared(out, made_model(files, (*found,), folder).open())
     return found
+
+
+def subject_notes(steps: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """What the steps on a subject said of their results, also of those that an earlier run made."""
+    found: list[str] = []
+    for step in [name for name in SUBJECT_STEPS if name in steps]:
+        path = folder / subject_step(step).tables / NOTES
+        if path.is_file():
+            found += [f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()]
+    return tuple(found)
 
 
 def _stored(tables: Path) -> Provenance | None:

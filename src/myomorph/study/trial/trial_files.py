@@ -31,6 +31,7 @@ from myomorph.store.settings import (
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.emg_gains import read_gains, rescaled
+from myomorph.study.trial.error_sizes import read_error_sizes, tables_beside
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
@@ -63,6 +64,10 @@ class TrialFiles:
     emg_mvc : recordings of maximum voluntary contractions, that EMG is scaled to
     emg_side : side of channels whose names contain none
     emg_gains : gains of the subject's channels, found over all trials; None finds them on this recording alone
+    refined : coordinates that the subject's step `refine` found; no such file where the trial was not among its own
+    refined_cutoff : of the low-pass filter of the forces that these agree with [Hz]
+    error_sizes : tables of how far off the model may be, in the order of the steps that found it; () for those that
+        a command left beside the model
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
     contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
@@ -89,8 +94,11 @@ class TrialFiles:
     emg_mvc: tuple[Path, ...] = ()
     emg_side: Side = ""
     emg_gains: Path | None = None
+    refined: Path | None = None
+    refined_cutoff: float = 6.0
     tasks: Path | None = None
     actuators: Path | None = None
+    error_sizes: tuple[Path, ...] = ()
     contacts: str = ""
     measured: Measured | None = None
     contact_points: str = ""
@@ -156,8 +164,22 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
                 options=_force_options(trial.options, trial.contacts),
             ),
         )
+    trial = _with_refined(trial, files)
     notes = TrialNotes(_real(files, trial), (*files.assumed, *assumed))
     return replace(trial, notes=notes, plates=recording.plates, plate_time=recording.plate_time)
+
+
+def _with_refined(trial: TrialInputs, files: TrialFiles) -> TrialInputs:
+    """The trial with its refined motion, and its forces filtered as they were when the motion was refined."""
+    if files.refined is None or not files.refined.is_file():
+        return trial
+    # Most trials start without: loaded where a trial has such input.
+    from myomorph.study.trial.refined_motion import filtered_loads, read_refined
+
+    found = read_refined(files.refined, files.refined_cutoff, trial.model)
+    sources = (*trial.sources, file_source("refined motion", files.refined))
+    loads = None if trial.loads is None else partial(filtered_loads, trial.loads, found.cutoff)
+    return replace(trial, refined=found, loads=loads, sources=sources)
 
 
 def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> tuple[TrialInputs, Poses]:
@@ -278,6 +300,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
+        error_sizes=read_error_sizes(files.error_sizes or tables_beside(files.model)),
         sources=tuple(sources),
         warnings=(
             *(f"{files.model.name}: {text}" for text in model.warnings),
@@ -393,6 +416,8 @@ def _real(files: TrialFiles, trial: TrialInputs) -> tuple[str, ...]:
         parts.append(f"markers from {files.markers.name}")
     if files.motion is not None:
         parts.append(f"coordinates from {files.motion.name}")
+    if trial.refined is not None:
+        parts.append("coordinates refined together with body, masses and forces")
     if trial.loads is not None:
         parts.append(f"external forces from {files.loads.name}" if files.loads else "external forces of the plates")
     if files.torques is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -18,6 +19,7 @@ from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -82,6 +84,20 @@ class TrialNotes:
 
 @read_only
 @dataclass(frozen=True, eq=False)
+class RefinedMotion:
+    """Coordinates that agree with markers and forces.
+
+    Attributes
+    ----------
+    cutoff : of the low-pass filter of the forces; the motion holds nothing much above it [Hz]
+    """
+
+    motion: Motion
+    cutoff: float
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
 class TrialInputs:
     """One recording of one subject with all that the steps need, whatever files or programs it came from.
 
@@ -90,6 +106,7 @@ class TrialInputs:
     options : of all steps
     markers : as recorded, None where the steps begin with coordinates
     motion : coordinates of a file, in the place of inverse kinematics; None to compute them
+    refined : coordinates that the step `refine` found, which take the place of those of inverse kinematics
     loads : external forces of a motion, or None where there are none
     torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
     emg, emg_muscles : envelopes, and each channel's muscles
@@ -104,6 +121,7 @@ class TrialInputs:
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     contact_points : of joints whose forces are shared among them, None for none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
+    error_sizes : how far off the model may be, as the steps found that made it
     phases : parts of the motion that the report shows apart, name to start and end [s]
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
@@ -118,6 +136,7 @@ class TrialInputs:
     options: OptionSet = field(default_factory=OptionSet)
     markers: Markers | None = None
     motion: Motion | None = None
+    refined: RefinedMotion | None = None
     loads: Callable[[Motion], Wrenches] | None = None
     torques: Series | None = None
     emg: Emg | None = None
@@ -133,6 +152,7 @@ class TrialInputs:
     contacts: ContactPlan | None = None
     contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
+    error_sizes: FoundSizes = NOTHING
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
     parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))
@@ -169,12 +189,20 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial: the step it comes from, what it is, and its unit."""
+    """One number of a trial: the step it comes from, what it is, and its unit.
+
+    Attributes
+    ----------
+    low, high, sd : limits of 90 % and standard deviation of draws, NaN where nothing was drawn
+    """
 
     step: str
     quantity: str
     value: float
     unit: str
+    low: float = math.nan
+    high: float = math.nan
+    sd: float = math.nan
 
 
 @read_only

@@ -55,8 +55,13 @@ class Torques:
 
 
 def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
-    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter."""
+    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter.
+
+    A refined motion was filtered with its forces already: only a lower cutoff changes it.
+    """
     given = trial.options[Differentiation].cutoff
+    if trial.refined is not None and (given is None or given >= trial.refined.cutoff):
+        return None
     return automatic_cutoff(recorded) if given is None else given or None
 
 

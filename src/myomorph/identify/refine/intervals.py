@@ -1,0 +1,35 @@
+"""Standard deviations of body and masses at the optimum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.identify.refine.equations import linearize
+from myomorph.identify.refine.masses import tangents
+from myomorph.identify.refine.problem import Problem, Unknowns
+from myomorph.identify.refine.solve import reduced_information
+from myomorph.model.arrays import Array
+
+
+def covariance(problem: Problem, at: Unknowns) -> Array:
+    """(shared, shared) of the shared unknowns, all motions unknown too."""
+    if not problem.count:
+        return np.zeros((0, 0))
+    return np.asarray(np.linalg.inv(reduced_information(linearize(problem, at))), dtype=np.float64)
+
+
+def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
+    """(bodies,) standard deviation of the masses [kg], 0 of those that do not change.
+
+    Parameters
+    ----------
+    spread : (shared, shared) as by `covariance`
+    """
+    found = np.zeros(len(problem.prior.reference))
+    if problem.masses:
+        masses = problem.columns()[2]
+        rows = tangents(at.parameters[problem.prior.moved])[:, 0]
+        for k, link in enumerate(problem.prior.moved):
+            own = slice(masses.start + 10 * k, masses.start + 10 * k + 10)
+            found[link] = np.sqrt(rows[k] @ spread[own, own] @ rows[k])
+    return found

@@ -1,0 +1,147 @@
+"""Recordings predicted by what was refined from others, and whether that is worse than the model as given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from myomorph.identify.refine.options import RefineOptions
+from myomorph.identify.refine.problem import Problem, Unknowns
+from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
+from myomorph.identify.refine.solve import settle, solve
+from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
+from myomorph.model.arrays import Array
+from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Motion
+from myomorph.motion.lengths import factors_of
+from myomorph.rigid.regressor import base_wrench, regressor_blocks
+
+WORSE = 1.02
+"""Ratio to the given model above which a prediction is worse."""
+
+LEAVES_MARKERS = 1.1
+"""Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is
+not taken, whatever its forces."""
+
+
+def errors_on(model: Model, one: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
+    """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
+
+    Parameters
+    ----------
+    within : (frames,) of the forces' clock that count; all by default
+    use : (frames,) in which the plates carry all; by default as the model itself says
+    """
+    recording = one.usable.recording
+    counts = one.usable.use if use is None else use
+    residual = _needed(model, recording.motion) - base_wrench(model, recording.motion, recording.wrenches)
+    residual = residual[counts if within is None else counts & within]
+    distances = one.distances if within is None else one.distances[_inside(one, within)]
+    return Errors(float(np.sqrt(np.nanmean(distances**2))), rms(residual[:, 3:]), rms(residual[:, :3]))
+
+
+def _inside(one: Opened, within: np.ndarray) -> np.ndarray:
+    """(frames,) of the markers' clock that lie where the frames of the forces' clock count."""
+    time = one.usable.recording.motion.time[within]
+    return (one.motion.time >= time[0] - 1e-9) & (one.motion.time <= time[-1] + 1e-9)
+
+
+def rms(vectors: Array) -> float:
+    """Root mean square of the size of vectors (frames, 3)."""
+    return float(np.sqrt(np.mean(np.square(vectors).sum(axis=1)))) if len(vectors) else float("nan")
+
+
+def _needed(model: Model, motion: Motion) -> Array:
+    parameters = inertial_parameters(model).ravel()
+    return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
+
+
+def predictions_of(
+    model: Model,
+    trials: Sequence[SubjectTrial],
+    recorded: Sequence[Opened],
+    options: RefineOptions,
+    told: Callable[[], None],
+) -> tuple[Prediction, ...]:
+    """Every trial by the others, or the halves of a single one by each other."""
+    if len(trials) > 1:
+        return tuple(
+            _prediction(
+                trial.name,
+                model,
+                problem_of(model, *(_without(every, k) for every in (trials, recorded)), options),
+                (trial, recorded[k], None),
+                told,
+            )
+            for k, trial in enumerate(trials)
+        )
+    use = recorded[0].usable.use
+    middle = np.cumsum(use) * 2 >= use.sum()
+    return tuple(
+        _prediction(
+            f"{trials[0].name}, {name}",
+            model,
+            problem_of(model, trials, recorded, options, within={0: seen}),
+            (trials[0], recorded[0], ~seen),
+            told,
+        )
+        for name, seen in (("second half", ~middle), ("first half", middle))
+    )
+
+
+def _without(every: Sequence[Any], k: int) -> list[Any]:
+    return [one for i, one in enumerate(every) if i != k]
+
+
+def _prediction(
+    name: str,
+    model: Model,
+    problem: Problem,
+    held_out: tuple[SubjectTrial, Opened, np.ndarray | None],
+    told: Callable[[], None],
+) -> Prediction:
+    """What is left out of a problem, predicted.
+
+    Parameters
+    ----------
+    held_out : a trial, the same on the given model, and (frames,) which of the forces' clock count
+    """
+    trial, on_given, within = held_out
+    # All models are judged on the same frames: which ones the plates carry alone is not for a new body to say.
+    use = on_given.usable.use
+
+    def errors(made: Model) -> Errors:
+        return errors_on(made, opened(made, trial, problem.options), within, use)
+
+    given, few = errors_on(model, on_given, within, use), thinned(problem)
+    refined = errors(model_of(model, problem, settle(few, told).at))
+    alone = given.markers
+    if problem.body:
+        # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
+        blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
+        alone = errors(model_of(model, problem, solve(blind, blind.begin(), told).at)).markers
+    return Prediction(name, given, refined, alone)
+
+
+def worse(predictions: Sequence[Prediction]) -> bool:
+    """Whether the refined body predicts forces worse than the given one, or lets go of the markers."""
+    if not predictions:
+        return False
+    forces = float(np.mean([one.ratio for one in predictions]))
+    markers = float(np.mean([one.markers_ratio for one in predictions]))
+    return forces > WORSE or markers > LEAVES_MARKERS
+
+
+def model_of(
+    model: Model, problem: Problem, at: Unknowns, path_lengths: Callable[[Model], Array] | None = None
+) -> Model:
+    """The given model with the lengths, marker positions and masses of a point."""
+    made = scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths) if problem.body else model
+    places = dict(zip(problem.names, problem.placed(at.factors, at.shifts), strict=True))
+    placed = tuple(replace(one, location=places.get(one.name, one.location)) for one in made.markers)
+    return with_inertial_parameters(made.with_markers(placed), at.parameters)

@@ -1,0 +1,152 @@
+"""Recordings of a subject as the data of the one problem: through inverse kinematics, on one clock, thinned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.identify.refine.masses import MassPrior
+from myomorph.identify.refine.options import RefineOptions
+from myomorph.identify.refine.problem import Problem, TrialData
+from myomorph.identify.refine.refinement import SubjectTrial
+from myomorph.identify.refine.spline import Basis
+from myomorph.model.arrays import Array
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.motion.ik import inverse_kinematics, marker_arrays, tracked_markers
+from myomorph.motion.lengths import length_unit, lengths_of
+from myomorph.motion.stretch import skeleton
+from myomorph.rigid.regressor import base_wrench
+from myomorph.rigid.tree import compile_tree
+
+KNOTS = 4.0
+"""Knots a period of the cutoff frequency."""
+
+FRAMES_A_KNOT = 2.0
+"""Frames between knots that are enough."""
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A trial through inverse kinematics: on the markers' clock, and with the frames that count.
+
+    Attributes
+    ----------
+    distances : (frames, markers) of the markers [m], NaN where unseen
+    """
+
+    motion: Motion
+    usable: Usable
+    distances: Array
+
+
+def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
+    """A trial on a model."""
+    fit = inverse_kinematics(model, trial.markers, trial.tracking)
+    found = usable(
+        model, fit.motion, trial.wrenches, time=trial.time, name=trial.name,
+        options=RecordingOptions(cutoff=options.cutoff),
+    )  # fmt: skip
+    return Opened(fit.motion, found, fit.errors)
+
+
+def problem_of(
+    model: Model,
+    trials: Sequence[SubjectTrial],
+    recorded: Sequence[Opened],
+    options: RefineOptions,
+    within: Mapping[int, np.ndarray] | None = None,
+) -> Problem:
+    """The problem of some trials.
+
+    Parameters
+    ----------
+    recorded : the same trials on the model
+    within : by trial (frames,) which frames of its forces' clock count
+    """
+    names: tuple[str, ...] = ()
+    weights: dict[str, float] = {}
+    for trial in trials:
+        found, weight = tracked_markers(model, trial.markers, trial.tracking)
+        weights |= dict(zip(found, weight, strict=True))
+        names = tuple(name for name in model.marker_names if name in weights)
+    bare = skeleton(model)
+    tree = compile_tree(bare)
+    arrays = marker_arrays(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
+    data = [
+        _trial_data(model, names, trial, one, options, None if within is None else within.get(k))
+        for k, (trial, one) in enumerate(zip(trials, recorded, strict=True))
+    ]
+    return Problem(
+        bare,
+        lengths_of(model),
+        names,
+        arrays,
+        arrays.location.copy(),
+        tuple(data),
+        MassPrior.of(inertial_parameters(model), options.mass_sd),
+        model.mass * float(np.linalg.norm(model.gravity)),
+        length_unit(tree),
+        options,
+        options.body,
+        options.masses,
+    )
+
+
+def thinned(problem: Problem) -> Problem:
+    """The problem with as many frames as its knots need: skin stays alike for longer, and forces are filtered."""
+    rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
+    trials = []
+    for one in problem.trials:
+        step = max(1, int(1.0 / (rate * float(np.median(np.diff(one.time)))) + 1e-6))
+        every, span = slice(None, None, step), (float(one.time[0]), float(one.time[-1]))
+        basis = Basis.of(one.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
+        trials.append(
+            replace(
+                one, time=one.time[every], observed=one.observed[every], measured=one.measured[every],
+                use=one.use[every], trust=one.trust[every], start=one.start[every], basis=basis,
+            )
+        )  # fmt: skip
+    return replace(problem, trials=tuple(trials))
+
+
+def _trial_data(
+    model: Model,
+    names: Sequence[str],
+    trial: SubjectTrial,
+    recorded: Opened,
+    options: RefineOptions,
+    within: np.ndarray | None,
+) -> TrialData:
+    recording = recorded.usable.recording
+    use = recorded.usable.use if within is None else recorded.usable.use & within
+    wrench = base_wrench(model, recording.motion, recording.wrenches, np.zeros(3))
+    time = recorded.motion.time
+    frames = (time >= recording.motion.time[0] - 1e-9) & (time <= recording.motion.time[-1] + 1e-9)
+    if within is not None:
+        # Markers outside of the part are not seen either.
+        inside = np.flatnonzero(frames)[within]
+        frames = np.zeros(len(time), bool)
+        frames[inside[0] : inside[-1] + 1] = True
+    chosen = np.isin(np.round(recording.motion.time, 9), np.round(time[frames], 9))
+    columns = {name: i for i, name in enumerate(trial.markers.names)}
+    observed = np.full((int(frames.sum()), len(names), 3), np.nan)
+    for i, name in enumerate(names):
+        if name in columns:
+            observed[:, i] = trial.markers.values[frames, columns[name]]
+    start = _without_gaps(compile_tree(model).coordinates_of(recorded.motion)[frames])
+    return TrialData(
+        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
+        Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
+    )  # fmt: skip
+
+
+def _without_gaps(values: Array) -> Array:
+    """Frames that saw no marker, straight between those that did."""
+    known = np.isfinite(values).all(axis=1)
+    at = np.arange(len(values))
+    return np.column_stack([np.interp(at, at[known], one[known]) for one in values.T])

@@ -1,0 +1,139 @@
+"""A subject's lengths, markers and masses for a model with more joints, from files: `myomorph transfer`."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.identify.transfer import Transfer, transfer
+from myomorph.identify.transfer_options import TransferOptions
+from myomorph.io.sto import table_from_motion, write_sto
+from myomorph.model.provenance import Provenance
+from myomorph.store.results import file_source, provenance_of
+from myomorph.store.settings import plain_settings
+from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.trial.inputs import open_model, read_motion
+
+Rows = Sequence[Mapping[str, object]]
+
+
+@dataclass(frozen=True, eq=False)
+class Transferred:
+    """A transfer and what it was made from."""
+
+    found: Transfer
+    provenance: Provenance
+
+
+def transfer_files(lower: Path, higher: Path, pose: Path | None, options: TransferOptions) -> Transferred:
+    """Give a model with more joints the lengths, markers and masses of a subject's model.
+
+    Parameters
+    ----------
+    lower : calibrated and identified
+    higher : with more joints
+    pose : coordinates of the lower model, of which the first frame counts; its default pose without
+
+    Raises
+    ------
+    MyomorphError : a file cannot be read, or the models have too few joint centers in common
+    """
+    subject = open_model(lower)
+    motion = None if pose is None else read_motion(pose, subject)
+    found = transfer(subject, open_model(higher), options, motion)
+    named = (("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ()))
+    sources = [file_source(role, path) for role, path in named]
+    return Transferred(found, provenance_of("transfer", sources, plain_settings(options)))
+
+
+def tables_folder(out: Path) -> Path:
+    """Where tables of a transferred model go: beside it."""
+    return out.with_name(f"{out.stem}_transfer")
+
+
+def write_transferred(one: Transferred, out: Path) -> tuple[str, ...]:
+    """Write the model, and beside it a folder of tables; whole or not at all.
+
+    Returns
+    -------
+    what the model's file could not hold, one line each
+    """
+    found = one.found
+
+    def fill(folder: Path) -> None:
+        _write_rows(joint_rows(found), folder / "joints.csv")
+        _write_rows(length_rows(found), folder / "lengths.csv")
+        _write_rows(mass_rows(found), folder / "masses.csv")
+        # In it the joint centers of both models coincide.
+        write_sto(table_from_motion(found.higher_pose, found.model), folder / "pose.mot")
+
+    return write_made_model(found.model, one.provenance, out, tables_folder(out), fill)
+
+
+def joint_rows(found: Transfer) -> Rows:
+    """A row for each joint center that both models have: how far apart it is left, and how far its joint was moved."""
+    return [
+        {"joint_center": name, "error_m": error, "shift_m": found.joint_shifts.get(name, 0.0)}
+        for name, error in found.joint_errors.items()
+    ]
+
+
+def length_rows(found: Transfer) -> Rows:
+    """A row for each distance of two joint centers of a region, in both models."""
+    return [
+        {
+            "region": str(one.region),
+            "from": one.centers[0],
+            "to": one.centers[1],
+            "given_m": one.lower,
+            "transferred_m": one.higher,
+        }
+        for one in found.lengths
+    ]
+
+
+def mass_rows(found: Transfer) -> Rows:
+    """A row for each region: its mass, and how well the bodies of the larger model reproduce it."""
+    return [
+        {
+            "region": str(one.region),
+            "given_bodies": " ".join(one.lower_bodies),
+            "bodies": " ".join(one.higher_bodies),
+            "mass_kg": one.mass,
+            "mass_error_kg": one.mass_error,
+            "center_error_m": one.center_error,
+            "inertia_error_kg_m2": one.inertia_error,
+            "note": one.note,
+        }
+        for one in found.masses
+    ]
+
+
+def _write_rows(rows: Rows, path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows(
+            {key: f"{value:.6g}" if isinstance(value, float) else str(value) for key, value in row.items()}
+            for row in rows
+        )
+
+
+def summary(found: Transfer) -> list[str]:
+    """What the command prints: joint centers, masses, and what has no counterpart."""
+    errors = np.array(list(found.joint_errors.values()))
+    lines = [
+        f"{len(errors)} joint centers in common, at most {1e3 * errors.max():.1f} mm apart; "
+        f"{found.model.mass:.2f} kg in {len(found.masses)} regions"
+    ]
+    for what, names in (
+        ("joint centers of one model only", found.without_center),
+        ("bodies without a counterpart", found.without_counterpart),
+    ):
+        if names:
+            lines.append(f"{what}: {', '.join(names)}")
+    return lines

@@ -1,0 +1,70 @@
+"""Trials of a subject that was refined go on with the refined motion, on a real walk."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.sto import read_sto
+from myomorph.store.results import read_result
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+
+OPENCAP = "opencap-subject4-multitask"
+STUDY = """
+[study]
+name = "refined"
+[[subject]]
+name = "s4"
+model = "{folder}/models/manually_scaled.osim"
+mass = 62.6
+time = [0.3, 1.0]
+trials = [{{ markers = "{folder}/markers/walking1.trc", loads = "{folder}/grf/walking1_external_forces.xml" }}]
+steps = ["ik", "refine", "id"]
+[options.refine]
+check = false
+iterations = 3
+use_motions = {use}
+"""
+
+
+def run(folder, home, use):
+    path = home / "study.toml"
+    path.write_text(STUDY.format(folder=folder, use=use))
+    return run_study(read_plan(path), home / "results")
+
+
+def residual(path):
+    """Root mean square of the force and the moment that are left at the pelvis [N], [N m]."""
+    table = read_sto(path)
+    parts = {"force": ("tx_force", "ty_force", "tz_force"), "moment": ("tilt_moment", "list_moment", "rotation_moment")}
+    middle = slice(len(table.time) // 4, -len(table.time) // 4)
+    return [
+        float(np.sqrt(sum((table[f"pelvis_{name}"][middle] ** 2).mean() for name in names))) for names in parts.values()
+    ]
+
+
+@pytest.mark.long
+def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
+    folder = data(OPENCAP)
+    subject, trial = run(folder, tmp_path, "true")
+    assert (subject.error, trial.error) == ("", "")
+    home = tmp_path / "results" / "s4"
+    refined = read_sto(home / "refinement" / "motions" / "walking1.mot")
+    used, plain = (read_sto(home / "walking1" / name) for name in ("coordinates.mot", "coordinates_ik.mot"))
+    np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
+    assert 0.1 < np.abs(used.values - plain.values).max() < 30.0
+    left = residual(home / "walking1" / "torques.sto")
+    # What `refine` itself says is left: the trial's inverse dynamics has the same motion, forces and masses.
+    last = (home / "refinement" / "trials.csv").read_text().splitlines()[-1].split(",")
+    assert left[0] < 1.5 * float(last[-2])
+    assert "refined together with body" in read_result(home / "walking1" / "walking1.nc").facts["notes"]
+
+    again = run(folder, tmp_path, "true")
+    assert [one.reused for one in again] == [("refine",), ("ik", "id")]
+    subject, trial = run(folder, tmp_path, "false")
+    assert (subject.reused, trial.reused) == (("refine",), ())
+    assert any("refined motion" in text for text in trial.changed)
+    np.testing.assert_allclose(read_sto(home / "walking1" / "coordinates.mot").values[:, 6:], plain.values[:, 6:])
+    after = residual(home / "walking1" / "torques.sto")
+    assert after[0] > 1.5 * left[0]
