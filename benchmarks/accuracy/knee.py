@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.cli import main
-from myomorph.io.formats import read_model
+from myomorph.io.formats import read_model, read_trial
 from myomorph.io.loads import read_external_loads, write_external_loads
 from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
 from myomorph.model.arrays import Array
@@ -126,7 +126,7 @@ def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
 
 def own_cutoff(folder: Path, stride: str) -> float:
     """Low pass that `myomorph tension` takes for a stride where none is given [Hz]."""
-    found = automatic_cutoff(_inputs(folder, stride)[1])
+    found = automatic_cutoff(inputs_of(folder, stride)[1])
     assert found is not None
     return found
 
@@ -179,7 +179,7 @@ PHASES = ((0, 15), (15, 55), (55, 75), (75, 101))
 
 def behind_heel(folder: Path, stride: str) -> float:
     """How far the plate's center of pressure lies behind the heel's body at most, where it bears 100 N or more [mm]."""
-    model, motion, wrenches = _inputs(folder, stride)
+    model, motion, wrenches = inputs_of(folder, stride)
     tree = compile_tree(model)
     poses, b = forward_kinematics(tree, tree.coordinates_of(motion)), tree.body_index["calcn_l"]
     seen = np.einsum("fji,fj->fi", poses.rotations[:, b], wrenches.points[:, 0] - poses.origins[:, b])
@@ -237,23 +237,27 @@ def left_knee(table: Series) -> Series:
 
 
 def write_emg(folder: Path, stride: str, work: Path) -> Path:
-    """Raw EMG by the muscles' names, on the clock of the study's coordinates, which starts at the foot strike."""
-    from myomorph.io.formats import read_trial
+    """Raw EMG by the muscles' names, on the clock of the study's coordinates."""
+    raw = raw_emg(folder, stride)
+    pairs = [(channel, muscle) for channel, muscles in CHANNELS.items() for muscle in muscles]
+    path = work / f"{stride}_emg.sto"
+    columns = np.column_stack([raw[channel] for channel, _ in pairs])
+    write_sto(Table(raw.time, tuple(muscle for _, muscle in pairs), columns), path)
+    return path
 
-    trial = read_trial(folder / STUDY / f"{stride}.c3d")
-    analog = trial.analog
+
+def raw_emg(folder: Path, stride: str) -> Series:
+    """Raw EMG by channel, on the clock of the study's coordinates, which starts at the foot strike."""
+    analog = read_trial(folder / STUDY / f"{stride}.c3d").analog
+    assert analog is not None
     with open(folder / STUDY / f"{stride}.trc", encoding="utf-8") as lines:
         head = [next(lines).split() for _ in range(3)]
     told = dict(zip(head[1], head[2], strict=True))
     start = (float(told["OrigDataStartFrame"]) - 1.0) / float(told["OrigDataRate"])
-    pairs = [(channel, muscle) for channel, muscles in CHANNELS.items() for muscle in muscles]
-    columns = np.column_stack([analog[channel] for channel, _ in pairs])
-    path = work / f"{stride}_emg.sto"
-    write_sto(Table(analog.time - start, tuple(muscle for _, muscle in pairs), columns), path)
-    return path
+    return Series(analog.time - start, tuple(CHANNELS), np.column_stack([analog[channel] for channel in CHANNELS]))
 
 
-def _inputs(folder: Path, stride: str) -> tuple[Model, Motion, Wrenches]:
+def inputs_of(folder: Path, stride: str) -> tuple[Model, Motion, Wrenches]:
     """Model, coordinates with those that couplers drive put right, and loads at their times, not filtered.
 
     The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate that is neither an
@@ -274,7 +278,7 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> Ser
     """
     from benchmarks.opensim_static import reaction_force, static_optimization
 
-    model, motion, _ = _inputs(folder, stride)
+    model, motion, _ = inputs_of(folder, stride)
     loads = folder / STUDY / f"{stride}_grf.xml"
     with tempfile.TemporaryDirectory() as work:
         if smooth:

@@ -279,7 +279,7 @@ LEGS = {
 MEASURED = ("soleus", "gasmed", "gaslat", "tibant", "vaslat", "vasmed", "recfem", "bflh", "semiten", "glmax1", "glmed1")
 
 
-def measure_many(folder: Path, people: int = 5, first: int = FRESH) -> Iterator[Row]:
+def measure_many(folder: Path, people: int = 8, first: int = FRESH) -> Iterator[Row]:
     """The same with 80 muscles of both legs, EMG of 22 of them."""
     ranges = {f"{name}_{side}": ends for name, ends in LEGS.items() for side in "rl"}
     measured = tuple(f"{name}_{side}" for name in MEASURED for side in "rl")

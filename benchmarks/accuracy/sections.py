@@ -280,6 +280,7 @@ def _emg_and_sound(folder: Path) -> Page:
             "emg_channels": lambda: emg.measure_channels(folder),
             "emg_calibration": lambda: emg.measure_calibration(folder),
             "emg_faults": lambda: emg_faults.measure(folder),
+            "emg_faults_unseen": lambda: emg_faults.measure_unseen(folder),
             "emg_study": lambda: emg.measure_study(folder),
             "emg_envelopes": lambda: emg.measure_envelopes(folder),
             "sound": sound.measure,

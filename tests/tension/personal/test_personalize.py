@@ -140,6 +140,20 @@ def test_a_generic_model_alone_maps_its_operating_ranges(arm26):
     ]
 
 
+def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(arm26, someone, monkeypatch):
+    """At the same parameters; while it pulls the muscles, recordings say as much as without it."""
+    shapes = muscle_shapes(arm26)
+    windows, rows = windows_of(arm26, someone[1][:1])
+    prior = prior_of(arm26, shapes, windows, rows, PriorOptions(), np.zeros(6, bool))
+    floors = torque_floors(arm26, rows, windows)
+    plain = fit(prior, shapes, windows, floors, steps=1)
+    pull = 50.0 * np.eye(len(plain.p))[:12]
+    monkeypatch.setattr("myomorph.tension.personal.fit._outside", lambda *_: (pull, np.full(12, 5.0)))
+    pulled = fit(prior, shapes, windows, floors, steps=1)
+    assert np.abs(pulled.p - plain.p).max() > 0.05
+    np.testing.assert_allclose(pulled.covariance, plain.covariance, rtol=1e-9)
+
+
 def test_nothing_to_fit_to_is_refused(arm26):
     with pytest.raises(BadData, match="nothing to fit muscles to"):
         personalize(arm26)

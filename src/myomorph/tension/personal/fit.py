@@ -33,7 +33,9 @@ INFORMATION = 0.85
 """Share of what the misfits show that counts, as the marginal is one of first order; chosen on simulated people."""
 LONGEST = 1.0
 """Step of a parameter, in standard deviations before the recordings."""
-SETTLED = 0.05
+STIFFNESS = (0.5, 64.0)
+"""Added to the curvature of a parameter whose steps go back and forth, in shares of it: first and at most."""
+SETTLED = 0.02
 """Steps end where no parameter moves by more of its standard deviation."""
 
 
@@ -85,7 +87,7 @@ def fit(
     p, noise = np.zeros(len(prior.deviation)), Noise(FIRST_ERRORS * floors, FIRST_ERRORS * floors_at_rest)
     covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
     moved, done, shrink, trusting = np.inf, 0, INFORMATION, True
-    damping, settled, before = 1.0, 0, np.zeros(len(p))
+    stiff, settled, before = np.zeros(len(p)), 0, np.zeros(len(p))
     for done in range(1, steps + 1):
         normal, right = prior.precision.copy(), -prior.precision @ p
         for part in parts:
@@ -94,17 +96,21 @@ def fit(
             normal += weight * part.jacobian.T @ part.jacobian
             right += weight * (part.jacobian.T @ part.misfit - part.widening)
         rows, misfit = _outside(prior, shapes, windows, p)
+        known = normal.copy()
         normal += rows.T @ rows
         right += rows.T @ misfit
         covariance = np.zeros_like(normal)
         covariance[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
-        step = covariance @ right
+        step = np.zeros(len(p))
+        step[free] = np.linalg.solve((normal + np.diag(stiff * np.diag(normal)))[np.ix_(free, free)], right[free])
         longest = float((np.abs(step) / np.maximum(prior.deviation, 1e-12))[free].max(initial=0.0))
-        # Activations that reach a bound and leave it in turns make steps go back and forth.
-        damping = 0.5 * damping if step @ before < 0.0 else min(1.5 * damping, 1.0)
-        step *= min(damping, LONGEST / max(longest, 1e-12))
+        step *= min(1.0, LONGEST / max(longest, 1e-12))
         new = prior.kept(p + step)
-        step, before, p = new - p, step, new
+        step, p = new - p, new
+        # Activations that reach a bound and leave it in turns, and muscles their physiological lengths, make steps go
+        # back and forth. Held are the parameters that do, as all would be slow for the sake of two.
+        stiff = np.where(step * before < 0.0, np.clip(2.0 * stiff, *STIFFNESS), 0.7 * stiff)
+        before = step
         for part in parts:
             part.settle(step)
         # Before the parameters have found their places, misfits are theirs and not errors of the recordings.
@@ -119,9 +125,11 @@ def fit(
         moved = float((np.abs(step) / spread)[free].max(initial=0.0))
         if advance is not None:
             advance(1)
-        settled = 0 if trusting or moved >= SETTLED * damping else settled + 1
+        settled = 0 if trusting or moved >= SETTLED else settled + 1
         if settled == 3:
             break
+    # How far fibers work is an assumption: it moves what recordings leave open, but they say no more for it.
+    covariance[np.ix_(free, free)] = np.linalg.inv(known[np.ix_(free, free)])
     rest = tuple(part.activations for part in parts), tuple(shrink * part.weight for part in parts)
     return Fitted(p, covariance, noise, *rest, done, moved)
 
