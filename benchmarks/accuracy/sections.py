@@ -511,6 +511,7 @@ def _animals(folder: Path) -> Page:
         "Foot strikes without plates, mice through every step, stairs that measure force.",
         {
             "strides": lambda: strides.measure(folder),
+            "strides_duty": lambda: strides.measure_duty(folder),
             "strides_mouse": lambda: strides.measure_mouse(folder),
             "mouse_markers": lambda: mouse.measure_markers(folder),
             "mouse_keypoints": lambda: mouse.measure_keypoints(folder),
