@@ -10,7 +10,7 @@ import contextlib
 import io
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from myomorph.cli import main
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
@@ -84,7 +85,7 @@ def plug_in_gait(path: str) -> Reference:
     return found
 
 
-def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[str, str] | None = None) -> Reference:
+def opensim_table(path: str, signs: dict[str, float] | None = None) -> Reference:
     """Moments of a table that OpenSim or a program like it wrote."""
 
     def found(folder: Path, mass: float) -> Series:
@@ -92,8 +93,7 @@ def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[
         columns = {}
         for joint in JOINTS:
             for side in "rl":
-                name = (names or {}).get(joint, joint)
-                title = f"{name}_{side}_moment"
+                title = f"{joint}_{side}_moment"
                 if title in table.names:
                     columns[f"{joint}_{side}"] = (signs or {}).get(joint, 1.0) * table[title]
         return Series(table.time, tuple(columns), np.column_stack(list(columns.values())))
@@ -101,12 +101,15 @@ def opensim_table(path: str, signs: dict[str, float] | None = None, names: dict[
     return found
 
 
-def own_dynamics(model: str, motion: str, loads: str, sides: str = "rl") -> Reference:
+def own_dynamics(
+    model: str, motion: str, loads: str, sides: str = "rl", joints: Mapping[str, str] = FrozenMap({})
+) -> Reference:
     """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's.
 
     Parameters
     ----------
     sides : of the legs whose forces the loads hold
+    joints : what the set's model calls a joint
     """
 
     def found(folder: Path, mass: float) -> Series:
@@ -114,13 +117,13 @@ def own_dynamics(model: str, motion: str, loads: str, sides: str = "rl") -> Refe
         angles = differentiate(motion_from_table(read_sto(folder / motion), body), cutoff=CUTOFF)
         forces = read_loads(folder / loads, body, angles)
         torques = inverse_dynamics(body, angles, resample_wrenches(forces, angles.time, cutoff=CUTOFF))
-        names = tuple(f"{joint}_{side}" for joint in JOINTS for side in sides)
-        return Series(torques.time, names, np.column_stack([torques[name] for name in names]))
+        names = {f"{joint}_{side}": f"{joints.get(joint, joint)}_{side}" for joint in JOINTS for side in sides}
+        return Series(torques.time, tuple(names), np.column_stack([torques[name] for name in names.values()]))
 
     return found
 
 
-GAIT, KNEE = "c3d-gait-plugingait", "knee-implant-walk"
+GAIT, KNEE, LENHART = "c3d-gait-plugingait", "knee-implant-walk", "lenhart-knee-contact-walk"
 CASES = (
     Case(
         "Plug-in Gait, first person", (f"{GAIT}/HC030A/Straight/HC030A05.c3d",), 45.8, "HC030A05",
@@ -151,11 +154,13 @@ CASES = (
     ),
     Case(
         "Lenhart walk", ("lenhart-knee-contact-walk/motion/overground_17.trc",), 62.0, "overground_17", (),
-        opensim_table(
-            "lenhart-knee-contact-walk/reference_comak/walking_inverse_dynamics.sto", None,
+        # COMAK's own knee moment leaves out what ligaments and contact of its model bear: it is no net moment.
+        own_dynamics(
+            f"{LENHART}/lenhart2015.osim", f"{LENHART}/reference_comak/overground_17_ik.mot",
+            f"{LENHART}/motion/overground_17_ext_loads.xml", "r",
             {"hip_flexion": "hip_flex", "knee_angle": "knee_flex", "ankle_angle": "ankle_flex"},
         ),
-        "COMAK, Lenhart's model (right leg)",
+        "published model and angles (right leg)",
     ),
     Case(
         "instrumented knee, C3D", (f"{KNEE}/walk1.c3d",), 75.0, "walk1", ("--emg-side", "left"),

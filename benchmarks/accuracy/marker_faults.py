@@ -285,11 +285,11 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
             elif fault.kinds:
                 row[name] = verdict(fault.kinds, findings_of(model, faulty), before[name])
             else:
-                row[name] = _same(model, markers, faulty, before[name])
+                row[name] = same_angles_word(model, markers, faulty, before[name])
         yield row
 
 
-def _same(model: Model, markers: Markers, faulty: Markers, before: Sequence[Finding]) -> str:
+def same_angles_word(model: Model, markers: Markers, faulty: Markers, before: Sequence[Finding]) -> str:
     """Mended where the angles of all joints are those of the clean recording, within 0.1 degrees."""
     found = checked_kinematics(model, faulty)
     clean = checked_kinematics(model, markers).fit.motion.values

@@ -33,6 +33,7 @@ from benchmarks.accuracy import (
     kinematics,
     knee,
     live,
+    live_limits,
     loop_forces,
     loops,
     marker_faults,
@@ -241,6 +242,7 @@ def _uncertainty(folder: Path) -> Page:
             "uncertainty_other": lambda: uncertainty.measure_other(folder),
             "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
             "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
+            "uncertainty_live": lambda: live_limits.measure(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
             "uncertainty_plates": lambda: uncertainty_measured.measure_plates(folder),
             "uncertainty_plates_factor": lambda: uncertainty_measured.measure_plates_factor(folder),
@@ -335,8 +337,10 @@ def _faults(folder: Path) -> Page:
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
-            "marker_faults_unseen": lambda: unseen_marker_faults.injected_marker_faults(folder),
-            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_markers(folder),
+            "marker_faults_unseen": lambda: unseen_marker_faults.injected_after_calibration(folder),
+            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_after_calibration(folder),
+            "marker_faults_raw": lambda: unseen_marker_faults.injected_marker_faults(folder),
+            "marker_faults_raw_clean": lambda: unseen_marker_faults.clean_markers(folder),
         },
     )
 

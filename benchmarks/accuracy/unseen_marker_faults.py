@@ -15,16 +15,28 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.marker_faults import ABOUT_THE_MODEL, MARKER_FAULTS, MarkerFault
+from benchmarks.accuracy import unseen_faults
+from benchmarks.accuracy.marker_faults import (
+    ABOUT_THE_MODEL,
+    MARKER_FAULTS,
+    MarkerFault,
+    findings_of,
+    same_angles_word,
+    verdict,
+)
 from benchmarks.accuracy.unseen_faults import GAIT, SAMPLES, typed
+from benchmarks.accuracy.unseen_faults import RAW as OF_FORCES
+from benchmarks.accuracy.unseen_faults import Raw as RawForces
 from myomorph.io.formats import read_model
 from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
+from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.store.finding_store import get_findings
-from myomorph.study.analyze.recordings import bare, look_at
+from myomorph.study.analyze.recordings import Recording, bare, look_at
+from myomorph.study.subject.calibrating import stored_findings
 from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.ik import FINDINGS
 
@@ -45,7 +57,10 @@ CHOSEN = (
     "walking direction turned by 90 degrees",
     "mm for m",
 )
-"""Of the faults of markers; each takes the commands some ten seconds for each recording."""
+"""Of the faults of markers."""
+
+FROM_THE_BEGINNING = tuple(name for name in CHOSEN if "sixth" not in name and "jumps" not in name and "mm" not in name)
+"""Those that the commands meet before they know protocol, axes and lengths; each takes them some seconds."""
 ALIKE = 0.5
 """Angles of joints that differ by less are those of the clean recording [degrees]."""
 
@@ -62,15 +77,10 @@ class Raw:
 RAW = (
     Raw("OpenSim's walk 2", "c3d-opensim-walking/walking2.c3d"),
     Raw("Plug-in Gait, first person", f"{GAIT}/HC030A/Straight/HC030A05.c3d", f"{GAIT}/HC030A/Static/HC030A01.c3d"),
-    Raw("Plug-in Gait, a turn", f"{GAIT}/HC030A/Turn/HC030A22.c3d", f"{GAIT}/HC030A/Static/HC030A01.c3d"),
-    Raw("Plug-in Gait, second person", f"{GAIT}/HC002D/Straight/HC002D06.c3d", f"{GAIT}/HC002D/Static/HC002D02.c3d"),
     Raw("vendor, functional walk", f"{SAMPLES}/others/FunctionalWalk.c3d"),
-    Raw("vendor, gait", f"{SAMPLES}/others/Gait.c3d"),
     Raw("vendor, flat-foot walk", f"{SAMPLES}/PiG/PiG_Motion-FlatFoot-Full.c3d"),
-    Raw("vendor, sample 9", f"{SAMPLES}/c3d.org/sample09/PlugInC3D.c3d"),
     Raw("box lift", "lifting-box-15kg/stoop1.c3d", "lifting-box-15kg/neutral.c3d"),
     Raw("stairs", "odd-trc-mot/markers_StairUp3.trc"),
-    Raw("basketball", "odd-trc-mot/cmu_dribble_shoot_basketball.c3d"),
 )
 
 
@@ -91,9 +101,54 @@ class Result:
     said: str
 
 
+def injected_after_calibration(folder: Path) -> Iterator[Row]:
+    """Faults of markers in recordings whose model the commands calibrated before, on the clean recording."""
+    cases = [one for one in (calibrated(folder, raw) for raw in OF_FORCES) if one is not None]
+    before = [checked_kinematics(model, markers).findings for _, model, markers in cases]
+    for fault in (one for one in MARKER_FAULTS if one.name in CHOSEN):
+        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
+        for (name, model, markers), known in zip(cases, before, strict=True):
+            faulty = fault.change(model, markers)
+            if faulty is None:
+                continue
+            if fault.kinds:
+                word = verdict(fault.kinds, findings_of(model, faulty), known)
+            else:
+                word = same_angles_word(model, markers, faulty, known)
+            counts[word.split()[0].rstrip(":")].append(name)
+        yield {
+            "fault": fault.name,
+            "recordings": sum(map(len, counts.values())),
+            **{word: len(names) for word, names in counts.items()},
+            "missed in": ", ".join(counts["missed"]) or "none",
+        }
+
+
+def clean_after_calibration(folder: Path) -> Iterator[Row]:
+    """What is called on the same recordings with nothing put in, facts about the model apart."""
+    for raw in OF_FORCES:
+        one = calibrated(folder, raw)
+        if one is None:
+            continue
+        name, model, markers = one
+        found = checked_kinematics(model, markers).findings
+        yield {
+            "recording": name,
+            "frames": len(markers),
+            "called": "; ".join(each.text for each in found if each.kind not in ABOUT_THE_MODEL) or "nothing",
+        }
+
+
+@cache
+def calibrated(folder: Path, raw: RawForces) -> tuple[str, Model, Markers] | None:
+    """Name, model as the commands calibrate it, and markers in its ground; None where the commands refuse."""
+    one, _ = unseen_faults.analyzed(folder, raw)
+    return None if one is None else (raw.name, one.model, most_seen(folder / raw.file)[0])
+
+
 def injected_marker_faults(folder: Path) -> Iterator[Row]:
     """Faults of markers put into recordings that were not used before: how many were mended, found and missed."""
-    for fault in (one for one in MARKER_FAULTS if one.name in CHOSEN):
+    for fault in (one for one in MARKER_FAULTS if one.name in FROM_THE_BEGINNING):
         counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
         others: set[str] = set()
         for raw in RAW:
@@ -159,20 +214,24 @@ def same_angles(one: Result, other: Result) -> bool:
     return bool(np.degrees(np.nanmax(apart)) < ALIKE)
 
 
-@cache
-def clean(folder: Path, raw: Raw) -> tuple[Markers, Result]:
-    """Markers of a recording in a model's ground, the frames that show most of the body; and what becomes of them."""
-    one = look_at(folder / raw.file)
+def most_seen(path: Path) -> tuple[Markers, Recording]:
+    """Markers of a recording in a model's ground, those of the frames that show most of the body."""
+    one = look_at(path)
     turned = one.laboratory.trial(one.trial).markers
     assert turned is not None
     names = tuple(bare(name) for name in turned.names)
     on_body = [turned.names.index(name) for name in one.found.sites]
     seen = np.isfinite(turned.values[:, on_body]).all(axis=2).sum(axis=1)
     most = min(MOST_FRAMES, len(turned))
-    sums = np.convolve(seen, np.ones(most), "valid")
-    first = int(np.argmax(sums))
+    first = int(np.argmax(np.convolve(seen, np.ones(most), "valid")))
     part = slice(first, first + most)
-    markers = Markers(turned.time[part], names, turned.values[part])
+    return Markers(turned.time[part], names, turned.values[part]), one
+
+
+@cache
+def clean(folder: Path, raw: Raw) -> tuple[Markers, Result]:
+    """Markers of a recording, and what becomes of them with nothing put in."""
+    markers, _ = most_seen(folder / raw.file)
     found = analyzed(folder, markers, raw.static)
     if found.model is None:
         raise AssertionError(f"{raw.name}: {found.said}")
@@ -196,5 +255,5 @@ def analyzed(folder: Path, markers: Markers, static: str) -> Result:
             line = said.rpartition("\n")[2]
             return Result(None, None, (Finding("refused", "recording", line),), said)
         ((_, trial),) = load(out).items()
-        findings = get_findings(trial.stored, FINDINGS)
+        findings = (*stored_findings(out / "calibration"), *get_findings(trial.stored, FINDINGS))
         return Result(read_model(out / "calibrated.osim"), trial.motion, findings, said)

@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.cases import data_folder
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
+from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import Delays, Output, Spread, follow
 from myomorph.live.page import LivePage
 from myomorph.live.sources import Replay, Source, open_recording
@@ -35,6 +36,8 @@ CASES = (
     ("run, 5 m/s", "hamner-run-subject04/unscaled_generic.osim", "hamner-run-subject04/run500/markers.trc", "grf.mot"),
 )
 PORT = 8189
+DRAWS = 40
+"""Of limits."""
 
 Row = dict[str, object]
 
@@ -58,6 +61,7 @@ def _rows() -> Iterator[Row]:
         if name == "walk":
             walk = model, doubled(markers), wrenches
     assert walk is not None
+    yield with_limits(*walk)
     yield with_page(*walk)
     yield over_streams(*walk)
 
@@ -72,12 +76,17 @@ def doubled(markers: Markers) -> Markers:
 
 
 def measured(
-    name: str, model: Model, sources: Sequence[Source], outputs: Sequence[Output] = (), late: Sequence[Output] = ()
+    name: str,
+    model: Model,
+    sources: Sequence[Source],
+    outputs: Sequence[Output] = (),
+    late: Sequence[Output] = (),
+    draws: int = 0,
 ) -> Row:
     """Play all sources, each with a new chain, and put their delays together."""
     sessions = []
     for source in sources:
-        chain = LiveChain(model, source, ChainOptions())
+        chain = LiveChain(model, source, ChainOptions(), limits=LimitOptions(draws))
         sessions.append(follow(chain, source, outputs, late))
     return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
 
@@ -100,6 +109,13 @@ def row_of(name: str, model: Model, rate: float, delays: Sequence[Delays], filte
         "computation [ms]": 1e3 * busy.median,
         "filter [ms]": 1e3 * filter_delay,
     }
+
+
+def with_limits(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+    """The same with limits of all results."""
+    plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
+    sources = [Replay(markers, wrenches) for _ in range(plays)]
+    return measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
 
 
 def with_page(model: Model, markers: Markers, wrenches: Wrenches) -> Row:

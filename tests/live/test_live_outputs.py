@@ -19,6 +19,7 @@ from live_walk import WALK, Kept, played, recorded_walk
 from myomorph.identify.online import total_wrench
 from myomorph.io.sto import read_sto
 from myomorph.live.chain import SETTLING, SOLVED, ChainFrame, ChainOptions, LiveChain
+from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import Delays, Spread, follow
 from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
 from myomorph.live.sources import Replay
@@ -26,6 +27,7 @@ from myomorph.live.streams import LabStreams
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
+from myomorph.motion.sync import cut
 from myomorph.study.trial.viewing import recordings
 
 
@@ -156,6 +158,11 @@ def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     unknown = replace(shown, forces=np.full(muscles, np.nan), activations=np.full(muscles, np.nan), state="no force")
     assert f"| {model.muscle_names[-1]} | — | — |" in live_text(model, unknown, chosen)
     assert "Torques unknown: no force" in live_text(model, unknown, chosen)
+    limits = np.stack([forces - 10.0, forces + 25.0])
+    text = live_text(model, replace(shown, force_limits=limits), chosen)
+    assert "| Muscle | activation | tension | 90 % limits |" in text
+    assert f"| {model.muscle_names[-1]} | 0.50 | 1000 N | 990 to 1025 |" in text
+    assert text.count("90 % limits") == 1, "of torques none are known"
     # Half a body weight at (0.3, 0, 0.1), straight up: an arrow of half the length from there.
     up = np.array([0.0, 1.0, 0.0])
     wrench = np.r_[np.cross([0.3, 0.0, 0.1], 400.0 * up), 400.0 * up][None]
@@ -176,6 +183,34 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
     )  # fmt: skip
     with pytest.raises(BadData, match="stream 'Cameras' is announced but does not answer"):
         LabStreams("Cameras", "", library=library)
+
+
+def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wrenches]) -> None:
+    """All channels once more for lower, once more for upper limits, of the same units and in the same order."""
+    from myomorph.live.streams import LabOutlet
+
+    labels, rows = [], []
+    described = SimpleNamespace(
+        append_child=lambda name: described,
+        append_child_value=lambda key, text: labels.append(text) if key == "label" else None,
+    )
+    library = SimpleNamespace(
+        StreamInfo=lambda *_: SimpleNamespace(desc=lambda: described),
+        StreamOutlet=lambda info: SimpleNamespace(push_sample=lambda row, stamp: rows.append(row.copy())),
+        local_clock=lambda: 0.0,
+    )  # fmt: skip
+    model, markers, wrenches = walk
+    source = Replay(cut(markers, 0.5, 0.9), wrenches, 0.0)
+    chain = LiveChain(model, source, limits=LimitOptions(4))
+    follow(chain, source, [LabOutlet("results", chain, source, library)])
+    count = 2 * len(model.coordinates) + len(model.muscles)
+    assert len(labels) == 3 * count == len(rows[-1])
+    assert labels[count : 2 * count] == [f"{one}_low" for one in labels[:count]]
+    assert np.isnan(rows[0][count:]).all()
+    values, low, high = rows[-1].reshape(3, count)
+    assert np.isfinite(rows[-1]).all()
+    assert (low <= high).all()
+    assert np.mean((low <= values) & (values <= high)) > 0.7
 
 
 @pytest.mark.long

@@ -10,6 +10,7 @@ from tests.walker import having, shown
 
 from myomorph.model.contacts import ContactForces, Site
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.model import Marker
 from myomorph.model.series import Emg, ForcePlate, Markers, Motion
@@ -17,6 +18,7 @@ from myomorph.model.surface import Surface
 from myomorph.report.scene.shapes import normals, outward, reduced, sphere
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.uncertainty.spread import Spread, Uncertainty
 from myomorph.viewer import replay_charts as charts
 from myomorph.viewer.replay import MuscleIndex
 from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
@@ -202,6 +204,32 @@ def test_curves_hold_the_values_in_their_units() -> None:
     assert center is not None
     assert np.ptp(center.curves[1].values) == pytest.approx(100.0 * 1.2 * body.time[-1], rel=0.1)
     assert {body.muscles[m][:-2] for m in charts.strongest(body)} == {"glmax2"}
+
+
+def test_bands_are_the_limits_of_their_own_column_in_the_units_of_the_curve() -> None:
+    given = everything()
+    tension, motion = given.tension, given.kinematics.motion
+    assert tension is not None
+    assert motion is not None
+    muscles = Spread(tension.time, tension.muscles, tension.forces - 3.0, tension.forces + 5.0, tension.forces)
+    angles = Spread(motion.time, motion.names, motion.values - 0.1, motion.values + 0.2, motion.values)
+    found = Uncertainty(FrozenMap({"forces": muscles, "coordinates": angles}), draws=20)
+    body = PlayedBody(replace(given, uncertainty=found))
+    chart = charts.coordinate_chart(body, "hip", ("hip_flexion_r", "hip_flexion_l"))
+    for one in chart.curves:
+        assert one.values - one.low == pytest.approx(np.rad2deg(0.1))
+        assert one.high - one.values == pytest.approx(np.rad2deg(0.2))
+    pull = charts.tension_chart(body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")))
+    assert pull is not None
+    inside = np.isfinite(pull.curves[0].values) & np.isfinite(pull.curves[0].low)
+    assert inside.sum() > 0.9 * len(body.time)
+    assert (pull.curves[0].high - pull.curves[0].values)[inside] == pytest.approx(5.0, abs=1e-6)
+    active = charts.activation_chart(body, (0, 1))
+    assert active is not None
+    assert pull.banded == (0, 1)
+    assert active.banded == (), "of a table without limits there is no band"
+    many = charts.tension_chart(body, tuple(range(charts.MAX_BANDS + 1)))
+    assert many is None or many.banded == ()
 
 
 def test_muscles_are_found_by_parts_of_their_names() -> None:

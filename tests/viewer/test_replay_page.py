@@ -15,9 +15,11 @@ from tests.walker import having
 
 from browser import Browser, browser_program, wait
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Marker
 from myomorph.model.series import ForcePlate, Markers
 from myomorph.report.trial.given import ReportInput
+from myomorph.uncertainty.spread import Spread, Uncertainty
 from myomorph.viewer.replay import Replay
 from walker import everything
 
@@ -40,6 +42,15 @@ def walker() -> ReportInput:
     plate = ForcePlate("plate", 2, square, none, none, none)
     model = replace(given.model, markers=(Marker("thigh", "femur_r", np.array([0.05, -0.1, 0.0])),))
     return having(given, model=model, markers=recorded, plates=(plate,))
+
+
+def with_limits() -> ReportInput:
+    """The walker with limits of its tensions."""
+    given = walker()
+    assert given.tension is not None
+    time, forces = given.tension.time, given.tension.forces
+    spread = Spread(time, given.tension.muscles, 0.8 * forces, 1.3 * forces, 0.1 * forces)
+    return replace(given, uncertainty=Uncertainty(FrozenMap({"forces": spread}), draws=20))
 
 
 @pytest.fixture(scope="module")
@@ -265,13 +276,16 @@ def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
 def test_a_plot_has_its_values_after_every_message(monkeypatch: pytest.MonkeyPatch) -> None:
     """A busy browser draws between any two messages, and another that opens the page gets the last of each kind."""
     buffers = pytest.importorskip("viser.infra._async_message_buffer")
-    push, plots, drawn = buffers.AsyncMessageBuffer.push, {}, []
+    push, plots, drawn, bands = buffers.AsyncMessageBuffer.push, {}, [], set()
 
     def look(buffer: object, message: object) -> None:
         push(buffer, message)
         kind, uuid = type(message).__name__, getattr(message, "uuid", None)
         if kind == "GuiUplotMessage":
             plots[uuid] = {"series": message.props.series, "data": message.props.data}
+            for band in message.props.bands or ():
+                assert max(band["series"]) < len(message.props.data) - 1
+                bands.add(len(message.props.bands))
         elif kind == "GuiUpdateMessage" and uuid in plots:
             plots[uuid].update({name: one for name, one in message.updates.items() if name in plots[uuid]})
         elif kind == "GuiRemoveMessage":
@@ -281,11 +295,12 @@ def test_a_plot_has_its_values_after_every_message(monkeypatch: pytest.MonkeyPat
             assert len(one["series"]) == len(one["data"])
 
     monkeypatch.setattr(buffers.AsyncMessageBuffer, "push", look)
-    replay = Replay([{"one": walker}])
+    replay = Replay([{"one": with_limits}])
     try:
         for text in ("recfem", "glmax1_l", "nobody", ""):
             replay.panel.find(text)
             replay.seek(0.5)
         assert len(set(drawn)) > 1, "charts of different numbers of curves were shown"
+        assert bands >= {1, 2}, "limits of one curve and of two were shown"
     finally:
         replay.close()

@@ -8,13 +8,21 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import LabelsFile, ModelFile, labels_of, options_class, settings_dict
+from myomorph.cli.options import (
+    LabelsFile,
+    ModelFile,
+    UncertaintyFile,
+    labels_of,
+    options_class,
+    settings_dict,
+)
 from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
+from myomorph.live.limits import LimitOptions
 from myomorph.model.errors import BadData
 from myomorph.tension.tension import TensionOptions
 
-LiveSettings = options_class(ChainOptions, TensionOptions)
+LiveSettings = options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
 
 
 def live_command(
@@ -42,12 +50,15 @@ def live_command(
     out: Annotated[
         Path | None, Parameter(help="Folder for tables of all frames, and of how late each of them was.")
     ] = None,
+    uncertainty: UncertaintyFile = None,
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
     """Joint angles, torques and muscle activations while frames arrive."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
     from myomorph.store.settings import with_settings
+    from myomorph.study.trial.uncertainty_file import read_sizes
+    from myomorph.uncertainty.sources import Sources
 
     if (markers is None) == (not lsl_markers):
         raise BadData("live needs either a recording (--markers FILE) or a stream (--lsl-markers NAME)")
@@ -63,6 +74,10 @@ def live_command(
         else LiveFiles(markers, loads, speed, labels_of(labels))
     )
     settings = settings_dict(options)
+    sizes = {} if uncertainty is None else read_sizes(uncertainty)
+    drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})
+    if sizes and not drawn.get("draws"):
+        raise BadData(f"--uncertainty {uncertainty} without --draws: say how many draws there are to be (--draws 40)")
     session = run_live_chain(
         model,
         frames,
@@ -70,6 +85,8 @@ def live_command(
         with_settings(ChainOptions(), settings),
         with_settings(TensionOptions(), settings),
         _status,
+        with_settings(LimitOptions(), drawn),
+        with_settings(Sources(), sizes),
     )
     warn(session.notes)
     for line in session.summary():

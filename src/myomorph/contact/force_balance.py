@@ -1,4 +1,4 @@
-"""Checks of external forces against the center of mass and the standing feet: directions, mass and clock."""
+"""Checks of external forces against the center of mass and the standing feet: directions and mass."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_stance import standing
+from myomorph.contact.foot_stance import belt_velocity
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.contact.force_samples import Change, ForceSamples
+from myomorph.contact.force_support import supported
 from myomorph.model.arrays import Array
 from myomorph.motion.filters import lowpass
 
@@ -92,6 +93,9 @@ def check_directions(inspection: Inspection) -> None:
     if points and not forces and (errors is None or errors[points] < 1.3 * errors[0]):
         forces = points
     if forces == points == 0:
+        return
+    if points and not forces and np.linalg.det(choices[points].matrix) < 0.0 and np.any(belt_velocity(inspection)):
+        # Plates of a belt that are mirrored about their own middle, not about the origin: `check_mirrors` names them.
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
     turn = choices[forces or points]
@@ -193,7 +197,7 @@ def check_mass(inspection: Inspection) -> None:
         return
     up, model, time = inspection.feet.up, inspection.feet.model, inspection.feet.time
     carried, wanted = found[0] @ up, found[1] @ up
-    steady = _supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
+    steady = supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
     margin = max(2, len(time) // 25)
     steady[:margin] = steady[-margin:] = False
     if steady.sum() < 15 or steady.sum() * np.median(np.diff(time)) < 0.3:
@@ -216,13 +220,3 @@ def check_mass(inspection: Inspection) -> None:
         f"{model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %)",
         advice="scale the model to the subject's mass, or check the calibration of the plates",
     )
-
-
-def _supported(inspection: Inspection) -> NDArray[np.bool_]:
-    """Frames (frames,) in which every foot either carries a measured force or moves as one that does not stand."""
-    feet = inspection.feet
-    distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
-    loaded = inspection.samples.loaded[:, inspection.numbers]
-    nearest = np.argmin(distances, axis=2)
-    carries = np.stack([(loaded & (nearest == one)).any(axis=1) for one in range(len(feet.feet))], axis=1)
-    return np.asarray((~standing(inspection) | carries).all(axis=1) & carries.any(axis=1))

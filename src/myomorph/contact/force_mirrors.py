@@ -63,10 +63,10 @@ def check_mirrors(inspection: Inspection) -> None:
         if own is not None:
             others = stands.copy()
             others[:, own] = False
-            if _share(others.any(axis=1), weights) > STANDS:
+            if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
         found = _mirror(inspection, centers, carriers, weights)
-        fits = _share(carriers.any(axis=1) & _stands(stands, own), weights) > STANDS
+        fits = _share(_stands(stands, own), weights) > STANDS
         if not fits or found.distance > min(FITS * feet.unit, MARKED * before):
             continue
         if found.distance < CLEARER * exchanged:

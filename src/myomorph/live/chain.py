@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.assign import OnlineFeet
+from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
 from myomorph.model.arrays import Array, read_only
@@ -22,6 +23,7 @@ from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
+from myomorph.uncertainty.sources import Sources
 
 KEPT = 2.0
 """Forces that no frame has asked for are kept so long [s]."""
@@ -65,6 +67,7 @@ class ChainFrame:
     seen : markers that are
     owed : jump that is still to be given back, as of `SteadyFrame`
     state : index into `STATES`
+    limits : of coordinates, torques and tensions, None where unknown or not asked for
     """
 
     time: float
@@ -78,6 +81,7 @@ class ChainFrame:
     seen: int
     owed: float
     state: int
+    limits: FrameLimits | None = None
 
 
 class Poses:
@@ -142,6 +146,8 @@ class LiveChain:
     Parameters
     ----------
     source : which says what will come: names of markers or coordinates, plates and rates
+    limits : how limits of results are drawn; None for no limits
+    sources : sizes of the errors that they are drawn with
 
     Attributes
     ----------
@@ -150,6 +156,7 @@ class LiveChain:
     max_age : frames older than that are dropped [s]
     bodies : that external forces act on
     actuators : reserves and residuals, names
+    limits : what draws them, None where none are asked for
 
     Raises
     ------
@@ -162,6 +169,8 @@ class LiveChain:
         source: Source,
         options: ChainOptions | None = None,
         tension: TensionOptions | None = None,
+        limits: LimitOptions | None = None,
+        sources: Sources | None = None,
     ):
         self.model, self.options = model, options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
@@ -183,6 +192,11 @@ class LiveChain:
         nothing, no_reserves = np.full(len(model.muscles), np.nan), np.full(len(self.actuators), np.nan)
         no_torques = np.full(len(self.tension.rows), np.nan)
         self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))
+        self._names = source.names if source.markers else None
+        self.limits: LiveLimits | None = None
+        if limits is not None and limits.draws:
+            given = (self._names, self.bodies, self.filter, source.rate, self.feet.up, limits, sources, tension)
+            self.limits = LiveLimits(model, *given)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -192,6 +206,8 @@ class LiveChain:
             for name, count in zip(self.feet.plates, self.feet.nobody.tolist(), strict=True)
             if count > 0.02 * self._force_rate
         )
+        if self.limits is not None:
+            missed += self.limits.notes
         floating = floating_joints(self.model)
         if self._force_rate or not floating:
             return missed
@@ -213,6 +229,11 @@ class LiveChain:
         still = np.zeros_like(self._rest)
         self.dynamics.solve(self._rest, still, still, np.zeros((len(self.bodies), 6)))
         self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
+        if self.limits is not None:
+            row = np.full((len(self._names or ()), 3), np.nan)
+            motion, loads = np.zeros((4, len(self._rest))), np.zeros((3, len(self.bodies), 6))
+            motion[0] = self._rest
+            self.limits.warm_up(Instant(0.0, self._rest.copy(), row, motion, loads, np.zeros(0)))
 
     @property
     def newest_force(self) -> float:
@@ -267,10 +288,27 @@ class LiveChain:
             value, velocity = self.dynamics.coordinates[0], self.dynamics.rates[0]
             shared = self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
             state = SOLVED if shared.status == OPTIMAL else UNSOLVED
+        limits = None
+        if self.limits is not None and state in (SOLVED, SETTLING):
+            result = np.concatenate([value, torques, shared.activations, shared.forces])
+            limits = self.limits.at(time, result) if state == SOLVED else None
+            if self.limits.due(time):
+                self.limits.offer(self._instant(time, pose, row, result))
         return ChainFrame(
             time, pose, value.copy(), velocity.copy(), torques, shared, wrenches,
-            steady.error, steady.seen, steady.owed, state,
+            steady.error, steady.seen, steady.owed, state, limits,
         )  # fmt: skip
+
+    def idle(self) -> bool:
+        """Draw limits."""
+        return self.limits is not None and self.limits.idle()
+
+    def _instant(self, time: float, pose: Array, row: Array, result: Array) -> Instant:
+        """What limits are drawn around."""
+        loads = np.zeros((3, len(self.bodies), 6))
+        if self._force_rate:
+            loads[:] = self._forces.at(time).reshape(loads.shape)
+        return Instant(time, pose.copy(), np.array(row), self._motion.derivatives(time), loads, result)
 
     def _state(self, time: float, held: bool, value: Array, wrenches: Array | None) -> int:
         """Whether torques can be known."""

@@ -133,6 +133,10 @@ class LiveIdentification:
         self._forces: list[tuple[Array, Array]] = []
         self._waiting: deque[tuple[float, Array]] = deque()
 
+    def idle(self) -> bool:
+        """Nothing waits."""
+        return False
+
     def warm_up(self) -> None:
         """Compute once without effect, so that nothing is compiled when the first frame comes."""
         self.estimate.warm_up()

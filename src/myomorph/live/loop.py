@@ -84,6 +84,9 @@ class Steps(Protocol[FrameOut]):
     def frame(self, time: float, row: Array) -> FrameOut:
         """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
 
+    def idle(self) -> bool:
+        """Do a little of what may wait until no frame does; whether any of it is left."""
+
 
 class Output(Protocol[FrameIn]):
     """Something that takes results as they come."""
@@ -267,7 +270,7 @@ def _follow(
     step = 1.5 / source.force_rate if source.force_rate else 0.0
     pushing = 0.0
     while waiting or not source.done:
-        if not waiting:
+        if not waiting and not steps.idle():
             source.wait(WAIT)
         # A recording as fast as it goes gives more whenever it is asked.
         if clocked or not waiting:
@@ -297,3 +300,6 @@ def _follow(
         pushing = 0.0
         for output in late:
             output.put(frame, row)
+        # As fast as it goes, no frame is ever awaited: what is left is done now.
+        while not clocked and steps.idle():
+            pass

@@ -112,6 +112,8 @@ class LivePage:
             markers=np.array(markers) if self._markers else np.zeros((0, 3)),
             state="" if frame.state == SOLVED else STATES[frame.state],
             facts=facts,
+            torque_limits=None if frame.limits is None else frame.limits.torques[:2],
+            force_limits=None if frame.limits is None else frame.limits.forces[:2],
         )
 
     def close(self) -> None:

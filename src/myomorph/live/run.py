@@ -14,6 +14,7 @@ import numpy as np
 
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
+from myomorph.live.limits import TABLES, LimitOptions
 from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
 from myomorph.live.page import LivePage
 from myomorph.live.sources import Replay, Source, open_recording
@@ -27,10 +28,13 @@ from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, file_source, new_result, provenance_of, value_source, whole_folder
 from myomorph.store.settings import plain_settings
+from myomorph.store.uncertainty_store import put_uncertainty
 from myomorph.study.trial import inputs
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.spread import Spread, Uncertainty
 
 
 @dataclass(frozen=True)
@@ -89,11 +93,14 @@ def run_live_chain(
     options: ChainOptions | None = None,
     tension: TensionOptions | None = None,
     said: Callable[[str], None] = lambda line: None,
+    limits: LimitOptions | None = None,
+    sources: Sources | None = None,
 ) -> LiveSession:
     """Follow a recording or streams until they end.
 
     Parameters
     ----------
+    limits : how limits of results are drawn, with errors of the sizes in `sources`; None for no limits
     said : called with a line for every place where results can be seen
 
     Raises
@@ -104,7 +111,7 @@ def run_live_chain(
     opened = inputs.open_model(model)
     inputs.has_mass(opened, "live")
     source, read = open_source(opened, given)
-    chain = LiveChain(opened, source, options, tension)
+    chain = LiveChain(opened, source, options, tension, limits, sources)
     delays = Delays()
     direct: list[Output] = []
     late: list[Output] = []
@@ -151,6 +158,9 @@ def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, t
 
 
 STEP = "live"
+MUSCLES = {"activations": "activations", "forces": "muscle_forces"}
+"""Tables of muscles, and their files."""
+UNITS = {"coordinates": "rad or m", "torques": "N m or N", "activations": "1", "forces": "N"}
 BLOCK = 256
 """Frames that are written at once."""
 
@@ -172,6 +182,8 @@ class LiveRecord:
             "reserves": len(chain.actuators), "balanced": len(chain.tension.rows), "wrenches": 6 * len(chain.bodies),
             "residual": 1, "status": 1, "error": 1, "seen": 1, "remaining": 1,
         }  # fmt: skip
+        if chain.limits is not None:
+            widths |= {f"{name}_limits": 3 * widths[name] for name in TABLES}
         ends = np.cumsum([0, *widths.values()])
         self._part = {name: slice(a, b) for name, a, b in zip(widths, ends, ends[1:], strict=False)}
         self._rows = np.empty((BLOCK, int(ends[-1])))
@@ -194,8 +206,13 @@ class LiveRecord:
             shared.reserves, shared.balanced, frame.wrenches.ravel(), shared.equilibrium_residual, shared.status,
             frame.error, frame.seen, frame.owed,
         )  # fmt: skip
-        for part, value in zip(self._part.values(), values, strict=True):
+        for part, value in zip(self._part.values(), values, strict=False):
             row[part] = value
+        if self._chain.limits is not None:
+            for name in TABLES:
+                row[self._part[f"{name}_limits"]] = (
+                    np.nan if frame.limits is None else getattr(frame.limits, name).ravel()
+                )
         self._filled += 1
         if self._filled == BLOCK:
             self._flush()
@@ -272,6 +289,31 @@ class LiveRecord:
             driven = tuple(acts.get(name, "") for name in tension.reserve_names)
             store.put_tension(writer, tension, driven)
             writer.fact("trial", STEP)
+            if chain.limits is not None:
+                put_uncertainty(writer, self._limits(time, rows), UNITS)
+
+    def _limits(self, time: Array, rows: Array) -> Uncertainty:
+        """Limits of all tables, written beside them."""
+        drawn, spreads = self._chain.limits, dict[str, Spread]()
+        assert drawn is not None
+        for name in TABLES:
+            names = self._chain.tension.muscles if name in MUSCLES else self._chain.model.coordinate_names
+            parts = rows[:, self._part[f"{name}_limits"]].reshape(len(rows), 3, len(names))
+            spreads[name] = Spread(time, names, *(np.array(parts[:, k]) for k in range(3)))
+            for end, values in (("low", parts[:, 0]), ("high", parts[:, 1])):
+                self._write_limit(name, end, Series(time, names, np.array(values)))
+        return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))
+
+    def _write_limit(self, name: str, end: str, values: Series) -> None:
+        model = self._chain.model
+        if name == "coordinates":
+            table = table_from_motion(Motion(values.time, values.names, values.values), model)
+        elif name == "torques":
+            table = torque_table(values, model)
+        else:
+            table = Table(values.time, values.names, values.values, facts=FrozenMap({"name": name}))
+        stem, ending = MUSCLES.get(name, name), ".mot" if name == "coordinates" else ".sto"
+        write_sto(table, self._folder / f"{stem}_{end}{ending}")
 
     def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
         solver, part = self._chain.tension, self._part

@@ -264,7 +264,8 @@ class LabOutlet:
     A row is of one instant, which its time stamp names: the frame's own less the filter's delay. Channels are labelled
     by the names of coordinates, the same with `_moment` or `_force`, and the names of muscles, and have units. What is
     unknown is NaN. Of a stream, time stamps are those of its sender on this machine's clock; of a recording that is
-    played, those at which its frames were due.
+    played, those at which its frames were due. With limits, all channels come twice
+    more, as `..._low` and `..._high`.
 
     Parameters
     ----------
@@ -287,6 +288,10 @@ class LabOutlet:
             for one in model.coordinate_names
         ]
         channels += [(one, "1", "Activation") for one in chain.tension.muscles]
+        self._results, self._limited = len(channels), chain.limits is not None
+        if self._limited:
+            results = tuple(channels)
+            channels += [(f"{name}_{end}", unit, kind) for end in ("low", "high") for name, unit, kind in results]
         try:
             info = lsl.StreamInfo(name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}")
             described = info.desc().append_child("channels")
@@ -303,9 +308,17 @@ class LabOutlet:
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Send one frame."""
         n = len(frame.coordinates)
-        self._row[:n], self._row[n : 2 * n], self._row[2 * n :] = (
+        self._row[:n], self._row[n : 2 * n], self._row[2 * n : self._results] = (
             frame.coordinates, frame.torques, frame.tension.activations
         )  # fmt: skip
+        if self._limited:
+            own = frame.limits
+            ends = (
+                np.nan
+                if own is None
+                else np.hstack([own.coordinates[:2], own.torques[:2], own.activations[:2]]).ravel()
+            )
+            self._row[self._results :] = ends
         # A stream's frames have its clock already; those of a recording were due some time ago.
         stamp = frame.time
         if self._source.duration is not None:

@@ -136,6 +136,17 @@ class CausalStream:
             np.multiply(self._state[:3], self._scales, out=self._found)
         return self._found
 
+    @property
+    def state(self) -> Array:
+        """(width,) value at the newest row, whether the filter has settled or not."""
+        return np.asarray(self._state[0].copy())
+
+    def derivatives(self, time: float) -> Array:
+        """(4, width) as `at`, with the third derivative besides; a copy."""
+        found = self.at(time)
+        state = self._ahead if time > self._clock[1] else self._state
+        return np.concatenate([found, (state[3] / self._delay**3)[None]])
+
     def forget(self) -> None:
         """Begin anew with the next row."""
         self._clock[:] = np.nan

@@ -15,7 +15,7 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
 from myomorph.motion.lengths import length_unit
-from myomorph.motion.marker_swaps import MIRRORED, SIDES, Solve, Swap, find_swap
+from myomorph.motion.marker_swaps import MIRRORED, OF_ANY_LENGTHS, SIDES, USUAL, Margin, Solve, Swap, find_swap
 from myomorph.motion.marker_texts import pairs_text, span_of, times_text
 from myomorph.motion.postures import overall_size
 from myomorph.motion.stretch import skeleton
@@ -70,7 +70,7 @@ def mended_labels(
     sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
     sample = Markers(markers.time[chosen], markers.names, markers.values[chosen])
     fit = inverse_kinematics(sized, sample, options)
-    found = without_swaps(sized, sample, fit, options, True, length_unit(compile_tree(sized)))
+    found = without_swaps(sized, sample, fit, options, True, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
     values = np.array(markers.values)
     for swap in found.throughout:
         values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
@@ -85,6 +85,7 @@ def without_swaps(
     options: InverseKinematicsOptions,
     mend: bool,
     unit: float,
+    margin: Margin = USUAL,
 ) -> Relabelled:
     """Labels exchanged that the fit shows, put back where they are not of the whole body."""
     found: list[Finding] = []
@@ -93,9 +94,8 @@ def without_swaps(
         names = fit.marker_names
         columns = [markers.names.index(name) for name in names]
         observed = markers.values[:, columns]
-        swap = find_swap(
-            model, names, observed, fit.errors, _placed(model, fit), _solver(model, markers, names, options), unit
-        )
+        solve = _solver(model, markers, names, options)
+        swap = find_swap(model, names, observed, fit.errors, _placed(model, fit), solve, unit, margin)
         if swap is None:
             break
         values = np.array(markers.values)
@@ -103,7 +103,7 @@ def without_swaps(
         exchanged = replace(markers, values=values)
         other = inverse_kinematics(model, exchanged, options)
         with np.errstate(invalid="ignore"):
-            wrong = _smooth(other.rms < 0.8 * fit.rms)
+            wrong = _smooth(other.rms < max(0.8, margin.share) * fit.rms)
         if not wrong.any():
             break
         # A mirrored recording is not mended: its forces would have to be mirrored too, along an axis that markers hide.

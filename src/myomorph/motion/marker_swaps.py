@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,26 @@ LEAST_GAIN = 0.005
 
 CLEARLY = 0.75
 """Of swapped sides and a mirrored axis the one that leaves so much less is reported as it."""
+
+
+class Margin(NamedTuple):
+    """By how much an exchange has to fit better to be believed.
+
+    Attributes
+    ----------
+    share : of the root mean square that it leaves at most
+    gain : that it takes off the root mean square at least, on a human body [m]
+    """
+
+    share: float = BETTER
+    gain: float = LEAST_GAIN
+
+
+USUAL = Margin()
+"""Of a model of this body."""
+
+OF_ANY_LENGTHS = Margin(0.9, 0.01)
+"""Of a model whose lengths and marker places are not this body's: it never fits well, but a wrong exchange costs cm."""
 
 SIDES = "left and right"
 FRONT = "front and back"
@@ -75,7 +96,14 @@ Solve = Callable[[Array], Array]
 
 
 def find_swap(
-    model: Model, names: Sequence[str], observed: Array, errors: Array, placed: Array, solve: Solve, unit: float
+    model: Model,
+    names: Sequence[str],
+    observed: Array,
+    errors: Array,
+    placed: Array,
+    solve: Solve,
+    unit: float,
+    margin: Margin = USUAL,
 ) -> Swap | None:
     """The exchange of labels under which the body fits best in most sampled frames; None where none is far better.
 
@@ -86,6 +114,7 @@ def find_swap(
     errors, placed : (frames, markers) [m], (frames, markers, 3) [m], as inverse kinematics gave them
     solve : see `Solve`
     unit : see `length_unit`
+    margin : see `Margin`
     """
     rms = _rms(errors)
     seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
@@ -103,9 +132,9 @@ def find_swap(
             ratios.append(after / given[k])
             gains.append(given[k] - after)
             # Most exchanges are wrong, which two frames show.
-            if len(ratios) == 2 and min(ratios) > BETTER:
+            if len(ratios) == 2 and min(ratios) > margin.share:
                 break
-        if np.mean(np.array(ratios) < BETTER) > 0.6 and np.median(gains) > LEAST_GAIN * unit:
+        if np.mean(np.array(ratios) < margin.share) > 0.6 and np.median(gains) > margin.gain * unit:
             found.append((float(np.median(ratios)), swap))
     # Of exchanges that explain about as much, the one of fewest labels.
     found.sort(key=lambda one: (round(4.0 * one[0]), len(one[1].pairs), one[0]))
@@ -192,9 +221,12 @@ def limb_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> dict[str, tupl
 
 
 def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """The front and the back markers of the first body on each side, where it has both."""
-    first = next((joint.child for joint in model.joints if joint.parent == GROUND), "")
-    own = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
+    """The front and the back markers of the first body on each side that has both."""
+    first, own = "", list[tuple[str, str]]()
+    for first in model.body_names:
+        own = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
+        if len(own) > 1:
+            break
     if len(own) < 2:
         return ()
     middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in own]

@@ -17,10 +17,20 @@ def put_findings(writer: ResultWriter, name: str, findings: Sequence[Finding]) -
     ----------
     name : of the attribute
     """
-    writer.fact(name, json.dumps([asdict(one) for one in findings]))
+    writer.fact(name, findings_text(findings))
 
 
 def get_findings(stored: Stored, name: str) -> tuple[Finding, ...]:
     """What `put_findings` wrote; none where an older version wrote the file."""
-    found = json.loads(stored.facts.get(name, "[]"))
+    return findings_of(stored.facts.get(name, "[]"))
+
+
+def findings_text(findings: Sequence[Finding]) -> str:
+    """Findings as JSON."""
+    return json.dumps([asdict(one) for one in findings])
+
+
+def findings_of(text: str) -> tuple[Finding, ...]:
+    """What `findings_text` wrote."""
+    found = json.loads(text)
     return tuple(Finding(**{**one, "times": tuple((a, b) for a, b in one["times"])}) for one in found)

@@ -11,8 +11,9 @@ coordinates) included. What acts on a coordinate is not a load on a body: it is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -315,15 +316,7 @@ def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Ar
     A joint's own frames go by their name, or as "<joint>/<frame>" where several joints have one of that name.
     """
     plain = name.rsplit("/", 1)[-1]
-    fixed = {one: (one, Transform.identity()) for one in tree.body_index}
-    for joint in reversed(tree.model.joints):
-        for end, body, pose in (
-            (joint.parent_frame_name, joint.parent, joint.parent_frame),
-            (joint.child_frame_name, joint.child, joint.child_frame),
-        ):
-            if end and end not in tree.body_index:
-                fixed[end] = fixed[f"{joint.name}/{end}"] = (body, pose)
-    fixed |= {one.name: (one.body, one.pose) for one in tree.model.frames}
+    fixed = _named_frames(tree)
     ends = name.strip("/").split("/")
     key = "/".join(ends[-2:]) if "/".join(ends[-2:]) in fixed else plain
     if key not in fixed:
@@ -332,3 +325,17 @@ def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Ar
     b = tree.body_index[body]
     R = poses.rotations[:, b]
     return plain, R @ pose.rotation, poses.origins[:, b] + R @ pose.translation
+
+
+@lru_cache(maxsize=4)
+def _named_frames(tree: Tree) -> Mapping[str, tuple[str, Transform]]:
+    """Body and pose on it of all frames that have a name; a call asks for those of one tree many times."""
+    fixed = {one: (one, Transform.identity()) for one in tree.body_index}
+    for joint in reversed(tree.model.joints):
+        for end, body, pose in (
+            (joint.parent_frame_name, joint.parent, joint.parent_frame),
+            (joint.child_frame_name, joint.child, joint.child_frame),
+        ):
+            if end and end not in tree.body_index:
+                fixed[end] = fixed[f"{joint.name}/{end}"] = (body, pose)
+    return fixed | {one.name: (one.body, one.pose) for one in tree.model.frames}

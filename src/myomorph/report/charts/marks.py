@@ -83,7 +83,7 @@ def drawing(
     """
     heading = "" if unit is None else titled(title, unit, 2.0, 12.0)
     return (
-        f'<svg class="chart {kind}" viewBox="0 0 {size[0]:g} {size[1]:g}" role="img" '
+        f'<svg class="chart {kind}" style="--wide: {size[0]:g}px" viewBox="0 0 {size[0]:g} {size[1]:g}" role="img" '
         f'aria-label="{escape(title, True)}" {attributes}>{heading}{"".join(parts)}</svg>'
     )
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
+from myomorph.model.model import Model
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.prepared import Prepared
@@ -11,15 +14,19 @@ from myomorph.uncertainty.found_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 TITLES = {
-    "coordinates": ("Joint angles and places", "rad or m"),
-    "torques": ("Joint torques", "N·m or N"),
-    "activations": ("Muscle activations", ""),
-    "forces": ("Muscle tensions", "N"),
-    "joint_reactions": ("Joint loads", "N or N·m"),
-    "contact_forces": ("Contact forces of bodies", "N"),
-    "contact_groups": ("Contact forces", "N"),
-    "joint_contact_forces": ("Forces at contact points of joints", "N"),
+    "coordinates": "Joint angles and places",
+    "torques": "Joint torques",
+    "activations": "Muscle activations",
+    "forces": "Muscle tensions",
+    "joint_reactions": "Joint loads",
+    "contact_forces": "Contact forces of bodies",
+    "contact_groups": "Contact forces",
+    "joint_contact_forces": "Forces at contact points of joints",
 }
+UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N")}
+"""Of tables by coordinate: of rotations, and of translations."""
+PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$")
+"""What columns of loads end in that are points and moments."""
 ROWS = 12
 """Columns of a table that are shown, those that are least sure first."""
 LEADING, LEAST = 3, 0.01
@@ -33,8 +40,9 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
         return None
     grids = []
     for name, spread in found.spreads.items():
-        title, unit = TITLES.get(name, (name.replace("_", " ").capitalize(), ""))
-        grids.append(_grid(title, unit, spread, found.shares.get(name)))
+        title = TITLES.get(name, name.replace("_", " ").capitalize())
+        units = [unit_of(name, column, prepared.given.model) for column in spread.names]
+        grids.append(_grid(title, units, spread, found.shares.get(name)))
     if found.sizes:
         grids.append(_sizes(found.sizes))
     lead = (
@@ -45,15 +53,29 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
     return Section("uncertainty", "Uncertainty", lead, (), (), tuple(grids))
 
 
-def _grid(title: str, unit: str, spread: Spread, shares: Shares | None) -> Grid:
-    widths = np.nanmean(spread.high - spread.low, axis=0)
-    deviations = np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+def unit_of(table: str, column: str, model: Model | None) -> str:
+    """The unit in which a column of a table is shown."""
+    if table in UNITS:
+        turns = model is None or column not in model.coordinate_names or model.coordinate(column).motion == "rotational"
+        return UNITS[table][0 if turns else 1]
+    if table == "activations":
+        return ""
+    if table == "forces":
+        return "N"
+    return "m" if PLACES.search(column) else "N·m" if MOMENTS.search(column) else "N"
+
+
+def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -> Grid:
+    scales = np.where([one == "°" for one in units], 180.0 / np.pi, 1.0)
+    widths = scales * np.nanmean(spread.high - spread.low, axis=0)
+    deviations = scales * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
     order = np.argsort(-np.nan_to_num(widths))[:ROWS]
     rows = []
     for k in order:
-        row = (spread.names[k], f"{number(widths[k])} {unit}", f"{number(deviations[k])} {unit}")
-        rows.append((*row, _leading(shares, int(k))))
-    return Grid(("Column", "Mean width of the limits", "Standard deviation", "Most of it from"), tuple(rows), title)
+        row = (spread.names[k], *(f"{number(one[k])} {units[k]}".strip() for one in (widths, deviations)))
+        rows.append(row if shares is None else (*row, _leading(shares, int(k))))
+    head = ("Column", "Mean width of the limits", "Standard deviation")
+    return Grid(head if shares is None else (*head, "Most of it from"), tuple(rows), title)
 
 
 def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
@@ -67,10 +89,8 @@ def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
     return Grid(("Source", "Group", "Standard deviation", "From"), tuple(rows), "Sizes of errors")
 
 
-def _leading(shares: Shares | None, column: int) -> str:
+def _leading(shares: Shares, column: int) -> str:
     """The groups of sources that contribute most, with their shares of the variance."""
-    if shares is None:
-        return "–"
     total = np.nan_to_num(shares.total[:, column])
     leading = [g for g in np.argsort(-total)[:LEADING] if total[g] > LEAST]
     return ", ".join(f"{shares.groups[g]} {100 * total[g]:.0f} %" for g in leading)

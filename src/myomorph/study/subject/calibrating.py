@@ -14,6 +14,7 @@ from myomorph import __version__
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -26,6 +27,7 @@ from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.summary_lines import calibration_line
+from myomorph.store.finding_store import findings_of, findings_text
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
@@ -35,6 +37,9 @@ from myomorph.study.trial import inputs
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
+
+FINDINGS = "findings.json"
+"""What checks of the markers found, in the folder of tables."""
 
 
 @dataclass(frozen=True)
@@ -75,14 +80,14 @@ class Calibrated:
     ----------
     recordings : names of the recordings, in the calibration's order
     warnings : of the files, one line each
-    findings : what checks of the markers found, one line each
+    findings : what checks of the markers found
     """
 
     found: Calibration
     recordings: tuple[str, ...]
     provenance: Provenance
     warnings: tuple[str, ...]
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
@@ -100,7 +105,7 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     if not files.markers and files.static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     model = inputs.open_model(files.model) if model is None else model
-    warnings, findings = list(model.warnings), list[str]()
+    warnings, findings = list(model.warnings), list[Finding]()
     if files.marker_set is not None:
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
@@ -140,10 +145,16 @@ def _recording(
     return trial.markers if span is None else cut(trial.markers, *span)
 
 
-def _labelled(name: str, markers: Markers, model: Model, findings: list[str]) -> Markers:
+def stored_findings(tables: Path) -> tuple[Finding, ...]:
+    """What checks of the markers found before a calibration, as it left them in its tables."""
+    path = tables / FINDINGS
+    return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
+
+
+def _labelled(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
     """A recording with labels put back that are exchanged throughout: a calibration would move markers after them."""
     markers, found = mended_labels(model, markers)
-    findings += [f"{name}: {one.text}" for one in found]
+    findings += [replace(one, text=f"{name}: {one.text}") for one in found]
     return markers
 
 
@@ -159,7 +170,7 @@ def calibrate_subject(
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
     options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
     model, trials = prepared.model, prepared.trials(files, settings)
-    warnings, findings = [text for trial in trials for text in trial.warnings], list[str]()
+    warnings, findings = [text for trial in trials for text in trial.warnings], list[Finding]()
     recordings = {}
     for trial in trials:
         if trial.markers is not None:
@@ -204,6 +215,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         _write_rows(length_rows(found), folder / "lengths.csv")
         _write_rows(marker_rows(found), folder / "markers.csv")
         _write_rows(zero_rows(found), folder / "zero_angles.csv")
+        (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
         (folder / NOTES).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
@@ -315,7 +327,7 @@ def calibration_page(calibrated: Calibrated) -> str:
                 version=__version__,
                 notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
                 sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
-                warnings=(*calibrated.findings, *calibrated.warnings),
+                warnings=(*map(str, calibrated.findings), *calibrated.warnings),
             ),
             model=found.model,
             surfaces=surfaces,

@@ -110,7 +110,8 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
     else:
         wrenches = on_clock(wrenches, motion.time, options.force_checks == "mend")
-    if options.force_checks != "none":
+    # Of frames that are still to arrive there is no motion to hold forces against.
+    if options.force_checks != "none" and len(motion) > 1:
         found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
         wrenches, findings = found.wrenches, found.findings
         wrenches = _without_loads(wrenches, findings)

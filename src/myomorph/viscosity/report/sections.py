@@ -340,7 +340,8 @@ def _instrument_grid(one: SpecimenReport) -> list[Grid]:
     rows = []
     for source, axis, prior, error, left in one.instruments.rows:
         factor, unit = SHOWN_IN[source]
-        shown = (f"{factor * value:.2f}".replace("-", "−") for value in (prior, error, left))
+        # Added to 0, what is rounded to it loses its sign.
+        shown = (f"{round(factor * value, 2) + 0.0:.2f}".replace("-", "−") for value in (prior, error, left))
         rows.append((source.replace("_", " "), axis, unit, *shown))
     head = ("Source", "Axis", "Unit", "SD assumed", "From the swings, taken off", "SD left")
     return [Grid(head, tuple(rows), "Errors of instruments, and what the swings tell of them")]

@@ -32,6 +32,8 @@ OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
 SOURCE = "attachments"
 """Name of this source in the error budget."""
+LEAST = 0.05
+"""A drawn d_M is not counted as smaller than this share of the exact one."""
 RESULT = "muscle_viscosity"
 """The result that it adds to, as in `cohort.QUANTITIES`."""
 ANGLE, CONSTANT = SPEED + 1, SPEED + 2
@@ -168,8 +170,9 @@ def with_attachments(
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
     """The specimen with d_M's interval widened by errors of attachments, and the error budget with this source.
 
-    The draws say what d_M is found of a true one when arms are off by offsets of each muscle; the interval's ends are
-    the true values of which this d_M would be an unlikely one.
+    The draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each muscle. That their middle
+    lies below is left out: points that are off change only the two components of an arm across the muscle, and less in
+    the mean than such offsets do.
 
     Parameters
     ----------
@@ -188,24 +191,24 @@ def with_attachments(
         )
     if not spread.exact > 0.0:
         return found, tuple(shares)
-    least, most = spread.quantiles((0.5 - 0.5 * level, 0.5 + 0.5 * level)) / spread.exact
-    wider = _wider(muscles, least, most)
+    scatter = float(np.std(np.log(np.maximum(spread.draws, LEAST * spread.exact) / spread.exact)))
     z = NormalDist().inv_cdf(0.5 + 0.5 * level)
+    wider = _wider(muscles, float(np.exp(z * scatter)))
     total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
-    own = min(max((0.5 * (1.0 / least - 1.0 / most) * muscles.common.value / z) ** 2, 0.0), total)
+    own = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
     rest = 1.0 - own / total if total > 0.0 else 0.0
     others = tuple(replace(one, share=one.share * rest) if one.quantity == RESULT else one for one in shares)
     added = ErrorShare(SOURCE, options.offset, RESULT, float(np.sqrt(own)), 1.0 - rest)
     return replace(found, muscles=wider), (*others, added)
 
 
-def _wider(muscles: MuscleViscosity, least: float, most: float) -> MuscleViscosity:
-    """The values of all muscles together, found `least` to `most` times what they are."""
+def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
+    """The values of all muscles together, which may be so many times larger or smaller."""
 
     def wider(one: Estimate) -> Estimate:
-        below, above = one.value * (1.0 - 1.0 / most), one.value * (1.0 / least - 1.0)
-        low = one.value - float(np.hypot(one.value - one.low, max(below, 0.0)))
-        return Estimate(one.value, max(low, 0.0), one.value + float(np.hypot(one.high - one.value, max(above, 0.0))))
+        low = one.value - float(np.hypot(one.value - one.low, one.value * (1.0 - 1.0 / factor)))
+        high = one.value + float(np.hypot(one.high - one.value, one.value * (factor - 1.0)))
+        return Estimate(one.value, max(low, 0.0), high)
 
     return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 

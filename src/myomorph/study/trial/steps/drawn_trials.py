@@ -15,14 +15,16 @@ from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.motion.nearby import poses_near
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
 from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
-from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -49,6 +51,13 @@ STRONGER = (1.4, 1.4, 1.4)
 """Factors by which all muscles of a body grow, one after the other, until it can do what was recorded."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
+COARSE = 4
+"""Of so many tensions one is drawn for contributions, which are means over all frames."""
+
+
+@dataclass(frozen=True)
+class ShareDraw(Draw):
+    """A draw that only contributions are computed from."""
 
 
 @read_only
@@ -88,8 +97,8 @@ class Chain:
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
     slopes : by which poses follow the markers, where they are not solved for anew
-    pose_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not depend on each
-        other
+    pose_step, torque_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not
+        depend on each other. The second divides the third
     """
 
     trial: TrialInputs
@@ -102,6 +111,7 @@ class Chain:
     loads: Wrenches | None
     slopes: PoseSlopes | None = None
     pose_step: int = 1
+    torque_step: int = 1
     tension_step: int = 1
 
     @cached_property
@@ -134,10 +144,12 @@ class Chain:
 
     def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
         """Tables without errors, of all frames and of those that are drawn."""
-        whole = replace(self, tension_step=1)._made(self.trial, self.recorded, self.torques)
+        whole = self._made(self.trial, self.recorded, self.torques, 1)
         if self.tension_step == 1:
             return tuple((one, one) for one in whole)
-        return tuple(zip(whole, self._made(self.trial, self.recorded, self.torques), strict=True))
+        torques = None if self.torques is None else every(self.torque_step, self.torques)
+        part = self._made(self.trial, self.recorded, torques, self.tension_step // self.torque_step)
+        return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
         """Values of all tables under the errors of a draw, at the frames that are drawn.
@@ -151,13 +163,18 @@ class Chain:
         recorded = self._moved(trial, draw) if moved else self.recorded
         torques = self.torques
         if torques is not None and (moved or acts(sources, LOADED)):
-            torques = solve_dynamics(trial, recorded)
+            torques = solve_dynamics(trial, recorded, self.torque_step)
+        elif torques is not None:
+            torques = every(self.torque_step, torques)
+        step = self.tension_step // self.torque_step
+        if isinstance(draw, ShareDraw) and self.tension_step > 1:
+            step *= COARSE
         for more in STRONGER if self.tense else ():
             try:
-                return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
+                return {one.name: one.values for one in self._made(trial, recorded, torques, step, draw)}
             except TooWeak:
                 trial = replace(trial, model=stronger(trial.model, more))
-        return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
+        return {one.name: one.values for one in self._made(trial, recorded, torques, step, draw)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
         """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
@@ -181,16 +198,18 @@ class Chain:
             errors = self.slopes.errors(trial.model, markers, moved)
             errors[~np.isfinite(self.base.values[:: self.pose_step]).all(axis=1)] = np.nan
         else:
-            found = inverse_kinematics(trial.model, moved, trial.options[InverseKinematicsOptions]).motion
-            errors = found.values - self.base.values[:: self.pose_step]
+            near = thinned(self.base, self.pose_step)
+            found = poses_near(trial.model, moved, near, trial.options[InverseKinematicsOptions])
+            errors = found.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _made(
-        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, draw: Draw | None = None
+        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int, draw: Draw | None = None
     ) -> list[Quantity]:
+        """All tables; tensions of every so manieth frame of the torques."""
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
         kinds = [model.coordinate(name).motion for name in shown.names]
@@ -207,7 +226,7 @@ class Chain:
         if self.trial.torques is None:
             made.append(_torques(trial, torques))
         if self.tense:
-            task = task_of(trial, recorded, every(self.tension_step, torques))
+            task = task_of(trial, recorded, every(step, torques))
             if draw is not None:
                 task = _with_contacts(task, draw)
             made += _of_muscles(trial, task, None if draw is None else self.strength)
@@ -253,16 +272,8 @@ def every(step: int, torques: Torques) -> Torques:
     """Every so manieth frame of a motion with its torques and external forces."""
     if step == 1:
         return torques
-    some, motion, wrenches = slice(None, None, step), torques.motion, torques.wrenches
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    thin = replace(
-        motion,
-        time=motion.time[some],
-        values=motion.values[some],
-        velocities=motion.velocities[some],
-        accelerations=motion.accelerations[some],
-    )
+    some, wrenches = slice(None, None, step), torques.wrenches
+    thin = every_frame(step, torques.motion)
     if wrenches is not None:
         parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
         wrenches = replace(wrenches, **parts)
@@ -316,7 +327,7 @@ def chain_of(
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
         markers = markers_of(trial, recorded)
-        base = inverse_kinematics(trial.model, markers, trial.options[InverseKinematicsOptions]).motion
+        base = poses_near(trial.model, markers, whole(recorded, trial.model), trial.options[InverseKinematicsOptions])
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
     loads = None if trial.loads is None else trial.loads(recorded)
@@ -325,8 +336,10 @@ def chain_of(
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
         # Contacts and elastic tendons tie frames to each other.
         tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
-        tension_step = 1 if tied else max(1, int(rate / TENSIONS))
-        chain = replace(chain, pose_step=max(1, int(rate / POSES)), tension_step=tension_step)
+        pose_step = max(1, int(rate / POSES))
+        torque_step = 1 if tied else pose_step
+        tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
+        chain = replace(chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step)
     if not linear or markers is None or base is None:
         return chain
     step = chain.pose_step
@@ -334,6 +347,11 @@ def chain_of(
         trial.model, thinned(markers, step), thinned(base, step), trial.options[InverseKinematicsOptions]
     )
     return replace(chain, slopes=found)
+
+
+def whole(motion: Motion, model: Model) -> Motion:
+    """A motion with all coordinates of the model, those that it lacks at their defaults."""
+    return Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
 
 
 def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
@@ -354,7 +372,7 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
-        options = options.having(_criterion(options[TensionOptions], draw))
+        options = options.having(drawn_criterion(options[TensionOptions], draw))
         if trial.contacts is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
             options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
@@ -382,7 +400,7 @@ def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:
     return replace(points, points=tuple(moved))
 
 
-def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
+def drawn_criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     """Another effort that is least; of minmax nothing is drawn."""
     if options.recruitment == "minmax":
         return options

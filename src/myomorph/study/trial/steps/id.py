@@ -82,14 +82,29 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
 
-def solve_dynamics(trial: TrialInputs, recorded: Motion) -> Torques:
-    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives."""
+def every_frame(step: int, motion: Motion) -> Motion:
+    """Every so manieth frame of a motion with its derivatives."""
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    parts = {name: getattr(motion, name)[::step] for name in ("time", "values", "velocities", "accelerations")}
+    return motion if step == 1 else replace(motion, **parts)
+
+
+def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
+    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives.
+
+    Parameters
+    ----------
+    step : of so many frames one is computed; all are filtered
+    """
     if trial.torques is not None:
         motion, notes = with_derivatives(trial, recorded)
+        motion = every_frame(step, motion)
         notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
         return Torques(motion, torques_at(trial.torques, motion), None, notes)
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
+    motion = every_frame(step, motion)
     wrenches = None
     if trial.loads is not None:
         wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))

@@ -22,7 +22,7 @@ from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
-from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_trials import COARSE, Quantity, ShareDraw, alone, chain_of, frozen
 from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
@@ -115,7 +115,7 @@ def _run(
     jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [Draw(number, kind(sources, group), normals, sizes) for kind in kinds]
+            jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
     numbers = drawn_values(quantities, _strides(trial, poses, torques))
     true = numbers.of({one.name: one.values for one in quantities})
@@ -200,7 +200,9 @@ def _shares(
         counts[kind, group] += 1
         for one in quantities:
             other = one.values if kind == 0 else draws.at(one.name, job.number)
-            squares[one.name][kind, group] += _mean_square(tables[one.name] - other)
+            found = tables[one.name]
+            # Tensions of some frames alone: a mean over time needs no more.
+            squares[one.name][kind, group] += _mean_square(found - other[:: 1 if len(found) == len(other) else COARSE])
     with np.errstate(invalid="ignore", divide="ignore"):
         parts = {name: one / np.maximum(counts, 1) / whole[name] for name, one in squares.items()}
     return {name: Shares(groups, one[0], one[-1]) for name, one in parts.items()}

@@ -1,0 +1,275 @@
+"""Limits of what `live` gives: its chain on inputs drawn with errors, computed while the next frame is awaited.
+
+The linear way of the step `uncertainty`, frame by frame: errors of markers, placement and joints move the pose by the
+derivatives of inverse kinematics, go through the filter of the poses, and what follows is computed in full for every
+draw. How far limits lie from the result changes slowly, so that a few rounds of draws a second are enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import BadData
+from myomorph.model.model import Model
+from myomorph.motion.causal import CausalFilter, CausalStream
+from myomorph.rigid.dynamics import OnlineDynamics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
+from myomorph.tension.dual import OPTIMAL
+from myomorph.tension.online import OnlineTension
+from myomorph.tension.tension import TensionOptions
+from myomorph.uncertainty.bodies import Draw, drawn_subject
+from myomorph.uncertainty.normals import Normals
+from myomorph.uncertainty.online_inputs import OnlineInputs
+from myomorph.uncertainty.online_poses import AngleErrors, MarkerErrors
+from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.spread import LEVEL
+from myomorph.uncertainty.widening import FACTORS, NOT_NEGATIVE
+
+TABLES = ("coordinates", "torques", "activations", "forces")
+"""What has limits, in the order of a row."""
+NEAR = 0.1
+"""Third derivatives of poses no further apart than this give the fourth [s]."""
+STALE = 0.25
+"""Limits that were found longer ago are not given [s]."""
+
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Limits of results while frames arrive.
+
+    Attributes
+    ----------
+    draws : inputs drawn with errors, between whose results limits of 90 % lie; 0 for no limits. 40 fit into the time
+        that two cores leave beside 80 muscles at 100 frames a second
+    draw_seed : other random numbers for another one
+    widened : widen limits by the factors that simulated recordings with other errors than assumed ask for
+    """
+
+    draws: int = 0
+    draw_seed: int = 0
+    widened: bool = True
+
+    def __post_init__(self) -> None:
+        if self.draws < 0 or self.draws == 1:
+            raise BadData(f"{self.draws} draws: expected 2 or more, or 0 for no limits")
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class FrameLimits:
+    """Lower limits, upper limits and standard deviations of a frame's results.
+
+    Attributes
+    ----------
+    coordinates, torques : (3, coordinates) [rad or m], [N m or N]
+    activations, forces : (3, muscles), [N]
+    """
+
+    coordinates: Array
+    torques: Array
+    activations: Array
+    forces: Array
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """What a frame gave without errors.
+
+    Attributes
+    ----------
+    pose : (coordinates,) not filtered
+    row : markers of the frame (markers, 3) [m], or coordinates
+    motion : (4, coordinates) filtered value and its derivatives up to the third
+    loads : (3, bodies, 6) filtered wrenches and their first two derivatives
+    result : (columns,) all `TABLES` beside each other
+    """
+
+    time: float
+    pose: Array
+    row: Array
+    motion: Array
+    loads: Array
+    result: Array
+
+
+class LiveLimits:
+    """Draws of the chain beside the frames.
+
+    Parameters
+    ----------
+    names : of the markers that will arrive; None where coordinates do
+    bodies : that external forces act on
+    filter : of poses and forces
+    rate : of the frames [Hz]
+    up : (3,) against gravity
+
+    Attributes
+    ----------
+    draws : inputs drawn
+    factors : by which limits of each table are wider than those of the draws
+    tried, failed : drawn frames, and how many of these had no solution
+    missed : frames with results for which no limits were known in time
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        names: Sequence[str] | None,
+        bodies: Sequence[str],
+        filter: CausalFilter,
+        rate: float,
+        up: Array,
+        options: LimitOptions,
+        sources: Sources | None = None,
+        tension: TensionOptions | None = None,
+    ):
+        self._count = options.draws
+        self.draws = options.draws
+        self.factors = {name: FACTORS[name] if options.widened else 1.0 for name in TABLES}
+        normals = Normals(options.draws, options.draw_seed)
+        draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
+        self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
+        self._inputs = OnlineInputs(draws, bodies, filter.delay, up)
+        self._errors: MarkerErrors | AngleErrors
+        if names is not None or model.markers:
+            trees, thinned = [one.tree for one in self._drawn], min(rate, POSES) / rate
+            self._errors = MarkerErrors(model, trees, draws, names, POSES, thinned)
+        else:
+            self._errors = AngleErrors(model, draws, POSES)
+        self._n, self._muscles = len(model.coordinates), len(model.muscles)
+        self._ends = np.cumsum([0, self._n, self._n, self._muscles, self._muscles])
+        self._stream = CausalStream(filter, options.draws * self._n)
+        self._job: Iterator[None] | None = None
+        self._posed = self._round = -np.inf
+        self._found: tuple[float, Array] | None = None
+        self._before = -np.inf, np.zeros(self._n)
+        self.failed = self.tried = self.missed = 0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is wrong with the limits, one line each."""
+        notes = []
+        if self.failed > 0.02 * self.tried:
+            notes.append(f"limits: {self.failed} of {self.tried} drawn frames have no solution: they are too narrow")
+        if self.missed:
+            notes.append(f"limits: none were ready in time for {self.missed} frames: take fewer --draws")
+        return tuple(notes)
+
+    def warm_up(self, instant: Instant) -> None:
+        """Compute everything once without effect."""
+        errors = np.zeros((self._count, self._n))
+        for _ in self._errors.fill(instant.time, instant.pose, instant.row, errors):
+            pass
+        self._errors.forget()
+        self._stream.push(instant.time + np.array([0.0, 0.01]), np.zeros((2, errors.size)))
+        self._stream.at(instant.time + 10.0)
+        self._stream.forget()
+        self._drawn[0].fill(instant.motion[:3], instant.loads[0], np.empty(int(self._ends[-1])))
+
+    def due(self, time: float) -> bool:
+        """Whether a frame of that time is to be drawn around."""
+        return self._job is None and time - self._posed >= 1.0 / POSES - 1e-6
+
+    def offer(self, instant: Instant) -> None:
+        """Draw around a frame that is due, from now on while there is time."""
+        self._posed = instant.time
+        self._job = self._work(instant)
+
+    def idle(self) -> bool:
+        """Go on for half a millisecond or so; whether anything is left to do."""
+        if self._job is None:
+            return False
+        try:
+            next(self._job)
+        except StopIteration:
+            self._job = None
+        return self._job is not None
+
+    def at(self, time: float, result: Array) -> FrameLimits | None:
+        """Limits of a frame with a result (columns,), None where none are known."""
+        if self._found is None:
+            return None
+        then, apart = self._found
+        if time - then > STALE:
+            self.missed += 1
+            return None
+        values = apart.copy()
+        values[:2] += result
+        parts = [values[:, a:b] for a, b in zip(self._ends, self._ends[1:], strict=False)]
+        for name, part in zip(TABLES, parts, strict=True):
+            if name in NOT_NEGATIVE:
+                own = result[self._ends[TABLES.index(name)] :][: part.shape[1]]
+                np.maximum(part[:2], np.minimum(own, 0.0), out=part[:2])
+            if name == "activations":
+                np.minimum(part[:2], 1.0, out=part[:2])
+        return FrameLimits(*parts)
+
+    def _work(self, instant: Instant) -> Iterator[None]:
+        """Errors of the pose, and where it is due, all that follows from them; stops between parts of the work."""
+        fourth, found = self._fourth(instant.time, instant.motion[3]), np.empty((self._count, self._n))
+        yield from self._errors.fill(instant.time, instant.pose, instant.row, found)
+        self._stream.push(np.array([instant.time]), found.reshape(1, -1))
+        waits = instant.time - self._round < 1.0 / TENSIONS - 1e-6 or not self._stream.settled(instant.time)
+        if waits or not np.isfinite(instant.result).all():
+            return
+        self._round = instant.time
+        errors = self._stream.at(instant.time).reshape(3, self._count, self._n)
+        motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(errors, 0, 1)
+        loads, rows = self._inputs.loads(instant.loads), np.empty((self._count, int(self._ends[-1])))
+        for k, one in enumerate(self._drawn):
+            yield
+            one.fill(motion[k], loads[k], rows[k])
+        yield
+        known = np.isfinite(rows).all(axis=1)
+        self.tried += self._count
+        self.failed += int(self._count - known.sum())
+        if known.sum() > 1:
+            self._found = instant.time, self._limits(rows[known] - instant.result)
+
+    def _fourth(self, time: float, third: Array) -> Array:
+        """(coordinates,) fourth derivative by the change of the third since the pose before.
+
+        The filter's own equation has it too, but passes on what lines between frames leave of the recorded motion.
+        """
+        (then, before), self._before = self._before, (time, third)
+        gap = time - then
+        return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
+
+    def _limits(self, apart: Array) -> Array:
+        """(3, columns) how far both limits lie from the result, and its standard deviation.
+
+        Parameters
+        ----------
+        apart : (draws, columns) errors of the result
+        """
+        low, high = np.quantile(apart, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+        for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):
+            middle, half = 0.5 * (low[a:b] + high[a:b]), 0.5 * factor * (high[a:b] - low[a:b])
+            low[a:b], high[a:b] = middle - half, middle + half
+        return np.stack([low, high, apart.std(axis=0, ddof=1)])
+
+
+class _Drawn:
+    """The chain behind the pose with the errors of one draw."""
+
+    def __init__(self, model: Model, draw: Draw, bodies: Sequence[str], tension: TensionOptions):
+        drawn = drawn_subject(model, draw)
+        self.tree = compile_tree(drawn)
+        self._dynamics = OnlineDynamics(drawn, bodies)
+        self._tension = OnlineTension(drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension)
+
+    def fill(self, motion: Array, loads: Array, row: Array) -> None:
+        """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a solution."""
+        solver = self._dynamics
+        torques = solver.solve(motion[0], motion[1], motion[2], loads)
+        shared = self._tension.solve(solver.coordinates, solver.rates, solver.torques)
+        if shared.status == OPTIMAL:
+            row[:] = np.concatenate([solver.coordinates[0], torques, shared.activations, shared.forces])
+        else:
+            row[:] = np.nan

@@ -1,0 +1,184 @@
+"""Errors of the poses of live frames, of all draws at once, by the derivatives of inverse kinematics.
+
+Markers move on skin and are misplaced, joints are elsewhere; of a body without markers, angles have errors themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Markers
+from myomorph.motion.causal import CausalFilter, CausalStream
+from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
+from myomorph.motion.root import floating_coordinates
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.pose_slopes import SlopeFinder
+from myomorph.uncertainty.recordings import skin_sizes
+
+TOGETHER = 8
+"""Draws between two pauses."""
+FORGETS = 6.0
+"""Delays after which the filter of noise has forgotten how it began."""
+
+
+class SlowNoise:
+    """Standard normal noise that a bell correlates: white noise through the filter of poses, nearly a Gaussian.
+
+    Of a Bessel filter of fourth order with delay T, |H|^2 is nearly exp(-w^2 T^2 / 7): a Gaussian of T / sqrt(7).
+
+    Parameters
+    ----------
+    width : standard deviation of that Gaussian [s]
+    count : independent numbers
+    rate : at which they are asked for, about [Hz]
+    """
+
+    def __init__(self, width: float, count: int, seed: int, rate: float):
+        delay = np.sqrt(7.0) * width
+        filter = CausalFilter(CausalFilter().delay * CausalFilter().cutoff / delay)
+        self._random, self._step = np.random.default_rng(seed), 1.0 / rate
+        self._stream, self._clock = CausalStream(filter, count), 0.0
+        impulse = CausalStream(filter, 1)
+        answer = []
+        first = int(np.ceil(FORGETS * delay / self._step))
+        for k in range(-1, first):
+            impulse.push(np.array([k * self._step]), np.array([[1.0 if k == 0 else 0.0]]))
+            answer.append(float(impulse.state[0]))
+        self._scale, self._count = 1.0 / float(np.linalg.norm(answer)), count
+        self._until, self._most = np.nan, first
+        for _ in range(first):
+            self._push()
+
+    def _push(self) -> None:
+        self._clock += self._step
+        self._stream.push(np.array([self._clock]), self._random.standard_normal((1, self._count)))
+
+    def at(self, time: float) -> Array:
+        """(count,) numbers at a time, or up to a step after it [s]."""
+        if not abs(time - self._until) < self._most * self._step:
+            self._until = time
+        while self._until < time - 1e-6:
+            self._push()
+            self._until += self._step
+        return self._scale * self._stream.state
+
+
+class MarkerErrors:
+    """Errors of poses that markers show.
+
+    Parameters
+    ----------
+    drawn : trees of the models with the errors of each draw
+    names : of the markers that arrive; None for those of the model, in poses that arrive themselves
+    rate, thinned : poses that are drawn a second [Hz], and their share of the frames: of the variance of the cameras'
+        noise so much is left
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        drawn: Sequence[Tree],
+        draws: Sequence[Draw],
+        names: Sequence[str] | None,
+        rate: float,
+        thinned: float,
+    ):
+        given = tuple(model.marker_names if names is None else names)
+        empty = Markers(np.zeros(1), given, np.full((1, len(given), 3), np.nan))
+        options = InverseKinematicsOptions()
+        self._names, weights = tracked_markers(model, empty, options)
+        self._columns = [given.index(name) for name in self._names]
+        self._posed, self._model, self._draw = names is None, model, draws[0]
+        self._slopes = SlopeFinder(model, self._names, weights, options)
+        self._places = [_Places(one, self._names) for one in (compile_tree(model), *drawn)]
+        bodies = [model.marker(name).body for name in self._names]
+        hold = list(dict.fromkeys(bodies))
+        self._of = [hold.index(one) for one in bodies]
+        self._shape = len(draws), len(self._names) + len(hold), 3
+        sources = draws[0].sources
+        seed = draws[0].normals.seed
+        self._random = np.random.default_rng((seed, 1))
+        self._noise = sources.marker_noise * np.sqrt(thinned)
+        self._skin = SlowNoise(sources.skin_time, int(np.prod(self._shape)), seed, rate)
+        self._squares, self._seen = np.zeros(len(self._names)), np.zeros(len(self._names))
+
+    def forget(self) -> None:
+        """Begin anew with the next frame."""
+        self._squares[:] = self._seen[:] = 0.0
+
+    def fill(self, time: float, pose: Array, row: Array, errors: Array) -> Iterator[None]:
+        """Fill errors (draws, coordinates) of a pose; stops between parts of the work."""
+        seen = np.ones(len(self._names), np.bool_)
+        if not self._posed:
+            seen[:] = np.isfinite(row[self._columns]).all(axis=1)
+        places = self._places[0].at(pose)
+        if not self._posed:
+            away = np.where(seen, np.sum((row[self._columns] - places) ** 2, axis=1, where=seen[:, None]), 0.0)
+            self._squares += away
+            self._seen += seen
+        slopes = self._slopes.at(pose[None], seen[None])[0]
+        yield
+        apart = self._moved(time)
+        for k, one in enumerate(self._places[1:]):
+            apart[k] -= one.at(pose) - places
+            if k % TOGETHER == TOGETHER - 1:
+                yield
+        apart[:, ~seen] = 0.0
+        errors[:] = apart.reshape(len(apart), -1) @ slopes.T
+
+    def _moved(self, time: float) -> Array:
+        """(draws, markers, 3) how far markers are from where they would be seen without noise and skin [m]."""
+        sizes = self._sizes()
+        slow = self._skin.at(time).reshape(self._shape)
+        markers = len(self._names)
+        moved = sizes[:, 1:] * slow[:, :markers] + sizes[:, :1] * slow[:, markers:][:, self._of]
+        if self._noise:
+            moved += self._noise * self._random.standard_normal(moved.shape)
+        return np.asarray(moved)
+
+    def _sizes(self) -> Array:
+        """(markers, 2) size of skin movement of the segment and of each marker's own [m]."""
+        residuals = np.sqrt(self._squares / np.maximum(self._seen, 1.0))
+        sizes = skin_sizes(self._model, self._draw, dict(zip(self._names, residuals.tolist(), strict=True)))
+        return np.array([sizes[name] for name in self._names])
+
+
+class AngleErrors:
+    """Errors of angles of a body without markers, as of `drawn_angles`; `rate` as of `MarkerErrors`."""
+
+    def __init__(self, model: Model, draws: Sequence[Draw], rate: float):
+        driven, floating = {one.dependent for one in model.couplers}, floating_coordinates(model)
+        free = [
+            one.motion == "rotational" and not one.locked and one.name not in driven and one.name not in floating
+            for one in model.coordinates
+        ]
+        self._sizes = draws[0].sources.angle * np.array(free, dtype=np.float64)
+        self._noise = SlowNoise(draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed, rate)
+
+    def forget(self) -> None:
+        """Begin anew with the next frame: nothing is kept."""
+
+    def fill(self, time: float, pose: Array, row: Array, errors: Array) -> Iterator[None]:
+        """Fill errors (draws, coordinates) of a pose."""
+        errors[:] = self._sizes * self._noise.at(time).reshape(errors.shape)
+        yield
+
+
+class _Places:
+    """Where a model's markers are in a pose."""
+
+    def __init__(self, tree: Tree, names: Sequence[str]):
+        self._tree = tree
+        marked = [tree.model.marker(name) for name in names]
+        self._bodies = np.array([self._tree.body_number(one.body) for one in marked], np.int64)
+        self._locations = np.array([one.location for one in marked])
+
+    def at(self, pose: Array) -> Array:
+        """(markers, 3) in ground [m]."""
+        return forward_kinematics(self._tree, pose[None]).points(self._bodies, self._locations)[0]
