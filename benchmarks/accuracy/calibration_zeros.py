@@ -30,7 +30,14 @@ LONGER = 0.09
 SKIN = 0.005
 """Root mean square of the skin's motion along each axis [m]."""
 
+SLIDE_TURN = 0.05
+"""Root mean square turn of a segment's skin as one piece about each axis [rad]."""
+
 PEOPLE = 8
+FEW, SHORT = 4, 60
+"""Simulated people in each row of the zero angles, and their frames."""
+
+SIMULATED = ("gait2354 walk", "Rajagopal walk")
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,24 +173,100 @@ def walker(generic: Model, motion: Motion, longer: float, seed: int) -> tuple[Ar
     each axis, and the skin moves by `SKIN` along each with the three lowest harmonics of the recording.
     """
     rng = np.random.default_rng(seed)
+    values, person = _person(generic, longer, rng)
+    return values, _on_skin(person, motion, rng)
+
+
+def _person(generic: Model, longer: float, rng: np.random.Generator) -> tuple[Array, Model]:
     lengths = lengths_of(generic)
     values = _factors(lengths, rng, longer)
     person = scale(generic, factors_of(lengths, values))
-    person = person.with_markers(
+    return values, person.with_markers(
         tuple(
             replace(one, location=one.location + (0.006 if one.fixed else 0.012) * rng.normal(size=3))
             for one in person.markers
         )
     )
+
+
+def _on_skin(person: Model, motion: Motion, rng: np.random.Generator, slides: bool = False) -> Markers:
+    """Markers while the person moves so; with `slides`, all skin of a segment also shifts and turns as one piece."""
     tree = compile_tree(person)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[one.body] for one in person.markers])
-    places = poses.points(bodies, np.array([one.location for one in person.markers]))
-    phase = np.linspace(0.0, 2.0 * np.pi, len(places))
-    waves = np.column_stack([wave(n * phase) for n in (1, 2, 3) for wave in (np.sin, np.cos)])
-    skin = np.einsum("fk,kmi->fmi", waves, SKIN * np.sqrt(2.0 / 6.0) * rng.normal(size=(6, len(bodies), 3)))
+    local = np.array([one.location for one in person.markers])
+    places = poses.points(bodies, local)
+    phase = np.linspace(0.0, 2.0 * np.pi, len(places)) if len(places) > 1 else rng.uniform(0.0, 2.0 * np.pi, 1)
+    waves = np.column_stack([wave(n * phase) for n in (1, 2, 3) for wave in (np.sin, np.cos)]) * np.sqrt(2.0 / 6.0)
+    skin = np.einsum("fk,kmi->fmi", waves, SKIN * rng.normal(size=(6, len(bodies), 3)))
+    for body in np.unique(bodies) if slides else ():
+        of = bodies == body
+        shift, turn = (waves @ (sd * rng.normal(size=(6, 3))) for sd in (SKIN, SLIDE_TURN))
+        skin[:, of] += shift[:, None] + np.cross(turn[:, None], (local[of] - local[of].mean(axis=0))[None])
     places = places + np.einsum("fmij,fmj->fmi", poses.rotations[:, bodies], skin)
-    return values, Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
+    return Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
+
+
+def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
+    """Zero angles of simulated people whose skin slides as one piece, with and without a static trial."""
+    for one in scaled(folder):
+        if one.name not in SIMULATED:
+            continue
+        walk, stand = (_tracked(one, markers, count) for markers, count in ((one.motion, SHORT), (one.static, 1)))
+        for slides in (False, True):
+            drawn = [_drawn(one.generic, (walk, stand), seed, slides) for seed in range(FEW)]
+            for static in (False, True):
+                rows = [_simulated(one.generic, walk, *person, static) for person in drawn]
+                apart, sd, lengths = (np.concatenate(column) for column in zip(*rows, strict=True))
+                yield {
+                    "walk": one.name,
+                    "skin slides as one": slides,
+                    "static trial": static,
+                    "people": FEW,
+                    "angles": len(apart),
+                    "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
+                    "largest [deg]": float(np.abs(apart).max()),
+                    "stated SD [deg]": float(np.sqrt(np.mean(sd**2))),
+                    "in the 90 % interval [%]": 100.0 * float(np.mean(np.abs(apart) <= NORMAL_90 * sd)),
+                    "thighs and shanks in theirs [%]": 100.0 * float(np.mean(lengths)),
+                }
+
+
+def _drawn(
+    generic: Model, motions: tuple[Motion, Motion], seed: int, slides: bool
+) -> tuple[Array, Model, Markers, Markers]:
+    rng = np.random.default_rng(seed)
+    values, person = _person(generic, 0.0, rng)
+    walk, stand = (_on_skin(person, motion, rng, slides) for motion in motions)
+    return values, person, walk, stand
+
+
+def _simulated(
+    generic: Model, walk: Motion, values: Array, person: Model, markers: Markers, still: Markers, static: bool
+) -> tuple[Array, Array, Array]:
+    """Errors of the mean angles, their SD [deg], and whether lengths lie in their intervals.
+
+    The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are turned, is left out.
+    """
+    options = CalibrationOptions(static=still if static else None, zero_sd=1e-9)
+    found = calibrate(generic, [markers], options)
+    ours = tracked(found.model, markers, found.marker_names).motion
+    zeros = {one.coordinate: one.sd for one in found.zero_angles}
+    names = [name for name in ours.names if name in zeros and name in walk.names and name.startswith(LEG)]
+    apart = np.degrees([_mean_difference(ours, walk, name) for name in names])
+    inside = [
+        abs(one.factor - value) <= NORMAL_90 * one.sd
+        for one, value in zip(found.lengths, values, strict=True)
+        if one.length.along and one.length.segment.startswith(("femur", "tibia"))
+    ]
+    return apart, np.degrees([zeros[name] for name in names]), np.array(inside)
+
+
+def _tracked(one: Scaled, markers: Markers, count: int) -> Motion:
+    """Of the expert's model, at evenly chosen frames."""
+    rows = np.unique(np.linspace(0, len(markers) - 1, count + 2)[1:-1].astype(int))
+    part = Markers(markers.time[rows], markers.names, markers.values[rows])
+    return tracked(one.expert, part, tuple(name for name in part.names if name in one.expert.marker_names)).motion
 
 
 def _factors(lengths: tuple[Length, ...], rng: np.random.Generator, longer: float) -> Array:

@@ -374,6 +374,7 @@ def _calibration(folder: Path) -> Page:
             "calibration_lengths": lambda: calibration.measure_lengths(folder),
             "calibration_static": lambda: calibration_static.measure(folder),
             "calibration_zeros": lambda: calibration_zeros.measure_zeros(folder),
+            "calibration_simulated_zeros": lambda: calibration_zeros.measure_simulated(folder),
             "calibration_unequal": lambda: calibration_zeros.measure_unequal(folder),
             "transfer": lambda: transfer.measure(folder),
             "shape_people": shape.measure_people,

@@ -12,11 +12,12 @@ from myomorph.model.spatial import axis_rotation
 from myomorph.motion.body.angle_slopes import angle_slopes
 from myomorph.motion.body.mean_posture import symmetric_posture
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.motion.body.sliding_skin import Slides, sliding
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.calibration import STATIC
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
 from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.motion.shared_fit import settle
+from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import stretch_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -106,28 +107,74 @@ def test_uneven_recordings_have_no_row():
     assert "tibia_r_r0 - tibia_l_r0" not in symmetric_posture(tree, free, [uneven], 0.07).names
 
 
-def test_slopes_of_mean_angles_are_differences():
-    model = stick_figure()
+def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, np.ndarray]:
+    """The problem of these frames, its unknowns on the model as it is, and the frames' angles."""
     lengths, names = lengths_of(model), model.marker_names
     tree = compile_tree(model)
-    markers = walk(model, frames=8)
     fit = inverse_kinematics(model, markers, InverseKinematicsOptions())
     unknowns = len(lengths) + 3 * len(names) + 1
+    still = np.zeros(len(tree.defaults))
     problem = SharedProblem(
         model, lengths, stretch_of(model, lengths, names),
         marker_arrays(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
-        (FrameSet(markers.values, np.zeros((8, len(tree.defaults))), np.zeros(len(tree.defaults))),),
+        (FrameSet(markers.values, np.tile(still, (len(markers), 1)), still),),
         Prior(np.eye(unknowns), np.zeros(unknowns)), tree.defaults, 1e-10,
     )  # fmt: skip
     x = np.zeros(unknowns)
     x[: len(lengths)] = 1.0
+    return problem, x, fit.motion.values
+
+
+def test_slopes_of_mean_angles_are_differences():
+    model = stick_figure()
+    lengths, names = lengths_of(model), model.marker_names
+    problem, x, angles = shared(model, walk(model, frames=8))
     rng = np.random.default_rng(2)
     way = np.concatenate([0.01 * rng.normal(size=len(lengths)), 1e-3 * rng.normal(size=3 * len(names)), [0.0]])
-    ends = [settle(problem, x + h * way, [fit.motion.values], 1e-4) for h in (-0.5, 0.5)]
+    ends = [settle(problem, x + h * way, [angles], 1e-4) for h in (-0.5, 0.5)]
     means = [end.angles[0].mean(axis=0) for end in ends]
     # Residuals of 2 mm over 0.1 m bend the minimum by a few percent: the slopes leave their second derivatives out.
-    slopes = angle_slopes(problem, settle(problem, x, [fit.motion.values], 1e-4)).mean @ way
+    slopes = angle_slopes(problem, settle(problem, x, [angles], 1e-4)).mean @ way
     np.testing.assert_allclose(slopes, means[1] - means[0], atol=0.03 * np.abs(slopes).max())
+
+
+def test_sliding_skin_adds_the_spread_of_its_gradients():
+    """One frame: each slide of each segment, put into the markers, moves gradient and angles by what is stated."""
+    model = stick_figure()
+    markers = walk(model, frames=1, noise=0.0)
+    problem, x, angles = shared(model, markers)
+    at = settle(problem, x, [angles], 1e-4)
+    slides = Slides(shift=1e-4, turn=1e-3, independent_frames=1)
+    poses = forward_kinematics(compile_tree(model), at.angles[0])
+    bodies, places = problem.markers.body, problem.placed(x)
+    before = reduce(problem, at).g
+    moves = []
+    for body in np.unique(bodies):
+        of = np.flatnonzero(bodies == body)
+        apart = places[of] - places[of].mean(axis=0)
+        for axis in np.eye(3):
+            for move in (np.tile(slides.shift * axis, (len(of), 1)), slides.turn * np.cross(axis, apart)):
+                observed = markers.values.copy()
+                observed[0, of] += move @ poses.rotations[0, body].T
+                slid = replace(problem, sets=(replace(problem.sets[0], observed=observed),))
+                there = settle(slid, x, [at.angles[0]], 1e-4)
+                moves.append(np.concatenate([reduce(slid, there).g - before, (there.angles[0] - at.angles[0])[0]]))
+    expected = np.array(moves).T @ np.array(moves)
+    found = sliding(problem, at, slides)
+    for part in (slice(None, len(x)), slice(len(x), None)):
+        np.testing.assert_allclose(found[part, part], expected[part, part], atol=0.03 * expected[part, part].max())
+
+
+def test_intervals_without_skin_have_no_slides():
+    model = stick_figure()
+    found = [
+        calibrate(model, [walk(model)], CalibrationOptions(frames=12, slide_sd=sd)).lengths for sd in (None, 0.005, 0.0)
+    ]
+    sd = np.array([[one.sd for one in lengths] for lengths in found])
+    np.testing.assert_array_equal(sd[0], sd[1])
+    assert (sd[1] >= sd[2]).all()
+    assert sd[1].mean() > 1.02 * sd[2].mean()
+    assert [one.factor for one in found[0]] == [one.factor for one in found[2]]
 
 
 def test_a_static_trial_comes_first():

@@ -16,6 +16,7 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.motion.body.priors import calibration_prior, usual_shifts
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
+from myomorph.motion.body.sliding_skin import Slides, sliding, widened
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
@@ -123,7 +124,7 @@ def calibrate(
         search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
-    found = _calibration(model, search.problem, search, names, chosen, options, path_lengths)
+    found = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
     return replace(found, notes=(*found.notes, *_thin_notes(model, names, recordings)))
 
 
@@ -142,6 +143,10 @@ def _check(options: CalibrationOptions) -> None:
         given = getattr(options, name)
         if given is not None and not given > 0:
             raise BadData(f"calibration: {name} is {given}; expected a number above 0")
+    for name in ("slide_sd", "slide_turn_sd"):
+        given = getattr(options, name)
+        if given is not None and not given >= 0.0:
+            raise BadData(f"calibration: {name} is {given}; expected 0 or more")
     if options.mass is not None and not options.mass > 0.0:
         raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
@@ -230,6 +235,7 @@ def _calibration(
     names: tuple[str, ...],
     chosen: Sequence[tuple[Ints, Array]],
     options: CalibrationOptions,
+    distances: Distances,
     path_lengths: Callable[[Model], ArrayLike] | None,
 ) -> Calibration:
     x, n = search.found.point.x, len(problem.lengths)
@@ -237,7 +243,9 @@ def _calibration(
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
     placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
-    sd, prior_sd, place_sd = _deviations(problem, search)
+    slides = Slides(distances.slide, options.slide_turn_sd if distances.slide else 0.0, options.independent_frames)
+    skin = sliding(problem, search.found.point, slides)
+    sd, prior_sd, place_sd = _deviations(problem, search, skin)
     lengths = tuple(
         LengthEstimate(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
     )
@@ -248,8 +256,9 @@ def _calibration(
     shifts = x[n:-1].reshape(-1, 3)
     sides = _side_estimates(problem, search)
     zeros = zero_angles(
-        problem, search.found.point, given, search.noise**2, search.free, options.static is not None, options.zero_sd
-    )
+        problem, search.found.point, given, search.noise**2, search.free, options.static is not None, options.zero_sd,
+        skin,
+    )  # fmt: skip
     markers = tuple(
         MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
@@ -334,7 +343,7 @@ def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
         )
 
 
-def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, Array]:
+def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Array, Array, Array]:
     """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places.
 
     A place is factor * location + shift; what the two share cancels. 0 for what may not move.
@@ -342,6 +351,7 @@ def _deviations(problem: SharedProblem, search: Search) -> tuple[Array, Array, A
     n, free = len(problem.lengths), search.free
     rows = problem.prior.rows[:, free]
     spread = posterior(problem, search.found.point, search.noise**2, free, search.found.reduced.H)
+    spread = widened(spread, search.noise**2, skin, free)
     given_size = rows[:, :-1]
     prior_sd = np.zeros(len(free))
     prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))

@@ -47,6 +47,11 @@ class CalibrationOptions:
     zero_sd : how far the axes of the generic model's bones are turned against the person's [rad]; it widens the
         intervals of zero angles. 4 degrees, as angles differ between examiners who palpate the same landmarks
         (Della Croce et al. 2005)
+    slide_sd : how far all markers of a segment slide as one while the body moves, along one axis [m]; it widens the
+        intervals of lengths, marker places and zero angles. By default as `noise`. Shifts and turns of whole
+        clusters are most of what skin does in walking (Barré et al. 2017)
+    slide_turn_sd : how far they turn as one about each axis [rad]; 3 degrees, where fluoroscopy shows up to 10 at the
+        thigh and 7 at the shank (Ancillao et al. 2021); without effect where `slide_sd` is 0
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
@@ -70,6 +75,8 @@ class CalibrationOptions:
     fixed_sd: float | None = None
     noise: float | None = None
     zero_sd: float = 0.07
+    slide_sd: float | None = None
+    slide_turn_sd: float = 0.05
     independent_frames: int = 6
     static_sd: float = 0.1
     iterations: int = 60
@@ -88,6 +95,7 @@ class Distances:
     fixed: float
     noise: float
     unit: float
+    slide: float
 
     @classmethod
     def of(cls, options: CalibrationOptions, unit: float) -> Distances:
@@ -96,7 +104,9 @@ class Distances:
         def told(given: float | None, usual: float) -> float:
             return usual * unit if given is None else given
 
-        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), told(options.noise, 0.005), unit)
+        noise = told(options.noise, 0.005)
+        slide = noise if options.slide_sd is None else options.slide_sd
+        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), noise, unit, slide)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,7 @@ def zero_angles(
     free: NDArray[np.bool_],
     static: bool,
     zero_sd: float,
+    skin: Array,
 ) -> tuple[ZeroAngle, ...]:
     """The zeros of all angles that markers show, what fixes each, and its standard deviation.
 
@@ -59,6 +60,7 @@ def zero_angles(
     free : (unknowns,) what was searched for
     static : whether the last set of frames is a static trial
     zero_sd : of the generic bones' axes against the person's [rad]
+    skin : (unknowns + coordinates, same) covariance of gradient and means that sliding skin makes; see `sliding`
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)
@@ -85,12 +87,17 @@ def zero_angles(
         precision[name] = _precision(S, information)
     order = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
     known = np.array([precision[name] for name in order])
+    # All information is A / variance: a gradient g moves the zeros by S A^-1 g, and the slides turn them themselves.
+    pulled = np.zeros((len(chosen), len(skin)))
+    pulled[:, np.flatnonzero(given_size)] = np.linalg.solve(information, S.T).T / variance
+    pulled[np.arange(len(chosen)), len(free) + np.array(chosen, np.intp)] = 1.0
+    slid = np.einsum("ki,ij,kj->k", pulled, skin, pulled)
     shares = np.diff(known, axis=0, prepend=0.0) / known[-1]
     return tuple(
         ZeroAngle(
             problem.model.coordinates[j].name,
             float(means[0][j] - means[1][j]),
-            float(np.hypot(known[-1, k] ** -0.5, zero_sd)),
+            float(np.sqrt(1.0 / known[-1, k] + slid[k] + zero_sd**2)),
             FrozenMap({name: float(shares[row, k]) for row, name in enumerate(order)}),
         )
         for k, j in enumerate(chosen)

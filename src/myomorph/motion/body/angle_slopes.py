@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,13 +38,46 @@ class AngleSlopes:
     seen: Array
 
 
+@read_only
+@dataclass(frozen=True, eq=False)
+class FrameSlopes:
+    """One frame at its best angles.
+
+    Attributes
+    ----------
+    share : of the frame in the mean over all frames
+    free : coordinates that markers show and no bound holds
+    rotations : (bodies, 3, 3) to ground
+    weight : (markers,) 0 for one that is unseen
+    by_length : (3 markers, lengths) derivatives of the markers' places at fixed angles
+    by_angle : (3 markers, free) the same in the angles
+    angles : (free, unknowns but the size) derivatives of the best angles
+    """
+
+    share: float
+    free: Array
+    rotations: Array
+    weight: Array
+    by_length: Array
+    by_angle: Array
+    angles: Array
+
+
 def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
-    """Derivatives of the angles' means in the unknowns, every frame at its best angles.
+    """Derivatives of the angles' means in the unknowns, every frame at its best angles."""
+    mean, seen = np.zeros((len(problem.posture), len(at.x))), np.zeros(len(problem.posture))
+    for frame in frame_slopes(problem, at):
+        mean[frame.free, :-1] += frame.share * frame.angles
+        seen[frame.free] += frame.share
+    return AngleSlopes(mean, seen)
+
+
+def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
+    """At most `MOST` frames of all recordings.
 
     Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s.
     """
-    total, unknowns = sum(len(one) for one in at.angles), len(at.x)
-    mean, seen = np.zeros((len(problem.posture), unknowns)), np.zeros(len(problem.posture))
+    total = sum(len(one) for one in at.angles)
     tree = compile_tree(problem.stretched(at.x))
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     ties = _ties(problem, tree, stretch)
@@ -75,9 +108,7 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
             scaled = A * unit[:, None] * unit
             stiff = problem.posture_weight * float(np.trace(scaled)) / max(len(free), 1)
             slope = -unit[:, None] * np.linalg.solve(scaled + stiff * np.eye(len(free)), b * unit[:, None])
-            mean[free, :-1] += share * slope
-            seen[free] += share
-    return AngleSlopes(mean, seen)
+            yield FrameSlopes(share, free, R, weight, by_length, by_coordinate[:, free], slope)
 
 
 def _moving(K, by_coordinate: Array, weight: Array, c: Array) -> Array:
