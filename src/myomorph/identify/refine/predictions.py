@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, Unknowns
 from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
-from myomorph.identify.refine.solve import settle, solve
+from myomorph.identify.refine.solve import motions_alone, settle, solve
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -119,12 +119,13 @@ def _prediction(
         return errors_on(made, opened(made, trial, problem.options), within, use)
 
     given, few = errors_on(model, on_given, within, use), thinned(problem)
-    refined = errors(model_of(model, problem, settle(few, told).at))
+    first = motions_alone(few, told)
+    refined = errors(model_of(model, problem, settle(few, told, first).at))
     alone = given.markers
     if problem.body:
         # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
         blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
-        alone = errors(model_of(model, problem, solve(blind, blind.begin(), told).at)).markers
+        alone = errors(model_of(model, problem, solve(blind, first, told).at)).markers
     return Prediction(name, given, refined, alone)
 
 
