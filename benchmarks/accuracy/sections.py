@@ -63,6 +63,7 @@ from benchmarks.accuracy import (
     transfer,
     uncertainty,
     unseen_faults,
+    unseen_marker_faults,
     vendors,
 )
 from benchmarks.accuracy.morph import (
@@ -329,6 +330,8 @@ def _faults(folder: Path) -> Page:
             "marker_faults": lambda: marker_faults.injected_marker_faults(folder),
             "marker_faults_clean": lambda: marker_faults.clean_markers(folder),
             "marker_faults_mended": lambda: marker_faults.mended_angles(folder),
+            "marker_faults_unseen": lambda: unseen_marker_faults.injected_marker_faults(folder),
+            "marker_faults_unseen_clean": lambda: unseen_marker_faults.clean_markers(folder),
         },
     )
 

@@ -99,23 +99,23 @@ def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
         study = out / "study.toml"
-        status, said = _typed("analyze", folder / raw.file, "--mass", f"{raw.mass:g}", "--prepare", "--out", out)
+        status, said = typed("analyze", folder / raw.file, "--mass", f"{raw.mass:g}", "--prepare", "--out", out)
         if not status:
             text = study.read_text(encoding="utf-8")
             short = re.sub(r"(?m)^steps = \[.*\]$", 'steps = ["calibrate", "ik", "id"]', text)
             study.write_text(short, encoding="utf-8")
-            status, said = _typed("run", study, "--out", out, "--workers", "1")
+            status, said = typed("run", study, "--out", out, "--workers", "1")
         if status:
-            return None, said.replace(f"{folder / raw.file}: ", "")
+            return None, said.rpartition("\n")[2].replace(f"{folder / raw.file}: ", "")
         ((_, trial),) = load(out).items()
         if trial.motion is None or trial.wrenches is None:
             return None, "no forces on feet"
         return Recorded(raw.name, read_model(out / "calibrated.osim"), trial.motion, trial.wrenches), said
 
 
-def _typed(*words: object) -> tuple[int, str]:
-    """Exit status and last line of a command."""
+def typed(*words: object) -> tuple[int, str]:
+    """Exit status of a command, and all that it printed."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         status = main([str(one) for one in words])
-    return status, said.getvalue().strip().rpartition("\n")[2]
+    return status, said.getvalue().strip()

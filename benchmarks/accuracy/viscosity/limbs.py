@@ -1,7 +1,7 @@
 """Limbs whose instruments and models are in error: what is found of them, and how often intervals hold it.
 
 Every limb is simulated by MuJoCo with a part of its mass loose on it, seen by a plate and markers whose errors are
-drawn, and identified as a study does, from a model whose joint's center is off.
+drawn, and identified as a study does, from a model whose joint's center and muscle attachments are off.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
+from myomorph.model.model import Model
 from myomorph.model.provenance import Estimate
 from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import HeldLimb, SoftTissue, swing_mjcf
+from myomorph.simulate.limb import HeldLimb, SoftTissue, fixed_points, swing_mjcf
 from myomorph.simulate.shoulder import HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
 from myomorph.viscosity.cohort import SPECIMENS, specimen_row
 from myomorph.viscosity.identification.budget import ErrorOptions
@@ -28,6 +29,7 @@ from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.trust.checks import condition_findings
+from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
 Row = dict[str, object]
 
@@ -63,6 +65,7 @@ class Faults:
     clusters : (2, 3) of base and limb against their bones [m]
     tissue : share of the limb's mass that is loose, muscles removed and intact; 0 for none
     frequency, damping : of the loose mass
+    attachments : standard deviation of the places of the model's muscle points, of each muscle on each bone [m]
     """
 
     plate: Sequence[float] = (0.0, 0.0, 0.0)
@@ -76,6 +79,7 @@ class Faults:
     tissue: tuple[float, float] = (0.0, 0.0)
     frequency: float = 8.0
     damping: float = 0.2
+    attachments: float = 0.0
 
 
 class LimbRun(NamedTuple):
@@ -113,6 +117,7 @@ def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
         (random.uniform(0.0, 0.05), random.uniform(0.05, 0.15)),
         random.uniform(6.0, 12.0),
         random.uniform(0.1, 0.4),
+        scale * MomentArmOptions().offset,
     )
 
 
@@ -161,10 +166,24 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
         specimen.center + specimen.stand.rotation.T @ np.array(faults.center) + np.array(faults.clusters[0]),
         specimen.center_in_limb + hanging(limb, whole).T @ np.array(faults.center) + np.array(faults.clusters[1]),
     )
+    known = replace(known, model=with_moved_attachments(known.model, faults.attachments, random))
     truth = {"joint_viscosity": damping, "muscle_viscosity": muscle}
     for name, one in (("muscles_removed", bare), ("intact", whole)):
         truth |= {f"mass_{name}": float(one[0]), f"com_{name}": float(np.linalg.norm(one[1:4]) / one[0])}
     return FaultyLimb(known, trials, truth)
+
+
+def with_moved_attachments(model: Model, sd: float, random: np.random.Generator) -> Model:
+    """The model whose muscles' points are off, all points of a muscle on one bone alike; paths keep their surfaces."""
+    if sd <= 0.0:
+        return model
+    muscles = []
+    for muscle in model.muscles:
+        points = fixed_points(muscle)
+        off = {body: sd * random.standard_normal(3) for body in dict.fromkeys(point.body for point in points)}
+        moved = tuple(replace(point, location=np.add(point.location, off[point.body])) for point in points)
+        muscles.append(replace(muscle, path=replace(muscle.path, points=moved)))
+    return replace(model, muscles=tuple(muscles))
 
 
 def _swings(
@@ -210,7 +229,11 @@ def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
     """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
     seed = given[0]
     limb = faulty_limb(*given)
-    options = StudyOptions.of({"identification": {"level": LEVEL, "seed": seed}})
+    settings: dict[str, dict[str, float]] = {"identification": {"level": LEVEL, "seed": seed}}
+    if given[1].attachments <= 0.0:
+        # Muscles that lie where the model has them: a laboratory that digitized them says so.
+        settings["moment_arms"] = {"offset": 0.0}
+    options = StudyOptions.of(settings)
     tracked = {}
     for name, trials in limb.trials.items():
         one = track(limb.known, trials, options.tracking)

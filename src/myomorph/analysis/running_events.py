@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.model.arrays import Array
@@ -35,6 +34,8 @@ def vertical_force(model: Model, motion: Motion) -> Array:
     height = centroid(model, motion).values @ np.asarray(model.up)
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     if rate > 2.0 * CUTOFF:
+        from scipy.signal import butter, sosfiltfilt  # Takes half a second to import, and only a run needs it.
+
         height = sosfiltfilt(butter(2, CUTOFF, fs=rate, output="sos"), height)
     return 1.0 + np.gradient(np.gradient(height, motion.time), motion.time) / g
 

@@ -52,7 +52,7 @@ def calibrate_command(
     check_out_model(out, read=(model,))
     calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), settings_dict(options)))
     lost = calibrating.write_calibrated(calibrated, out)
-    warn((*calibrated.warnings, *calibrated.found.notes, *lost))
+    warn((*calibrated.findings, *calibrated.warnings, *calibrated.found.notes, *lost))
     for line in calibrating.summary(calibrated.found):
         said(line)
     said(f"wrote {out} and {calibrating.tables_folder(out)}")

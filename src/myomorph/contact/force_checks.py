@@ -13,14 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import foot_poses
-from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
+from myomorph.contact.force_balance import CUTOFF, check_directions, check_mass
+from myomorph.contact.force_clock import check_clock
 from myomorph.contact.force_inspection import Inspection
-from myomorph.contact.force_placement import check_feet, check_origins, check_shared_plates
+from myomorph.contact.force_mirrors import check_mirrors
+from myomorph.contact.force_placement import FAR, check_feet, check_origins, check_shared_plates
 from myomorph.contact.force_progress import check_progress
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
+
+PULLED = 0.3
+"""Share of the weight that all plates together pull down where their sign is wrong."""
+
+LOAD = "load in the hands"
+"""Kind of a finding: a force that no foot carries."""
 
 LONGEST = 0.1
 """Longest step between frames that are not taken for a gap [s]."""
@@ -76,9 +84,10 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
         return CheckedForces(wrenches, ())
     for check in (
         check_units,
-        check_signs,
         check_origins,
+        check_signs,
         check_directions,
+        check_mirrors,
         check_progress,
         check_feet,
         check_shared_plates,
@@ -127,17 +136,31 @@ def check_units(inspection: Inspection) -> None:
 
 
 def check_signs(inspection: Inspection) -> None:
-    """Forces that pull a foot to the ground."""
-    up = inspection.feet.up
-    for k in inspection.numbers:
-        weights = inspection.weights(k)
-        if not weights.any():
+    """Forces that pull to the ground: of a foot with the wrong sign, or, under no foot, a load in the hands."""
+    up, weight = inspection.feet.up, inspection.feet.model.weight
+    lifts = inspection.samples.forces @ up
+    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    pulling = [k for k in used if _lift(inspection, k) <= -0.5]
+    if not pulling:
+        return
+    loaded = inspection.samples.loaded[:, used].any(axis=1)
+    # Where all plates together pull a body down, its own weight has the wrong sign, wherever they lie.
+    all_of_it = float(lifts[loaded][:, used].sum(axis=1).mean()) < -PULLED * weight
+    for k in pulling:
+        mean = float(lifts[inspection.weights(k) > 0.0, k].mean())
+        away = inspection.misfit(k)
+        if not all_of_it and away > FAR * inspection.feet.unit:
+            inspection.kept_as_measured.add(inspection.name(k))
+            inspection.found(
+                LOAD,
+                inspection.name(k),
+                f"force '{inspection.name(k)}' pulls down (mean {mean:.0f} N upwards while loaded) and lies "
+                f"{away:.2f} m from the nearest foot",
+                advice="it seems a load in the hands: no foot gets it; name the body that carries it (--bodies, "
+                "--plates)",
+            )
             continue
-        lift = float((inspection.samples.forces[:, k] @ up)[weights > 0.0].sum() / weights.sum())
-        if lift > -0.5:
-            continue
-        mean = float((inspection.samples.forces[:, k] @ up)[weights > 0.0].mean())
-        inspection.change(int(k), lambda force, point, torque: (-force, point, -torque))
+        inspection.change(k, lambda force, point, torque: (-force, point, -torque))
         inspection.found(
             "swapped sign",
             inspection.name(k),
@@ -145,3 +168,10 @@ def check_signs(inspection: Inspection) -> None:
             "force and moment were reversed",
             "reverse force and moment",
         )
+
+
+def _lift(inspection: Inspection, number: int) -> float:
+    """Share of a force that points up while it is loaded; 0 where it never is."""
+    weights = inspection.weights(number)
+    upwards = (inspection.samples.forces[:, number] @ inspection.feet.up)[weights > 0.0].sum()
+    return float(upwards / weights.sum()) if weights.any() else 0.0

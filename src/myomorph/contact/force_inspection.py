@@ -28,11 +28,13 @@ class Inspection:
     wrenches : with what was put right so far
     numbers : of the wrenches that act on a foot, or on a body that is not known yet
     findings : so far
+    kept_as_measured : names of forces that are no foot's as they are, so that no foot is looked for
     """
 
     def __init__(self, wrenches: Wrenches, feet: FootPoses, mend: bool):
         self.wrenches, self.feet, self.mend = wrenches, feet, mend
         self.findings: list[Finding] = []
+        self.kept_as_measured: set[str] = set()
         self._sample()
 
     def _sample(self) -> None:

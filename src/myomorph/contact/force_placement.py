@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.contact.foot_stance import standing
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_samples import Change
 from myomorph.model.arrays import Array, runs
@@ -37,6 +38,9 @@ MILLI = 2.0
 
 LARGE = 0.5
 """The same, for moments of a force whose points are in mm [m]."""
+
+SWINGS = 0.4
+"""A foot that stands in a smaller share of a step swings."""
 
 FIRM = 0.4
 """Share of the weight that two feet on one plate carry at least."""
@@ -159,7 +163,8 @@ def check_feet(inspection: Inspection) -> None:
     """Forces on one foot whose center of pressure lies under another, or under none."""
     feet, unit = inspection.feet, inspection.feet.unit
     owners: dict[int, list[tuple[slice, str]]] = {}
-    for k in map(int, inspection.numbers):
+    stands = standing(inspection)
+    for k in _looked_at(inspection):
         body = inspection.wrenches.bodies[k]
         weights = inspection.weights(k)
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
@@ -175,18 +180,32 @@ def check_feet(inspection: Inspection) -> None:
             if mean[nearest] > FAR * unit:
                 lost.append(span)
             elif own is not None and own != nearest and mean[own] > NEAR * unit and 2.0 * mean[nearest] < mean[own]:
-                wrong.append(span)
-                to.append(nearest)
+                # A foot in the air carries nothing, however near it is.
+                if not _swings(stands[span], nearest, own):
+                    wrong.append(span)
+                    to.append(nearest)
+                elif mean[own] > FAR * unit:
+                    lost.append(span)
             owners.setdefault(k, []).append((span, feet.feet[nearest].heel if wrong and wrong[-1] is span else body))
         if wrong:
             _wrong_foot(inspection, k, wrong, to, distances)
         if lost:
-            _lost(inspection, k, lost, distances)
+            _lost(inspection, k, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan))
     changed = {
         k: spans for k, spans in owners.items() if any(body != inspection.wrenches.bodies[k] for _, body in spans)
     }
     if changed:
         inspection.put(_given(inspection.wrenches, changed, feet.time))
+
+
+def _looked_at(inspection: Inspection) -> list[int]:
+    """Numbers of the forces whose foot is looked for."""
+    return [int(k) for k in inspection.numbers if inspection.name(int(k)) not in inspection.kept_as_measured]
+
+
+def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
+    """Whether a foot is in the air in most frames of a step while another one stands: it does not carry the load."""
+    return bool(stands[:, foot].mean() < SWINGS and stands[:, own].mean() > 1.0 - SWINGS)
 
 
 def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: list[int], distances: Array) -> None:
@@ -213,15 +232,15 @@ def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: lis
 
 
 def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> None:
-    """Note a force under no foot."""
+    """Note a force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
     here = np.concatenate([np.arange(one.start, one.stop) for one in spans])
-    near = float(np.nanmean(distances[here].min(axis=1)))
+    near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
     first = inspection.feet.time[spans[0].start]
     inspection.found(
         "under no foot",
         inspection.name(number),
-        f"the center of pressure of force '{inspection.name(number)}' lies {near:.2f} m from the nearest foot in "
-        f"{len(spans)} steps, first at {first:.2f} s",
+        f"the center of pressure of force '{inspection.name(number)}' lies {near:.2f} m from the nearest foot that "
+        f"stands in {len(spans)} steps, first at {first:.2f} s",
         advice="are its axes those of the motion, and does it act on a foot? Name its body (--bodies, --plates) if not",
         times=tuple(spans),
     )
@@ -269,7 +288,7 @@ def check_shared_plates(inspection: Inspection) -> None:
     feet = inspection.feet
     if len(feet.feet) < 2:
         return
-    for k in map(int, inspection.numbers):
+    for k in _looked_at(inspection):
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
         shared = _between(inspection, distances) & (inspection.weights(k) > FIRM * feet.model.weight)
         spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.parts import Parts, parts_of
@@ -125,6 +124,8 @@ def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator)
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     white = random.normal(size=motion.values.shape)
     if 2.0 * cutoff < 0.95 * rate and len(white) > 30:
+        from scipy.signal import butter, sosfiltfilt  # Half a second to import, for every command that reads a step.
+
         white = sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), white, axis=0)
     seen = np.where(np.isfinite(motion.values), motion.values, np.nanmean(motion.values, axis=0))
     moving = np.ptp(seen, axis=0) > STILL

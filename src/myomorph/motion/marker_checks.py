@@ -11,26 +11,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, runs
+from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.hidden_frames import without_hidden
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, marker_arrays
+from myomorph.motion.label_repair import without_swaps
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_names import name_findings
 from myomorph.motion.marker_places import place_findings
 from myomorph.motion.marker_steps import Exchange, Steps, edges_of, exchanges, excursions
-from myomorph.motion.marker_swaps import MIRRORED, SIDES, Solve, Swap, find_swap
+from myomorph.motion.marker_texts import frames_text, pairs_text, span_of, times_text
 from myomorph.motion.pose_checks import pose_findings
-from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-
-MOST_SWAPS = 4
-"""Exchanges of labels that are looked for one after the other."""
-
-WORSE = 1.3
-"""A part of a recording whose labels are exchanged has errors of the two markers larger by this factor at least."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +80,7 @@ def checked_kinematics(
     mended, in_time = mended_in_time(model, markers, unit)
     used = mended if checks.mend else markers
     fit = inverse_kinematics(model, used, options, progress)
-    used, fit, swapped = _without_swaps(model, used, fit, options, checks, unit)
+    used, fit, swapped, _ = without_swaps(model, used, fit, options, checks.mend, unit)
     arrays = marker_arrays(compile_tree(model), fit.marker_names, fit.weights, options)
     fit, hidden = without_hidden(model, used, fit, arrays, checks.mend)
     matched = len(fit.marker_names)
@@ -141,18 +135,12 @@ def _short_side(found: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
 
 
 def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], start: int, stop: int) -> Finding:
-    span = _span(markers.time, start, stop)
+    span = span_of(markers.time, start, stop)
     text = (
-        f"labels {_pairs(pairs)} are exchanged {_when([span])} ({_frames(stop - start)}): their paths go on in each "
-        "other; mended: exchanged back there"
+        f"labels {pairs_text(pairs)} are exchanged {times_text([span])} ({frames_text(stop - start)}): their paths "
+        "go on in each other; mended: exchanged back there"
     )
-    return Finding("swapped labels", _pairs(pairs).replace("'", ""), text, (span,), True)
-
-
-def _pairs(pairs: Sequence[tuple[str, str]], most: int = 3) -> str:
-    """The first pairs of labels."""
-    more = f" and {len(pairs) - most} other pairs" if len(pairs) > most else ""
-    return ", ".join(f"'{one}' and '{other}'" for one, other in pairs[:most]) + more
+    return Finding("swapped labels", pairs_text(pairs).replace("'", ""), text, (span,), True)
 
 
 def _bridged(markers: Markers, values: Array, columns: Sequence[int], edges: Sequence[Steps]) -> Iterator[Finding]:
@@ -167,11 +155,13 @@ def _bridged(markers: Markers, values: Array, columns: Sequence[int], edges: Seq
         name = markers.names[column]
         for start, stop, _ in parts:
             values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
-        spans = [_span(markers.time, start, stop) for start, stop, _ in parts]
+        spans = [span_of(markers.time, start, stop) for start, stop, _ in parts]
         worst = max(size for _, _, size in parts)
         count = sum(stop - start for start, stop, _ in parts)
         gone = bool(np.isnan(values[[start for start, _, _ in parts], column]).any())
-        jump = f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {_when(spans)} ({_frames(count)})"
+        jump = (
+            f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)} ({frames_text(count)})"
+        )
         how = "left out there" if gone else "bridged there from the frames around"
         yield Finding("jumping marker", name, f"{jump}; mended: {how}", tuple(spans), True)
 
@@ -188,111 +178,3 @@ def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
     before = (1.0 + 2.0 * u) * (1.0 - u) ** 2 * path[start - 1] + u * (1.0 - u) ** 2 * slope0
     after = u**2 * (3.0 - 2.0 * u) * path[stop] + u**2 * (u - 1.0) * slope1
     return np.asarray(before + after)
-
-
-def _without_swaps(
-    model: Model,
-    markers: Markers,
-    fit: KinematicsFit,
-    options: InverseKinematicsOptions,
-    checks: MarkerCheckOptions,
-    unit: float,
-) -> tuple[Markers, KinematicsFit, tuple[Finding, ...]]:
-    """Labels exchanged that the fit shows, put back where they are not of the whole body."""
-    found: list[Finding] = []
-    for _ in range(MOST_SWAPS):
-        names = fit.marker_names
-        columns = [markers.names.index(name) for name in names]
-        observed = markers.values[:, columns]
-        swap = find_swap(
-            model, names, observed, fit.errors, _placed(model, fit), _solver(model, markers, names, options), unit
-        )
-        if swap is None:
-            break
-        values = np.array(markers.values)
-        values[:, columns] = swap.applied(observed, swap.columns(names))
-        exchanged = replace(markers, values=values)
-        other = inverse_kinematics(model, exchanged, options)
-        with np.errstate(invalid="ignore"):
-            wrong = _smooth(other.rms < 0.8 * fit.rms)
-        if not wrong.any():
-            break
-        # A mirrored recording is not mended: its forces would have to be mirrored too, along an axis that markers hide.
-        sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
-        finding = _swap_finding(swap, markers, wrong, fit, other, sure and checks.mend)
-        found.append(finding)
-        if not finding.mended:
-            break
-        if wrong.mean() > 0.9:
-            wrong[:] = True
-        markers = replace(markers, values=np.where(wrong[:, None, None], values, markers.values))
-        fit = other if wrong.all() else inverse_kinematics(model, markers, options)
-    return markers, fit, tuple(found)
-
-
-def _smooth(flags: np.ndarray) -> np.ndarray:
-    """Flags without runs of one or two frames."""
-    found = np.array(flags)
-    for value in (True, False):
-        for start, stop in runs(found == value):
-            if stop - start < 3 and start > 0 and stop < len(found):
-                found[start:stop] = not value
-    return found
-
-
-def _swap_finding(
-    swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, mended: bool
-) -> Finding:
-    spans = [] if wrong.mean() > 0.9 else [_span(markers.time, start, stop) for start, stop in runs(wrong)]
-    before, after = (100 * float(np.nanmedian(one.rms[wrong])) for one in (fit, other))
-    when = _when(spans) if spans else "throughout"
-    fits = f"root mean square error {before:.1f} cm, {after:.1f} cm exchanged"
-    if swap.name in (SIDES, MIRRORED) and not (swap.certain and swap.name == SIDES):
-        fits = fits.replace("exchanged", "otherwise")
-        sides = "the labels of the two sides are swapped (give a map with --labels)"
-        mirrored = "one axis of the recording is mirrored (turn its sign, in the forces too)"
-        why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
-        text = f"left and right are exchanged {when}: {fits}; {why}"
-        return Finding("mirrored axis" if swap.certain else "left and right", "all markers", text, tuple(spans))
-    labels = _pairs(swap.pairs)
-    what = f"labels {labels}" if len(swap.pairs) == 1 else f"labels of {swap.name} ({labels})"
-    text = f"{what} are exchanged {when}: {fits}" + ("; mended: exchanged back there" if mended else "")
-    return Finding("swapped labels", labels.replace("'", ""), text, tuple(spans), mended)
-
-
-def _placed(model: Model, fit: KinematicsFit) -> Array:
-    """(frames, markers, 3) where the model has its markers [m]."""
-    tree = compile_tree(model)
-    marked = [model.marker(name) for name in fit.marker_names]
-    poses = forward_kinematics(tree, np.nan_to_num(fit.motion.values))
-    bodies = np.array([tree.body_index[one.body] for one in marked])
-    return poses.points(bodies, np.array([one.location for one in marked]))
-
-
-def _solver(model: Model, markers: Markers, names: Sequence[str], options: InverseKinematicsOptions) -> Solve:
-    """Inverse kinematics of single frames, each searched for anew."""
-
-    def solve(observed: Array) -> Array:
-        errors = np.full(observed.shape[:2], np.nan)
-        for k, one in enumerate(observed):
-            if np.isfinite(one).all(axis=1).any():
-                single = Markers(markers.time[:1], tuple(names), one[None])
-                errors[k] = inverse_kinematics(model, single, options).errors[0]
-        return errors
-
-    return solve
-
-
-def _span(time: Array, start: int, stop: int) -> tuple[float, float]:
-    return float(time[start]), float(time[stop - 1])
-
-
-def _when(spans: Sequence[tuple[float, float]], most: int = 3) -> str:
-    """'at 1.20 s and from 1.50 to 1.62 s'."""
-    parts = [f"at {a:.2f} s" if b - a < 0.005 else f"from {a:.2f} to {b:.2f} s" for a, b in spans[:most]]
-    more = f" and in {len(spans) - most} other parts" if len(spans) > most else ""
-    return ", ".join(parts) + more
-
-
-def _frames(count: int) -> str:
-    return f"{count} frame" + ("" if count == 1 else "s")

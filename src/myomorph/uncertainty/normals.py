@@ -8,7 +8,6 @@ from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
-from scipy.signal import oaconvolve
 from scipy.special import ndtri
 
 from myomorph.model.arrays import Array
@@ -59,6 +58,8 @@ class Normals:
             white[:, k] = rng.standard_normal((len(white), size))
         if not before:
             return white
+        from scipy.signal import oaconvolve  # Takes half a second to import, and only draws need it.
+
         offsets = np.arange(-before, before + 1)
         weights = np.exp(-0.5 * (offsets / width) ** 2)
         flat = oaconvolve(white.reshape(len(white), -1), weights[:, None] / np.linalg.norm(weights), "valid", axes=0)

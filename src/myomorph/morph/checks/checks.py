@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
@@ -168,6 +167,8 @@ def _rank_correlation(one: MomentArms) -> float:
     """Spearman's, of the muscles' mean moment arms; NaN of fewer than four muscles."""
     if len(one.muscles) < 4:
         return float("nan")
+    from scipy.stats import spearmanr  # Takes half a second to import, for every report that is written.
+
     return float(spearmanr(one.source.mean(axis=0), one.target.mean(axis=0)).statistic)
 
 

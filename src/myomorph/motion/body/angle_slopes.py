@@ -18,6 +18,10 @@ SEEN = 1e-9
 """A coordinate whose curvature is less than this share of the largest moves no marker."""
 
 
+MOST = 120
+"""Frames of all recordings that are looked at, evenly chosen: a mean derivative needs no more of them."""
+
+
 @read_only
 @dataclass(frozen=True, eq=False)
 class AngleSlopes:
@@ -25,7 +29,8 @@ class AngleSlopes:
 
     Attributes
     ----------
-    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames; 0 where no marker shows it
+    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames, found of at most `MOST`; 0
+        where no marker shows it
     seen : (coordinates,) share of the frames in which markers show the coordinate and no bound holds it
     """
 
@@ -44,9 +49,13 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     ties = _ties(problem, tree, stretch)
     bodies = problem.markers.body
+    every = max(-(-total // MOST), 1)
     for one, K, angles in zip(problem.sets, at.markers, at.angles, strict=True):
+        chosen = slice(len(angles) % every // 2, None, every)
+        angles, frames = angles[chosen], len(angles)
+        share = frames / (total * max(len(angles), 1))
         rotations = forward_kinematics(tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
-        for observed, c, R in zip(one.observed, angles, rotations, strict=True):
+        for observed, c, R in zip(one.observed[chosen], angles, rotations, strict=True):
             _, by_length, by_coordinate = slopes_of_frame(at.tree, K, stretch, c)
             weight = np.where(np.isfinite(observed).all(axis=1), K.weight, 0.0)
             free = _moving(K, by_coordinate, np.repeat(weight, 3), c)
@@ -54,7 +63,7 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
             Jq = by_coordinate[:, free] * root
             A = Jq.T @ Jq + weight.sum() * np.diag(K.task_weight[free])
             # Shifts move their own marker by its body's rotation.
-            by_shift = np.einsum("mia,mij->amj", Jq.reshape(-1, 3, len(free)), R[bodies])
+            by_shift = (R[bodies].transpose(0, 2, 1) @ Jq.reshape(-1, 3, len(free))).transpose(2, 0, 1)
             by_shift = by_shift * np.sqrt(weight)[None, :, None]
             b = np.hstack([Jq.T @ (by_length * root), by_shift.reshape(len(free), -1)])
             for tied, tied_stretch in ties:
@@ -66,8 +75,8 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
             scaled = A * unit[:, None] * unit
             stiff = problem.posture_weight * float(np.trace(scaled)) / max(len(free), 1)
             slope = -unit[:, None] * np.linalg.solve(scaled + stiff * np.eye(len(free)), b * unit[:, None])
-            mean[free, :-1] += slope / total
-            seen[free] += 1.0 / total
+            mean[free, :-1] += share * slope
+            seen[free] += share
     return AngleSlopes(mean, seen)
 
 

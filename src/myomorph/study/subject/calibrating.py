@@ -21,6 +21,7 @@ from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.calibration import SOURCES
 from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.motion.label_repair import mended_labels
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
@@ -29,7 +30,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import NOTES, write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
@@ -74,12 +75,14 @@ class Calibrated:
     ----------
     recordings : names of the recordings, in the calibration's order
     warnings : of the files, one line each
+    findings : what checks of the markers found, one line each
     """
 
     found: Calibration
     recordings: tuple[str, ...]
     provenance: Provenance
     warnings: tuple[str, ...]
+    findings: tuple[str, ...] = ()
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
@@ -97,22 +100,27 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     if not files.markers and files.static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     model = inputs.open_model(files.model) if model is None else model
-    warnings = list(model.warnings)
+    warnings, findings = list(model.warnings), list[str]()
     if files.marker_set is not None:
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
         options = replace(options, marker_weights=_weights(files.tasks, model))
     inputs.check_labels(files.labels, model)
-    recordings = [_recording(path, model, files.time, warnings, files.labels) for path in files.markers]
+    recordings = [
+        _labelled(path.name, _recording(path, model, files.time, warnings, files.labels), model, findings)
+        for path in files.markers
+    ]
     if files.static is not None:
-        options = replace(options, static=_recording(files.static, model, None, warnings, files.labels))
+        standing = _recording(files.static, model, None, warnings, files.labels)
+        options = replace(options, static=_labelled(files.static.name, standing, model, findings))
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
     plain = plain_settings(options) | {"time": files.time}
     if files.labels:
         plain["labels"] = dict(files.labels)
-    return Calibrated(found, names, provenance_of("calibrate", files.sources(), plain), tuple(warnings))
+    made = provenance_of("calibrate", files.sources(), plain)
+    return Calibrated(found, names, made, tuple(warnings), tuple(findings))
 
 
 def _recording(
@@ -132,6 +140,13 @@ def _recording(
     return trial.markers if span is None else cut(trial.markers, *span)
 
 
+def _labelled(name: str, markers: Markers, model: Model, findings: list[str]) -> Markers:
+    """A recording with labels put back that are exchanged throughout: a calibration would move markers after them."""
+    markers, found = mended_labels(model, markers)
+    findings += [f"{name}: {one.text}" for one in found]
+    return markers
+
+
 def _weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
     given = read_ik_tasks(path).marker_weights
@@ -144,24 +159,23 @@ def calibrate_subject(
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
     options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
     model, trials = prepared.model, prepared.trials(files, settings)
-    warnings = [text for trial in trials for text in trial.warnings]
+    warnings, findings = [text for trial in trials for text in trial.warnings], list[str]()
     recordings = {}
     for trial in trials:
         if trial.markers is not None:
             inputs.cut_to(trial.time, trial.markers, trial.name)
-            recordings[trial.name] = used_markers(trial, trial.markers)
+            recordings[trial.name] = _labelled(trial.name, used_markers(trial, trial.markers), model, findings)
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
-        options = replace(
-            options, static=_recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
-        )
+        standing = _recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
+        options = replace(options, static=_labelled(files.static.name, standing, model, findings))
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
         found = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    calibrated = Calibrated(found, names, made, tuple(dict.fromkeys(warnings)))
+    calibrated = Calibrated(found, names, made, tuple(dict.fromkeys(warnings)), tuple(findings))
     write_calibrated(calibrated, out, tables)
     return calibrated
 
@@ -190,6 +204,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         _write_rows(length_rows(found), folder / "lengths.csv")
         _write_rows(marker_rows(found), folder / "markers.csv")
         _write_rows(zero_rows(found), folder / "zero_angles.csv")
+        (folder / NOTES).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
@@ -300,7 +315,7 @@ def calibration_page(calibrated: Calibrated) -> str:
                 version=__version__,
                 notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
                 sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
-                warnings=calibrated.warnings,
+                warnings=(*calibrated.findings, *calibrated.warnings),
             ),
             model=found.model,
             surfaces=surfaces,

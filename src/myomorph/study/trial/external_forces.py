@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from myomorph.contact.force_checks import checked_forces
+from myomorph.contact.force_checks import LOAD, checked_forces
 from myomorph.io.force_table import ForceLayout, force_layout, read_forces
 from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array
@@ -20,7 +20,7 @@ from myomorph.motion.sync import clock_shift
 from myomorph.store.settings import ForceOptions
 from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
-from myomorph.study.trial.plate_wrenches import nearest_feet, recorded_wrenches
+from myomorph.study.trial.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
@@ -113,6 +113,7 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
     if options.force_checks != "none":
         found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
         wrenches, findings = found.wrenches, found.findings
+        wrenches = _without_loads(wrenches, findings)
     if not all(wrenches.bodies):
         wrenches = nearest_feet(wrenches, model, motion)
     texts = tuple(one.text for one in findings)
@@ -120,6 +121,14 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
     notes = (*texts, *kept)
     return replace(wrenches, notes=notes, findings=(*wrenches.findings, *findings))
+
+
+def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
+    """Forces without those on nobody that no foot carries, so that none is given to the nearest foot."""
+    loads = {one.place for one in findings if one.kind == LOAD}
+    names = zip(wrenches.names, wrenches.bodies, strict=True)
+    kept = [k for k, (name, body) in enumerate(names) if body or name not in loads]
+    return wrenches if len(kept) == len(wrenches.names) else chosen_wrenches(wrenches, kept)
 
 
 def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:

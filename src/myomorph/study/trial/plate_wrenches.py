@@ -77,8 +77,8 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         places[foot] = np.stack([origins, origins + ahead], axis=1)
     named = [k for k, body in enumerate(wrenches.bodies) if body]
     unnamed = [k for k, body in enumerate(wrenches.bodies) if not body]
-    found = assign_bodies(_chosen(wrenches, unnamed), places)
-    return _carried(_joined(_chosen(wrenches, named), found.wrenches), found.warnings)
+    found = assign_bodies(chosen_wrenches(wrenches, unnamed), places)
+    return _carried(_joined(chosen_wrenches(wrenches, named), found.wrenches), found.warnings)
 
 
 def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
@@ -88,7 +88,7 @@ def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
     return replace(wrenches, **parts)
 
 
-def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
+def chosen_wrenches(wrenches: Wrenches, columns: list[int]) -> Wrenches:
     """Some of the forces."""
     parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
     names, bodies = (tuple(one[k] for k in columns) for one in (wrenches.names, wrenches.bodies))
@@ -128,4 +128,4 @@ def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
         findings = (*findings, Finding("idle plate", idle, text, mended=True))
         warnings = (*warnings, text)
     notes = (*wrenches.notes, *warnings)
-    return replace(_chosen(wrenches, kept), notes=notes, findings=findings)
+    return replace(chosen_wrenches(wrenches, kept), notes=notes, findings=findings)

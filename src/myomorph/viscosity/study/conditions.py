@@ -23,6 +23,7 @@ from myomorph.viscosity.tracking.track import TrackedSpecimen
 from myomorph.viscosity.trust.checks import Finding, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.moment_arms import with_attachments
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Identified:
 
     Attributes
     ----------
-    found : with intervals that hold errors which all swings share
+    found : with intervals that hold errors which all swings share, and those of attachments
     by_swings : with intervals of swings alone, by which a swing is judged too small
     instruments : what the swings tell of errors that they share
     conditions : with their equations, rid of those errors, and faults
@@ -88,6 +89,7 @@ def identify_conditions(
     options = _with_law(options, compared)
     by_swings = _identified(specimen, files, conditions, options.identification)
     found, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
+    found, shares = with_attachments(found, shares, options.moment_arms, options.identification.level)
     return Identified(
         found,
         by_swings,

@@ -1,15 +1,23 @@
-"""How far the muscles' viscosity follows an error of their moment arms, which [S] blames for the spread of its own."""
+"""How far the muscles' viscosity follows an error of their moment arms, which [S] blames for the spread of its own.
+
+Attachments come from another body unless they were digitized on the specimen: their error is the largest source of
+d_M's error budget, and its interval holds it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification.budget import ErrorShare
+from myomorph.viscosity.identification.identify import MuscleViscosity, SpecimenViscosity
 from myomorph.viscosity.identification.torque import FIRST, SPEED, TORQUE, MuscleProblem, muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import eliminated, swing_sums
@@ -22,18 +30,23 @@ ATTACHMENT = 13.3e-3
 OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 """Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
 points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
+SOURCE = "attachments"
+"""Name of this source in the error budget."""
+RESULT = "muscle_viscosity"
+"""The result that it adds to, as in `cohort.QUANTITIES`."""
 ANGLE, CONSTANT = SPEED + 1, SPEED + 2
 """Columns beside torque and rate, of what a spring explains."""
 
 
 @dataclass(frozen=True)
 class MomentArmOptions:
-    """Settings of `moment_arm_sensitivity`.
+    """Settings of `moment_arm_sensitivity` and of `with_attachments`.
 
     Attributes
     ----------
     factor : standard deviation of the factors, relative
-    offset : of each component of an offset [m]; 0 leaves that kind out
+    offset : of each component of an offset [m]; d_M's interval holds it; 0 where the attachments were digitized on the
+        specimen itself
     draws, seed : of the errors
     stiffness : as in `ViscosityOptions`
     """
@@ -148,6 +161,53 @@ def moment_arm_sensitivity(
     if options.offset > 0.0:
         spreads.append(_by_offsets(intact, parameters, joint, options, random))
     return MomentArmSensitivity(intact[0].muscles, slopes, tuple(spreads))
+
+
+def with_attachments(
+    found: SpecimenViscosity, shares: Sequence[ErrorShare], options: MomentArmOptions, level: float
+) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
+    """The specimen with d_M's interval widened by errors of attachments, and the error budget with this source.
+
+    The draws say what d_M is found of a true one when arms are off by offsets of each muscle; the interval's ends are
+    the true values of which this d_M would be an unlikely one.
+
+    Parameters
+    ----------
+    shares : without this source
+    level : of the intervals
+    """
+    muscles, intact, bare = found.muscles, found.intact, found.without
+    if muscles is None or intact is None or bare is None or options.offset <= 0.0:
+        return found, tuple(shares)
+    random = np.random.default_rng(options.seed)
+    try:
+        spread = _by_offsets(intact.recordings, intact.parameters, bare.viscosity.value, options, random)
+    except MyomorphError as error:
+        return replace(found, notes=(*found.notes, f"d_M's interval holds no errors of attachments: {error}")), tuple(
+            shares
+        )
+    if not spread.exact > 0.0:
+        return found, tuple(shares)
+    least, most = spread.quantiles((0.5 - 0.5 * level, 0.5 + 0.5 * level)) / spread.exact
+    wider = _wider(muscles, least, most)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * level)
+    total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
+    own = min(max((0.5 * (1.0 / least - 1.0 / most) * muscles.common.value / z) ** 2, 0.0), total)
+    rest = 1.0 - own / total if total > 0.0 else 0.0
+    others = tuple(replace(one, share=one.share * rest) if one.quantity == RESULT else one for one in shares)
+    added = ErrorShare(SOURCE, options.offset, RESULT, float(np.sqrt(own)), 1.0 - rest)
+    return replace(found, muscles=wider), (*others, added)
+
+
+def _wider(muscles: MuscleViscosity, least: float, most: float) -> MuscleViscosity:
+    """The values of all muscles together, found `least` to `most` times what they are."""
+
+    def wider(one: Estimate) -> Estimate:
+        below, above = one.value * (1.0 - 1.0 / most), one.value * (1.0 / least - 1.0)
+        low = one.value - float(np.hypot(one.value - one.low, max(below, 0.0)))
+        return Estimate(one.value, max(low, 0.0), one.value + float(np.hypot(one.high - one.value, max(above, 0.0))))
+
+    return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 
 
 def _problem(

@@ -1,0 +1,200 @@
+"""Faults of markers in recordings that no threshold was set with, each through the commands of a user.
+
+The faulty recording is written to a file, `myomorph analyze --prepare` makes a study of it, whose steps are cut short
+after inverse kinematics, and `myomorph run` runs it: protocol, axes, calibration and checks see the fault, as in use.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.marker_faults import ABOUT_THE_MODEL, MARKER_FAULTS, MarkerFault
+from benchmarks.accuracy.unseen_faults import GAIT, SAMPLES, typed
+from myomorph.io.formats import read_model
+from myomorph.io.trc import write_trc
+from myomorph.model.arrays import Array
+from myomorph.model.findings import Finding
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
+from myomorph.store.finding_store import get_findings
+from myomorph.study.analyze.recordings import bare, look_at
+from myomorph.study.trial.load import load
+from myomorph.study.trial.steps.ik import FINDINGS
+
+Row = dict[str, object]
+
+MOST_FRAMES = 120
+CHOSEN = (
+    "a pair swapped throughout",
+    "left and right swapped throughout",
+    "two limbs swapped",
+    "front and back of the pelvis swapped",
+    "a pair swapped for a sixth of the frames",
+    "a marker 5 cm off",
+    "another marker 5 cm off",
+    "a marker that jumps for five frames",
+    "axis to the side mirrored",
+    "another axis up",
+    "walking direction turned by 90 degrees",
+    "mm for m",
+)
+"""Of the faults of markers; each takes the commands some ten seconds for each recording."""
+ALIKE = 0.5
+"""Angles of joints that differ by less are those of the clean recording [degrees]."""
+
+
+@dataclass(frozen=True)
+class Raw:
+    """A recording as a laboratory has it, and one of the same person standing still where `analyze` would find it."""
+
+    name: str
+    file: str
+    static: str = ""
+
+
+RAW = (
+    Raw("OpenSim's walk 2", "c3d-opensim-walking/walking2.c3d"),
+    Raw("Plug-in Gait, first person", f"{GAIT}/HC030A/Straight/HC030A05.c3d", f"{GAIT}/HC030A/Static/HC030A01.c3d"),
+    Raw("Plug-in Gait, a turn", f"{GAIT}/HC030A/Turn/HC030A22.c3d", f"{GAIT}/HC030A/Static/HC030A01.c3d"),
+    Raw("Plug-in Gait, second person", f"{GAIT}/HC002D/Straight/HC002D06.c3d", f"{GAIT}/HC002D/Static/HC002D02.c3d"),
+    Raw("vendor, functional walk", f"{SAMPLES}/others/FunctionalWalk.c3d"),
+    Raw("vendor, gait", f"{SAMPLES}/others/Gait.c3d"),
+    Raw("vendor, flat-foot walk", f"{SAMPLES}/PiG/PiG_Motion-FlatFoot-Full.c3d"),
+    Raw("vendor, sample 9", f"{SAMPLES}/c3d.org/sample09/PlugInC3D.c3d"),
+    Raw("box lift", "lifting-box-15kg/stoop1.c3d", "lifting-box-15kg/neutral.c3d"),
+    Raw("stairs", "odd-trc-mot/markers_StairUp3.trc"),
+    Raw("basketball", "odd-trc-mot/cmu_dribble_shoot_basketball.c3d"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What the commands made of a recording.
+
+    Attributes
+    ----------
+    model, motion : None where a command refused it
+    findings : of the checks, or one of the kind "refused" with the last line
+    said : all that was printed
+    """
+
+    model: Model | None
+    motion: Motion | None
+    findings: tuple[Finding, ...]
+    said: str
+
+
+def injected_marker_faults(folder: Path) -> Iterator[Row]:
+    """Faults of markers put into recordings that were not used before: how many were mended, found and missed."""
+    for fault in (one for one in MARKER_FAULTS if one.name in CHOSEN):
+        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
+        others: set[str] = set()
+        for raw in RAW:
+            found = injected(folder, raw, fault)
+            if found is not None:
+                word, besides = found
+                counts[word].append(raw.name)
+                others |= besides
+        yield {
+            "fault": fault.name,
+            "recordings": sum(map(len, counts.values())),
+            **{word: len(names) for word, names in counts.items()},
+            "missed in": ", ".join(counts["missed"]) or "none",
+            "also called": ", ".join(sorted(others)) or "nothing",
+        }
+
+
+def clean_markers(folder: Path) -> Iterator[Row]:
+    """What is called on the same recordings with nothing put in; facts about the model apart."""
+    for raw in RAW:
+        markers, one = clean(folder, raw)
+        about = [each for each in one.findings if each.kind in ABOUT_THE_MODEL]
+        faults = [each for each in one.findings if each.kind not in ABOUT_THE_MODEL]
+        yield {
+            "recording": raw.name,
+            "frames": len(markers),
+            "static trial": "yes" if raw.static else "no",
+            "called": "; ".join(each.text for each in faults) or "nothing",
+            "about the model": "; ".join(f"{each.kind}: {each.place}" for each in about) or "nothing",
+        }
+
+
+def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]] | None:
+    """What becomes of a fault, and kinds that are called besides; None where the recording cannot have it."""
+    markers, before = clean(folder, raw)
+    assert before.model is not None
+    known = set(before.model.marker_names)
+    chosen = [k for k, name in enumerate(markers.names) if name in known]
+    used = replace(markers, names=tuple(markers.names[k] for k in chosen), values=markers.values[:, chosen])
+    faulty = fault.change(before.model, used)
+    if faulty is None:
+        return None
+    found = analyzed(folder, faulty, raw.static)
+    told = {(one.kind, one.place) for one in before.findings}
+    new = [one for one in found.findings if (one.kind, one.place) not in told and one.kind not in ABOUT_THE_MODEL]
+    named = [one for one in new if one.kind in (*fault.kinds, "refused")]
+    besides = {one.kind for one in new} - {*fault.kinds, "refused"}
+    if same_angles(before, found):
+        return "mended", besides
+    return ("found" if named else "missed"), besides
+
+
+def same_angles(one: Result, other: Result) -> bool:
+    """Whether the angles of all joints but the first are the same."""
+    if one.model is None or one.motion is None or other.motion is None:
+        return False
+    if one.motion.names != other.motion.names or len(one.motion) != len(other.motion):
+        return False
+    root = {name for joint in one.model.joints if joint.parent == "ground" for name in joint.coordinates}
+    kinds = {each.name: each.motion for each in one.model.coordinates}
+    inner = [i for i, name in enumerate(one.motion.names) if name not in root and kinds[name] == "rotational"]
+    apart: Array = np.abs(one.motion.values - other.motion.values)[:, inner]
+    return bool(np.degrees(np.nanmax(apart)) < ALIKE)
+
+
+@cache
+def clean(folder: Path, raw: Raw) -> tuple[Markers, Result]:
+    """Markers of a recording in a model's ground, the frames that show most of the body; and what becomes of them."""
+    one = look_at(folder / raw.file)
+    turned = one.laboratory.trial(one.trial).markers
+    assert turned is not None
+    names = tuple(bare(name) for name in turned.names)
+    on_body = [turned.names.index(name) for name in one.found.sites]
+    seen = np.isfinite(turned.values[:, on_body]).all(axis=2).sum(axis=1)
+    most = min(MOST_FRAMES, len(turned))
+    sums = np.convolve(seen, np.ones(most), "valid")
+    first = int(np.argmax(sums))
+    part = slice(first, first + most)
+    markers = Markers(turned.time[part], names, turned.values[part])
+    found = analyzed(folder, markers, raw.static)
+    if found.model is None:
+        raise AssertionError(f"{raw.name}: {found.said}")
+    return markers, found
+
+
+def analyzed(folder: Path, markers: Markers, static: str) -> Result:
+    """What `analyze` and `run` make of markers."""
+    with tempfile.TemporaryDirectory() as name:
+        home = Path(name)
+        out, study = home / "out", home / "out" / "study.toml"
+        write_trc(markers, home / "motion.trc", "m")
+        more = ("--static", folder / static) if static else ()
+        status, said = typed("analyze", home / "motion.trc", "--mass", "70", *more, "--prepare", "--out", out)
+        if not status:
+            text = study.read_text(encoding="utf-8")
+            study.write_text(re.sub(r"(?m)^steps = \[.*\]$", 'steps = ["calibrate", "ik"]', text), encoding="utf-8")
+            status, also = typed("run", study, "--out", out, "--workers", "1")
+            said = f"{said}\n{also}"
+        if status:
+            line = said.rpartition("\n")[2]
+            return Result(None, None, (Finding("refused", "recording", line),), said)
+        ((_, trial),) = load(out).items()
+        findings = get_findings(trial.stored, FINDINGS)
+        return Result(read_model(out / "calibrated.osim"), trial.motion, findings, said)
