@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from myomorph.model.series import Motion
 from myomorph.motion.lengths import factors_of
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
+Kind = TypeVar("Kind")
 WORSE = 1.02
 """Ratio to the given model above which a prediction is worse."""
 
@@ -74,7 +75,7 @@ def predictions_of(
             _prediction(
                 trial.name,
                 model,
-                problem_of(model, *(_without(every, k) for every in (trials, recorded)), options),
+                problem_of(model, _without(trials, k), _without(recorded, k), options),
                 (trial, recorded[k], None),
                 told,
             )
@@ -94,7 +95,7 @@ def predictions_of(
     )
 
 
-def _without(every: Sequence[Any], k: int) -> list[Any]:
+def _without(every: Sequence[Kind], k: int) -> list[Kind]:
     return [one for i, one in enumerate(every) if i != k]
 
 
