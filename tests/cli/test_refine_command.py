@@ -38,7 +38,7 @@ def test_a_walk_is_refined(command, data, tmp_path):
     moving = moving[moving[:, 0] > 1e-3]
     assert (np.linalg.eigvalsh(pseudo_inertias(moving))[:, 0] > 0.0).all()
     beside = tmp_path / "refined_refinement"
-    assert {"motions", "notes.txt", "trials.csv", "masses.csv", "lengths.csv", "report.html", "provenance.json"} == {
+    assert {"motions", "trials.csv", "masses.csv", "lengths.csv", "report.html", "provenance.json"} == {
         one.name for one in beside.iterdir()
     }
     before, after = csv.DictReader((beside / "trials.csv").read_text().splitlines())
