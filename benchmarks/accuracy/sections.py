@@ -62,6 +62,7 @@ from benchmarks.accuracy import (
     tension_defaults,
     transfer,
     uncertainty,
+    uncertainty_measured,
     unseen_faults,
     unseen_marker_faults,
     vendors,
@@ -241,6 +242,10 @@ def _uncertainty(folder: Path) -> Page:
             "uncertainty_factors": lambda: uncertainty.measure_factors(folder),
             "uncertainty_linear": lambda: uncertainty.measure_linear(folder),
             "uncertainty_knee": lambda: uncertainty.measure_knee(folder),
+            "uncertainty_plates": lambda: uncertainty_measured.measure_plates(folder),
+            "uncertainty_plates_factor": lambda: uncertainty_measured.measure_plates_factor(folder),
+            "uncertainty_pins": lambda: uncertainty_measured.measure_pins(folder),
+            "uncertainty_box": lambda: uncertainty_measured.measure_box(folder),
         },
     )
 
@@ -505,6 +510,7 @@ def _animals(folder: Path) -> Page:
         "Foot strikes without plates, mice through every step, stairs that measure force.",
         {
             "strides": lambda: strides.measure(folder),
+            "strides_duty": lambda: strides.measure_duty(folder),
             "strides_mouse": lambda: strides.measure_mouse(folder),
             "mouse_markers": lambda: mouse.measure_markers(folder),
             "mouse_keypoints": lambda: mouse.measure_keypoints(folder),

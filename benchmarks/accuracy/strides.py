@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.analysis.cycles import over_cycles
 from myomorph.analysis.phases import contacts
-from myomorph.analysis.strides import Limb, find_strides
+from myomorph.analysis.strides import Limb, Stride, find_strides
+from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import force_plates, wrenches_from_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.loads import read_external_loads
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.io.trc import read_trc
 from myomorph.model.arrays import Array
-from myomorph.model.series import Markers, Wrenches
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.sync import cut
+from myomorph.study.trial.external_forces import read_loads
+from myomorph.study.trial.inputs import open_model
 
 Row = dict[str, object]
 NEAR = 0.15
@@ -72,6 +81,25 @@ WALKS = (
         "y",
     ),
 )
+
+
+RAJAGOPAL, GAIT2354 = "rajagopal-walk-emg", "opensim-gait-subject01"
+OPENCAP, HAMNER = "opencap-subject4-multitask", "hamner-run-subject04"
+GOING = {
+    "walk, Rajagopal": (f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/markers_walk.trc",
+                        f"{RAJAGOPAL}/grf_walk.xml"),
+    "walk, gait2354": (f"{GAIT2354}/ref_scale/std_subject01_simbody.osim", f"{GAIT2354}/experiment/subject01_walk1.trc",
+                       f"{GAIT2354}/experiment/subject01_walk1_grf.xml"),
+    "run at 2 m/s, Hamner": (f"{HAMNER}/unscaled_generic.osim", f"{HAMNER}/run200/markers.trc",
+                             f"{HAMNER}/run200/grf.mot"),
+    "run at 5 m/s, Hamner": (f"{HAMNER}/unscaled_generic.osim", f"{HAMNER}/run500/markers.trc",
+                             f"{HAMNER}/run500/grf.mot"),
+}  # fmt: skip
+"""Model, markers and forces of recordings with whole strides on plates; the runner's model is calibrated."""
+SECONDS = 4.0
+"""Of a recording at most."""
+BESIDE = 0.08
+"""A recording of a single stride begins so much before it and ends so much after [s]."""
 
 
 def recorded(folder: Path, walk: Walk) -> tuple[Markers, Wrenches, Array]:
@@ -168,3 +196,75 @@ def _foot(markers: Markers, limbs: list[Limb], plates: Wrenches, k: int, middle:
         return float(np.linalg.norm(np.nan_to_num(places, nan=1e3).mean(axis=0) - point))
 
     return min(limbs, key=away).name
+
+
+def measure_duty(folder: Path) -> Iterator[Row]:
+    """Duty factors and peaks over strides, by plates, without them and of a single stride, beside the plates' own."""
+    for name, files in GOING.items():
+        model = open_model(folder / files[0])
+        markers = read_trc(folder / files[1]).markers
+        assert markers is not None
+        markers = cut(markers, markers.time[0], markers.time[0] + SECONDS)
+        if "run" in name:
+            model = calibrate(model, [markers], CalibrationOptions(frames=60)).model
+        fit = inverse_kinematics(model, markers)
+        wrenches = read_loads(folder / files[2], model, fit.motion)
+        weight = float(np.nanmean(_vertical(wrenches).sum(axis=1))) if "run" in name else model.weight
+        steps = [(body, *step) for body in dict.fromkeys(wrenches.bodies) for step in _steps(wrenches, body, weight)]
+        shown = [one for one in steps if markers.time[0] <= one[1] and one[3] <= markers.time[-1]]
+        own = np.array([(lift - start) / (stop - start) for _, start, lift, stop, _ in shown])
+        row: Row = {"recording": name, "strides on plates": len(shown), "duty factor by plates": float(np.mean(own))}
+        row["peak by plates [BW]"] = float(np.mean([one[4] for one in shown])) / weight
+        by_plates = walking_strides(model, fit.motion, fit, wrenches=wrenches)
+        alone = walking_strides(model, fit.motion, fit)
+        for label, found in (("strides", by_plates), ("strides without plates", alone)):
+            strides = () if found is None else found.strides
+            row[f"{label}: duty factor"] = float(np.nanmean([one.duty for one in strides])) if strides else float("nan")
+            row[f"{label}: peak over curves [BW]"] = _peak(strides, wrenches) / weight
+        yield row | _of_one(model, fit.motion, wrenches, shown[0], weight)
+
+
+def _of_one(
+    model: Model, motion: Motion, wrenches: Wrenches, step: tuple[str, float, float, float, float], weight: float
+) -> Row:
+    """The same where a recording holds one stride only."""
+    body, start, lift, stop, peak = step
+    short = cut(motion, start - BESIDE, stop + BESIDE)
+    row: Row = {
+        "one stride by plates: duty factor, peak [BW]": f"{(lift - start) / (stop - start):.3f}, {peak / weight:.2f}"
+    }
+    for label, plates in (("one stride", wrenches), ("one stride without plates", None)):
+        found = walking_strides(model, short, wrenches=plates)
+        strides = [] if found is None else [one for one in found.strides if one.limb == body]
+        told = ", ".join(f"{one.duty:.3f}" for one in strides) or "no stride"
+        row[f"{label}: duty factor, peak [BW]"] = f"{told}, {_peak(strides, wrenches) / weight:.2f}"
+    return row
+
+
+def _vertical(wrenches: Wrenches) -> Array:
+    return np.nan_to_num(wrenches.forces[:, :, 1])
+
+
+def _steps(wrenches: Wrenches, body: str, weight: float) -> list[tuple[float, float, float, float]]:
+    """Strike, lift, next strike [s] and greatest force [N] of each stride of a foot that the plates show whole."""
+    own = [k for k, one in enumerate(wrenches.bodies) if one == body]
+    force = _vertical(wrenches)[:, own].sum(axis=1)
+    found = contacts(wrenches.time, force, 0.03 * weight, 0.1)
+    time = wrenches.time
+    return [
+        (float(time[a]), float(time[b]), float(time[c]), float(force[a : b + 1].max()))
+        for (a, b), (c, _) in pairwise(found)
+        if a > 0
+    ]
+
+
+def _peak(strides: Sequence[Stride], wrenches: Wrenches) -> float:
+    """Greatest vertical force of the mean curve over strides, each foot's force over its own, mean of both feet [N]."""
+    peaks = []
+    for limb in dict.fromkeys(one.limb for one in strides):
+        own = [k for k, one in enumerate(wrenches.bodies) if one == limb]
+        if own:
+            force = Series(wrenches.time, (limb,), _vertical(wrenches)[:, own].sum(axis=1)[:, None])
+            spans = [(one.start, one.stop) for one in strides if one.limb == limb]
+            peaks.append(float(np.nanmean(over_cycles(force, spans).values, axis=0).max()))
+    return float(np.mean(peaks)) if peaks else float("nan")

@@ -34,7 +34,7 @@ from myomorph.store.results import read_result
 from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import TensionOptions, solve_tension
-from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import Sources
@@ -147,7 +147,7 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
     path = folder / HOME / "models" / "manually_scaled.osim"
     model, moved, wrenches = _recorded(folder, motion, span)
     draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), SEED))
-    body = drawn_model(model, draw)
+    body = drawn_subject(model, draw)
     truth = _truth(model, body, moved, wrenches, draw)
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
@@ -291,7 +291,7 @@ def _ratios(
 
 def command(*words: object) -> None:
     """A command of Myomorph, silent; raises where it fails."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as heard:
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as heard:
         status = main([str(one) for one in words])
     if status:
-        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {heard.getvalue()}")
+        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {said.getvalue()}{heard.getvalue()}")

@@ -133,15 +133,13 @@ def direction_of(
 
 def foot_track(
     time: Array, foot: Array, lifting: Array, trunk: Array, along: Array, options: StrideOptions
-) -> FootTrack | None:
-    """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind; None without any."""
+) -> FootTrack:
+    """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind."""
     ahead, behind = (foot - trunk) @ along, (lifting - trunk) @ along
     strikes, lifts = _extremes(time, ahead, options), _extremes(time, -behind, options)
-    if not len(strikes):
-        return None
     both = np.concatenate([np.diff(strikes), np.diff(lifts)])
     usual = float(np.median(both)) if len(both) else np.inf
-    strikes = strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]]
+    strikes = strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]] if len(strikes) else strikes
     lifts = lifts[[_is_seen(time, behind, at, options.gap * usual) for at in lifts]] if len(lifts) else lifts
     return FootTrack(foot, strikes, lifts, np.isfinite(ahead))
 
@@ -184,9 +182,15 @@ def _is_seen(time: Array, values: Array, at: float, within: float) -> bool:
 
 
 def on_plates(
-    track: FootTrack, limb: Limb, wrenches: Wrenches, up: Array, threshold: float, options: StrideOptions
+    track: FootTrack,
+    limb: Limb,
+    wrenches: Wrenches,
+    up: Array,
+    threshold: float,
+    span: tuple[float, float],
+    options: StrideOptions,
 ) -> FootTrack:
-    """Events that plates show in place of the nearest ones of the points."""
+    """Events that plates show in place of the nearest ones of the points, those within the points' span of time [s]."""
     columns = [k for k, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:
         return track
@@ -194,8 +198,8 @@ def on_plates(
     force = np.nan_to_num(wrenches.forces[:, columns] @ up).sum(axis=1)
     touches = contacts(wrenches.time, force, threshold, options.shortest * usual)
     inner = len(wrenches) - 1
-    strikes = [wrenches.time[start] for start, _ in touches if start > 0]
-    lifts = [wrenches.time[stop] for _, stop in touches if stop < inner]
+    strikes = [at for start, _ in touches if start > 0 and span[0] <= (at := wrenches.time[start]) <= span[1]]
+    lifts = [at for _, stop in touches if stop < inner and span[0] <= (at := wrenches.time[stop]) <= span[1]]
     near = NEAREST * usual
     return FootTrack(
         track.place,

@@ -181,14 +181,15 @@ def find_strides(
             along,
             options,
         )
-        if track is None:
-            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
-            continue
         if alone:
             track = on_events(on_events(track, limb, running, "running"), limb, events)
         if wrenches is not None and weight is not None:
-            track = on_plates(track, limb, wrenches, up, weight * options.threshold, options)
-        tracks[limb.name] = track
+            span = float(points.time[0]), float(points.time[-1])
+            track = on_plates(track, limb, wrenches, up, weight * options.threshold, span, options)
+        if len(track.strikes):
+            tracks[limb.name] = track
+        else:
+            notes.append(f"{limb.name}: the foot is not seen to go forward and back")
     ground = -abs(ground_speed) if ground_speed is not None else 0.0
     if ground_speed is None and not travels:
         ground = ground_speed_of(points.time, tracks, trunk, along, options)

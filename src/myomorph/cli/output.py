@@ -49,7 +49,7 @@ def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, Result
         table = Path(name)
         for path in folder.glob(f"{table.stem}_*{table.suffix}"):
             os.replace(path, out.with_name(f"{out.stem}{path.name.removeprefix(table.stem)}"))
-        for path in folder.glob("uncertainty.csv"):
+        for path in folder.glob("uncertainty*.csv"):
             os.replace(path, out.with_name(f"{out.stem}_{path.name}"))
         os.replace(folder / name, out)
 

@@ -81,7 +81,8 @@ def _say_remarks(plan: Plan) -> None:
 def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     """Print what a run by so many workers would do."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run.dry_run import dry_run, dry_run_lines
+    from myomorph.study.run.dry_run import dry_run
+    from myomorph.study.run.dry_run_text import dry_run_lines
 
     _say_remarks(plan)
     found = dry_run(plan, out, fresh, count)

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+
+import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.store.results import ResultWriter, Stored
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.results import ResultWriter, Stored, stored_values
+from myomorph.uncertainty.found_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
+from myomorph.uncertainty.value_errors import ValueErrors
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""
@@ -15,7 +21,9 @@ ENDINGS = {
     "high": "upper limit of 90 %",
     "sd": "standard deviation of the draws",
 }
-GROUP = "error_group"
+GROUP, VALUE, ERRORS = "error_group", "drawn_value", "value_error"
+SEPARATOR = ": "
+"""Between a step and its quantity in a result file."""
 
 
 def put_uncertainty(writer: ResultWriter, found: Uncertainty, units: dict[str, str]) -> None:
@@ -40,6 +48,7 @@ def put_uncertainty(writer: ResultWriter, found: Uncertainty, units: dict[str, s
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
     writer.fact("draws", f"{found.draws} {found.failed}")
     writer.fact("limits_widened", json.dumps(dict(found.factors)))
+    writer.fact("error_sizes", json.dumps(found.sizes))
 
 
 def get_uncertainty(stored: Stored) -> Uncertainty | None:
@@ -47,7 +56,7 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
     if "draws" not in stored.facts:
         return None
     spreads, shares = {}, {}
-    for name in (key.removesuffix("_sd") for key in stored.values if key.endswith("_sd")):
+    for name in (key.removesuffix("_sd") for key in stored.values if key.endswith("_sd") and key != "value_sd"):
         names = stored.names[_dimension(name)]
         spreads[name] = Spread(stored.time, names, *(stored.values[f"{name}_{one}"] for one in ENDINGS))
         if f"{name}_alone" in stored.values:
@@ -55,7 +64,43 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
             shares[name] = Shares(stored.names[GROUP], *parts)
     draws, failed = map(int, stored.facts["draws"].split())
     factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
-    return Uncertainty(spreads, shares, draws, failed, factors=factors)
+    sizes = tuple(SourceSize(*one) for one in json.loads(stored.facts.get("error_sizes", "[]")))
+    return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes)
+
+
+def put_value_errors(writer: ResultWriter, found: ValueErrors) -> None:
+    """Errors of the numbers of a trial under the draws, and their limits."""
+    if not found.names:
+        return
+    writer.names(VALUE, [SEPARATOR.join(one) for one in found.names])
+    writer.sizes("draw", len(found.errors))
+    writer.put(ERRORS, ("draw", VALUE), found.errors.astype(np.float32), "", "error of a value under a draw, widened")
+    for ending, values in zip(ENDINGS, found.limits(), strict=True):
+        writer.put(f"value_{ending}", (VALUE,), values, "", f"{ENDINGS[ending]}, less the value")
+
+
+def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """By step and quantity how far limits lie from the value, and the SD; {} where nothing was drawn."""
+    if "value_sd" not in stored.values or VALUE not in stored.names:
+        return {}
+    columns = (stored.values[f"value_{ending}"].tolist() for ending in ENDINGS)
+    return dict(zip(_pairs(stored), zip(*columns, strict=True), strict=True))
+
+
+def read_value_errors(path: Path) -> ValueErrors | None:
+    """Errors of the numbers of a trial under its draws, None where nothing was drawn or there is no such file."""
+    if not path.is_file():
+        return None
+    with open_netcdf(path) as file:
+        if all(one.name != ERRORS for one in file.variables()):
+            return None
+        stored = stored_values(path, file, only=(VALUE, ERRORS))
+    return ValueErrors(_pairs(stored), np.asarray(stored.values[ERRORS], np.float64))
+
+
+def _pairs(stored: Stored) -> tuple[tuple[str, str], ...]:
+    parts = (one.split(SEPARATOR, 1) for one in stored.names[VALUE])
+    return tuple((step, quantity) for step, quantity in parts)
 
 
 def _dimension(name: str) -> str:

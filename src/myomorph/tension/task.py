@@ -181,6 +181,17 @@ class TensionTask:
         own = (self.model, self.motion, tension, self.wrenches)
         return joint_contact_forces(*own, points.points, actuators=self.actuators)
 
+    def contact_groups(self, tension: Tension) -> Table:
+        """Force of every contact, its sites together, on the body in ground: `<group>_fx`, `_fy`, `_fz`, `_f` [N]."""
+        assert tension.contacts is not None
+        sites, forces = tension.contacts.sites, tension.contacts.forces
+        groups = tuple(dict.fromkeys(one.group for one in sites))
+        sums = np.stack([forces[:, [one.group == name for one in sites]].sum(axis=1) for name in groups], axis=1)
+        values = np.concatenate([sums, np.linalg.norm(sums, axis=2, keepdims=True)], axis=2)
+        names = tuple(f"{name}_{end}" for name in groups for end in ("fx", "fy", "fz", "f"))
+        facts = FrozenMap({"name": "Forces of contacts"})
+        return Table(tension.time, names, values.reshape(len(values), -1), facts=facts)
+
     def loads(self, tension: Tension) -> tuple[Wrenches, Series]:
         """All external forces, those of estimated contacts included, and the generalized forces that they leave."""
         assert self.setting is not None

@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.arrays import Array, changed
+from myomorph.model.latest import Latest
 from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.motion.root import floating_coordinates
+from myomorph.muscles.hill_arrays import compile_hill_as
+from myomorph.muscles.path import compile_paths_as
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.tree import compile_tree_as
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 
@@ -24,16 +30,29 @@ class Draw:
     ----------
     number : which of the draws
     sources : those that are not drawn have size 0
+    found : sizes of single items that earlier steps found
     """
 
     number: int
     sources: Sources
     normals: Normals
+    found: FoundSizes = NOTHING
 
-    def of(self, source: str, name: str, size: int = 1) -> Array:
-        """(size,) errors of a source in its own unit, constant over the recording."""
+    def of(self, source: str, name: str, size: int = 1, item: str = "") -> Array:
+        """(size,) errors of a source in its own unit, constant over the recording.
+
+        Parameters
+        ----------
+        name : whose random numbers they are
+        item : by which sizes are found, where it is not the name
+        """
         scale = getattr(self.sources, source)
-        return scale * self.normals.of(self.number, source, name, size) if scale else np.zeros(size)
+        if not scale:
+            return np.zeros(size)
+        own = self.found.of(source, item or name)
+        if own is not None:
+            scale, name = own.size, own.shared or name
+        return np.asarray(scale * self.normals.of(self.number, source, name, size))
 
     def factor(self, source: str, name: str) -> float:
         """A positive factor around 1 whose logarithm has the source's size."""
@@ -49,7 +68,7 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     draw : which errors
     """
     has, parts = draw.sources, dict[str, Any]()
-    if has.segment_mass or has.mass_center or has.inertia:
+    if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
     if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
@@ -65,11 +84,61 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     return replace(model, **parts) if parts else model
 
 
+def drawn_subject(model: Model, draw: Draw) -> Model:
+    """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that was given.
+
+    Whoever made the model chose slack lengths so that fibers are as long in the default pose as they should be. A path
+    with a point elsewhere, or another fiber, would have got another tendon; with the old one it would stretch fibers
+    to where they tear. How far off the fit itself is says the source `slack_length`.
+    """
+    made = drawn_model(model, draw)
+    if made is model:
+        return model
+    # Nothing else differs: to compile it all anew would take most of the time of a draw.
+    compile_tree_as(made, model)
+    if not model.muscles:
+        return made
+    compile_paths_as(made, model)
+    has = draw.sources
+    if has.attachment or has.wrap_radius or has.fiber_length:
+        made = _with_fitted_tendons(made, model)
+        compile_tree_as(made, model)
+        compile_paths_as(made, model)
+    compile_hill_as(made, model)
+    return made
+
+
+def _with_fitted_tendons(made: Model, given: Model) -> Model:
+    """Slack lengths with which normalized fiber lengths in the default pose are those of the model that was given."""
+    muscles = []
+    for one, old, length, before in zip(
+        made.muscles, given.muscles, default_path_lengths(made), _lengths(given), strict=True
+    ):
+        stretched = max(float(before) - old.tendon_slack_length, 0.0)
+        more = float(length - before) - (one.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
+        least = 0.5 * old.tendon_slack_length
+        muscles.append(changed(one, tendon_slack_length=max(one.tendon_slack_length + more, least)))
+    return replace(made, muscles=tuple(muscles))
+
+
+_lengths = Latest(default_path_lengths)
+
+
+def stronger(model: Model, factor: float) -> Model:
+    """The same with all muscles stronger, compiled as the one that was given."""
+    muscles = (changed(one, max_isometric_force=factor * one.max_isometric_force) for one in model.muscles)
+    made = replace(model, muscles=tuple(muscles))
+    compile_tree_as(made, model)
+    compile_paths_as(made, model)
+    compile_hill_as(made, model)
+    return made
+
+
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
-    """Bodies whose masses sum up to the same."""
+    """Bodies whose masses sum up to the same, but for the error of the whole."""
     masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}
     whole = sum(masses.values())
-    scale = model.mass / whole if whole > 0.0 else 1.0
+    scale = draw.factor("body_mass", "body") * (model.mass / whole if whole > 0.0 else 1.0)
     return tuple(_body(one, scale * masses[one.name], draw) for one in model.bodies)
 
 
@@ -113,7 +182,7 @@ def _path(path: Path, muscle: str, draw: Draw) -> Path:
     if not draw.sources.attachment:
         return path
     points = tuple(
-        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3))
+        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3, f"{muscle}/{one.name}"))
         if isinstance(one, PathPoint)
         else one
         for k, one in enumerate(path.points)

@@ -11,10 +11,12 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "markers": ("marker_noise", "skin_thigh", "skin_shank", "skin_foot", "skin_trunk", "skin_arm", "angle"),
     "placement": ("placement",),
     "forces": ("plate_position", "plate_gain", "clock"),
-    "masses": ("segment_mass", "mass_center", "inertia"),
+    "contacts": ("contact_time", "contact_point"),
+    "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
     "joints": ("joint_center", "joint_axis"),
     "filter": ("filter_cutoff",),
     "paths": ("attachment", "wrap_radius"),
+    "joint contacts": ("joint_contact_point",),
     "muscles": ("strength", "fiber_length", "slack_length"),
     "EMG": ("emg_gain",),
     "criterion": ("criterion",),
@@ -38,7 +40,10 @@ class Sources:
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
     clock : of the forces against the motion [s]
-    segment_mass : of each body, as a share of it, the whole mass being known (Rao et al. 2006)
+    contact_time : at which a contact whose force is estimated begins, and ends [s] (Zeni et al. 2008)
+    contact_point : of such a contact on its body, each axis [m]
+    body_mass : of the whole body, as a share: clothes and shoes are weighed along or not (Whigham et al. 2013)
+    segment_mass : of each body, as a share of it, beside the error of the whole (Rao et al. 2006)
     mass_center : of each body and axis, as a share of its radius of gyration
     inertia : of each body, as a share
     joint_center : of each joint and axis [m] (Kainz et al. 2015)
@@ -46,12 +51,15 @@ class Sources:
     filter_cutoff : of the low-pass filter, as a share: 4 to 9 Hz lie within one deviation of 6 Hz
     attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
     wrap_radius : of each wrapping surface, as a share
+    joint_contact_point : of each contact point of a joint, each axis [m]; bones of others, and legs whose axes differ,
+        move where condyles meet by millimetres (Lerner et al. 2015)
     strength : of each muscle's maximum isometric force, as a share
     fiber_length : optimal, of each muscle, as a share
     slack_length : of each tendon, as a share of the optimal fiber length
     emg_gain : of each channel of EMG, as a share
     criterion : which effort is least is a convention: above 0 half of the draws take the exponent 3 (Crowninshield
-        and Brand 1981) in the place of 2, and half weights by volume in the place of equal ones
+        and Brand 1981) in the place of 2, and half weights by volume in the place of equal ones; of contacts half
+        find their forces before the muscles'
     """
 
     marker_noise: float = 0.0005
@@ -66,6 +74,9 @@ class Sources:
     plate_position: float = 0.003
     plate_gain: float = 0.01
     clock: float = 0.002
+    contact_time: float = 0.02
+    contact_point: float = 0.01
+    body_mass: float = 0.01
     segment_mass: float = 0.1
     mass_center: float = 0.1
     inertia: float = 0.15
@@ -74,6 +85,7 @@ class Sources:
     filter_cutoff: float = 0.4
     attachment: float = 0.004
     wrap_radius: float = 0.05
+    joint_contact_point: float = 0.004
     strength: float = 0.2
     fiber_length: float = 0.1
     slack_length: float = 0.05

@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.uncertainty.found_sizes import SourceSize
 
 LEVEL = 0.9
 IN_MEMORY = 100e6
@@ -82,6 +83,7 @@ class Uncertainty:
     shares : by the tables' names, what each group of sources contributes
     draws, failed : how many inputs were drawn, and of how many there is no solution
     factors : by which the limits of tables are wider than those that hold 90 % of the draws
+    sizes : of the sources of error, and where each comes from
     """
 
     spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
@@ -90,6 +92,7 @@ class Uncertainty:
     failed: int = 0
     notes: tuple[str, ...] = ()
     factors: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    sizes: tuple[SourceSize, ...] = ()
 
     @property
     def summary(self) -> str:

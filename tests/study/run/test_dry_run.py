@@ -8,7 +8,8 @@ import pytest
 
 from identified_arm import put_on_plate
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run, dry_run_lines
+from myomorph.study.run.dry_run import dry_run
+from myomorph.study.run.dry_run_text import dry_run_lines
 from myomorph.study.run.expected_time import ModelSize, StepTimes, in_words
 from myomorph.study.run.run import run_study
 

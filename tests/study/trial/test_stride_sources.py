@@ -9,8 +9,9 @@ from made_walker import PERIOD, recording, walker
 from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.strides import find_strides
 from myomorph.analysis.walking import walking_strides
-from myomorph.model.series import Event, Series
+from myomorph.model.series import Event, Series, Wrenches
 from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.sync import cut
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import put_events, put_motion
 from myomorph.study.trial.steps.id import Torques
@@ -77,3 +78,23 @@ def test_events_of_a_side_are_not_those_of_two_feet_on_it():
     assert any("events" in note for note in found.notes)
     single = find_strides(points, limbs[:1], ["trunk"], up, events=events)
     assert set(np.round([0.3, 1.3, 2.3], 6)) <= set(np.round(single.strikes["fore_r"], 6))
+
+
+def test_plates_tell_the_only_stride_of_a_recording(walk):
+    """A foot that is not seen to turn at its strikes has those that its plate shows, and none outside of the motion."""
+    model, motion, alone, _ = walk
+    start, stop = alone.strikes["foot_r"][1:3]
+    lift = next(one for one in alone.lifts["foot_r"] if one > start)
+    time = np.arange(motion.time[0], motion.time[-1], 1e-3)
+    stands = np.zeros(len(time), bool)
+    for one in alone.strikes["foot_r"]:
+        stands |= (time >= one) & (time < one + lift - start)
+    forces = np.zeros((len(time), 1, 3))
+    forces[stands, 0] = model.weight * np.asarray(model.up)
+    plate = Wrenches(time, ("plate",), ("foot_r",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    short = cut(motion, start - 0.05, stop + 0.05)
+    without = walking_strides(model, short)
+    assert without is None or "foot_r" not in {one.limb for one in without.strides}
+    (found,) = [one for one in walking_strides(model, short, wrenches=plate).strides if one.limb == "foot_r"]
+    assert (found.start, found.lift, found.stop) == pytest.approx((start, lift, stop), abs=0.01)
+    assert found.source == "plates"

@@ -82,6 +82,41 @@ class Described:
     conditions: tuple[tuple[float, float, int], ...]
 
 
+@dataclass(frozen=True)
+class ValueDifference:
+    """A quantity in two conditions, the second less the first.
+
+    Attributes
+    ----------
+    paired : whether it is of subjects (or trials of one subject) with both
+    unit_of : "subjects", or "trials" of one subject
+    count : of these in each condition
+    low, high : interval by the spread of subjects or trials alone, NaN with fewer than two
+    measured_sd : standard deviation that the draws leave of the difference, NaN where nothing was drawn
+    low_all, high_all : interval with both
+    """
+
+    first: str
+    second: str
+    step: str
+    quantity: str
+    unit: str
+    paired: bool
+    unit_of: str
+    count: tuple[int, int]
+    means: tuple[float, float]
+    low: float
+    high: float
+    measured_sd: float
+    low_all: float
+    high_all: float
+
+    @property
+    def difference(self) -> float:
+        """Of the means."""
+        return self.means[1] - self.means[0]
+
+
 @dataclass(frozen=True, eq=False)
 class StudyInput:
     """A study as its page shows it.
@@ -89,6 +124,7 @@ class StudyInput:
     Attributes
     ----------
     described : quantities in the order of the tables
+    differences : of values between conditions, where errors were drawn
     changes : what made steps be computed again, each with the trials it concerns
     files : tables beside the page, place and what they hold
     """
@@ -101,6 +137,7 @@ class StudyInput:
     comparisons: tuple[Comparison, ...] = ()
     outliers: tuple[Outlier, ...] = ()
     described: tuple[Described, ...] = ()
+    differences: tuple[ValueDifference, ...] = ()
     changes: tuple[tuple[str, tuple[str, ...]], ...] = ()
     notes: tuple[str, ...] = ()
     files: tuple[tuple[str, str], ...] = ()

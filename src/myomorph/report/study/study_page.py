@@ -28,7 +28,14 @@ from myomorph.report.study.group_page import (
     name_and_unit,
     scalar_grid,
 )
-from myomorph.report.study.study_given import Described, Outlier, StudyInput, TrialLine, TrialState
+from myomorph.report.study.study_given import (
+    Described,
+    Outlier,
+    StudyInput,
+    TrialLine,
+    TrialState,
+    ValueDifference,
+)
 
 MAX_OPEN, MAX_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
@@ -37,6 +44,8 @@ STYLES = ("right", "left", "third", "second", "fourth", "middle")
 
 MAX_DIFFERENT = 12
 """Curves of a comparison that are drawn."""
+MAX_VALUES = 24
+"""Differences of values that are shown of a pair of conditions."""
 LONG = 60
 """Rows from which on a table is folded away at first."""
 MAX_LISTED = 3
@@ -63,6 +72,7 @@ def study_page(given: StudyInput) -> str:
         *_described(given),
         *(_family(given, family) for family in families),
         *(_comparison(one, k, given) for k, one in enumerate(given.comparisons)),
+        *_differences(given),
         *_outliers(given),
         *_trials(given),
         *_files(given),
@@ -188,6 +198,34 @@ def _described(given: StudyInput) -> list[Section]:
 def _described_row(one: Described) -> tuple[str, ...]:
     unit = "" if one.unit == "1" else f" [{one.unit}]"
     return (f"{one.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in one.conditions))
+
+
+def _differences(given: StudyInput) -> list[Section]:
+    """Values that differ most beside what is open, with the draws' errors in their intervals."""
+    grids = []
+    for pair in dict.fromkeys((one.first, one.second) for one in given.differences):
+        own = [one for one in given.differences if (one.first, one.second) == pair and one.high_all > one.low_all]
+        own.sort(key=lambda one: -abs(one.difference) / (one.high_all - one.low_all))
+        rows = tuple(_difference_row(one) for one in own[:MAX_VALUES])
+        head = ("Quantity", pair[0], pair[1], "Difference", "95 %, spread alone", "95 %, with errors", "SD of errors")
+        grids.append(Grid(head, rows, " and ".join(pair)))
+    if not grids:
+        return []
+    lead = (
+        "Differences whose errors were drawn, those that are largest beside their interval first; "
+        "value_differences.csv has all. Errors that a subject's trials share cancel as far as both conditions "
+        "have them. The spread of several subjects holds the errors of each; that of one subject's trials does "
+        "not hold what they share, which is added."
+    )
+    return [Section("differences", "Differences with their errors", lead, grids=tuple(grids))]
+
+
+def _difference_row(one: ValueDifference) -> tuple[str, ...]:
+    unit = "" if one.unit == "1" else f" [{one.unit}]"
+    spread = f"{number(one.low)} to {number(one.high)}" if np.isfinite(one.low) else "–"
+    whole = f"{number(one.low_all)} to {number(one.high_all)}"
+    means = (number(one.means[0]), number(one.means[1]))
+    return (f"{one.quantity}{unit}", *means, number(one.difference), spread, whole, number(one.measured_sd))
 
 
 def _family(given: StudyInput, family: str) -> Section:

@@ -7,6 +7,7 @@ import numpy as np
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.prepared import Prepared
+from myomorph.uncertainty.found_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 TITLES = {
@@ -15,7 +16,9 @@ TITLES = {
     "activations": ("Muscle activations", ""),
     "forces": ("Muscle tensions", "N"),
     "joint_reactions": ("Joint loads", "N or N·m"),
-    "contact_forces": ("Contact forces", "N"),
+    "contact_forces": ("Contact forces of bodies", "N"),
+    "contact_groups": ("Contact forces", "N"),
+    "joint_contact_forces": ("Forces at contact points of joints", "N"),
 }
 ROWS = 12
 """Columns of a table that are shown, those that are least sure first."""
@@ -32,6 +35,8 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
     for name, spread in found.spreads.items():
         title, unit = TITLES.get(name, (name.replace("_", " ").capitalize(), ""))
         grids.append(_grid(title, unit, spread, found.shares.get(name)))
+    if found.sizes:
+        grids.append(_sizes(found.sizes))
     lead = (
         f"{found.draws - found.failed} of {found.draws} inputs, drawn with errors of sizes that were stated or that "
         f"are usual, have a solution; {found.summary}. They are as right as these sizes are. Of each "
@@ -49,6 +54,17 @@ def _grid(title: str, unit: str, spread: Spread, shares: Shares | None) -> Grid:
         row = (spread.names[k], f"{number(widths[k])} {unit}", f"{number(deviations[k])} {unit}")
         rows.append((*row, _leading(shares, int(k))))
     return Grid(("Column", "Mean width of the limits", "Standard deviation", "Most of it from"), tuple(rows), title)
+
+
+def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
+    """How large sources of error were taken to be, those that are left out not."""
+    rows = []
+    for one in sizes:
+        if not one.size:
+            continue
+        found = f"{one.origin}, {one.items} sizes, {number(one.least)} to {number(one.greatest)}"
+        rows.append((one.source, one.group, number(one.size), found if one.items else one.origin))
+    return Grid(("Source", "Group", "Standard deviation", "From"), tuple(rows), "Sizes of errors")
 
 
 def _leading(shares: Shares | None, column: int) -> str:

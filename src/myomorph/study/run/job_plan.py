@@ -182,7 +182,7 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     maker : subject whose steps they are
     settings : of the trial's subject
     """
-    files = replace(files, model=made.path)
+    files = replace(files, model=made.path, error_sizes=made.sizes)
     if maker != files.subject:
         return files
     if made.gains is not None and files.emg is not None:

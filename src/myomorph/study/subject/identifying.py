@@ -28,6 +28,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup
 from myomorph.study.subject.body_points import OWN, body_points
+from myomorph.study.subject.found_errors import identified_errors
 from myomorph.study.subject.subject_files import (
     BodyOptions,
     BodyShape,
@@ -38,6 +39,7 @@ from myomorph.study.subject.subject_files import (
 )
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.external_forces import NEAREST, NamedBodies, read_loads
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, load_tables
@@ -249,6 +251,8 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     given = identification_input(found, validation=identified.validation, surfaces=surfaces)
     for name, sheet in identification_tables(given).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
+    if len(given.sd):
+        write_error_sizes(folder, STEP.name, identified_errors(found.model, given.sd))
     made = identified.provenance
     sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
     page = report_page(

@@ -32,10 +32,12 @@ from myomorph.report.morph.morph_summary import morph_lines
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup
+from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.trial_files import Settings
 
 
@@ -198,6 +200,7 @@ def write_morphed(
             write_obj(surface, folder / files[body])
         for name, (header, rows) in morphing_tables(morphed.morph, morphed.checks).items():
             _write_table(header, rows, folder / name)
+        write_error_sizes(folder, STEP.name, morphed_errors(morphed.morph))
         text = page or morph_page(morphed.morph, morphed.checks, morphed.provenance, morphed.warnings)
         (folder / REPORT).write_text(text, encoding="utf-8")
 

@@ -24,9 +24,11 @@ from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, 
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
+from myomorph.study.subject.found_errors import personal_errors
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
+from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.external_forces import NEAREST, NamedBodies
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -227,6 +229,7 @@ def write_personalized(made: PersonalizedFiles, out: Path, tables: Path | None =
 def _write(made: PersonalizedFiles, folder: Path) -> None:
     found = made.found
     _rows(estimate_rows(found), folder / TABLE)
+    write_error_sizes(folder, STEP.name, personal_errors(found))
     if len(found.recordings):
         _rows(fiber_rows(found), folder / FIBERS)
     if found.held_out is not None:

@@ -24,9 +24,11 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, file_source, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
+from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_trial
@@ -124,6 +126,7 @@ def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[
             write_sto(table_from_motion(trial.motion, found.model), motions / f"{file_name(trial.name)}.mot")
         _write_rows(trial_rows(found), folder / "trials.csv")
         _write_rows(mass_rows(found), folder / "masses.csv")
+        write_error_sizes(folder, STEP.name, refined_errors(found))
         _write_rows(length_rows(found), folder / "lengths.csv")
         # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT

@@ -13,6 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of, value_source
 from myomorph.study.subject.morph_files import MorphFiles
+from myomorph.study.trial.error_sizes import TABLE as ERROR_SIZES
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import StepHead
@@ -118,12 +119,14 @@ class MadeModel:
     drawn : file beside which its meshes lie
     gains : of the subject's EMG channels, None where no step finds them
     motions : folder with refined coordinates of the subject's trials, None where no step finds them
+    sizes : tables of how far off the model may be, one of each step; where a step finds none it is not there
     """
 
     path: Path
     drawn: Path
     gains: Path | None = None
     motions: Path | None = None
+    sizes: tuple[Path, ...] = ()
 
     def open(self) -> Model:
         """The model; raises `BadFile` or `BadModel`."""
@@ -213,5 +216,6 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
         path = folder / step.model if step.model else made.path
         gains = folder / step.tables / step.gains if step.gains else made.gains
         motions = folder / step.tables / step.motions if step.motions else made.motions
-        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, motions)
+        sizes = (*made.sizes, folder / step.tables / ERROR_SIZES)
+        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, motions, sizes)
     return made

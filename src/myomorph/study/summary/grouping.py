@@ -17,14 +17,20 @@ from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.study.group_page import group_page
+from myomorph.report.study.study_given import ValueDifference
 from myomorph.store.results import STORED, file_name, read_result
+from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.groups import GroupPlan
 from myomorph.study.summary.page_key import groups_key, with_key
+from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
 from myomorph.study.trial.reporting import model_of
+from myomorph.study.trial.tidy import VALUES as TRIAL_VALUES
+from myomorph.study.trial.tidy import read_values
 from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_turn, trial_strides
 
 PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
-TABLES = (PARAMETERS, CURVES, STRIDES)
+VALUES = "group_values.csv"
+TABLES = (PARAMETERS, CURVES, STRIDES, VALUES)
 
 
 def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
@@ -56,9 +62,23 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
     _write(out / PARAMETERS, _parameter_table(found))
     _write(out / CURVES, _curve_table(found))
     _write(out / STRIDES, _stride_table(rows))
+    head, *lines = difference_rows(_value_differences(plan, out))
+    _write(out / VALUES, _table(head, lines))
     # Last, so that where the page is new the tables are.
     _write(out / PAGE, with_key(page, groups_key(plan, name, out, [out / table for table in TABLES])))
     return found
+
+
+def _value_differences(plan: GroupPlan, out: Path) -> list[ValueDifference]:
+    """Every value of the trials in both groups, with the errors of draws where there are any."""
+    values = MeasuredValues()
+    for name, subjects in (plan.first, plan.second):
+        for subject, trial in ((one, trial) for one in subjects for trial in plan.trials[one]):
+            folder = out / file_name(subject) / file_name(trial)
+            if (folder / TRIAL_VALUES).is_file():
+                errors = read_value_errors(folder / f"{file_name(trial)}{STORED}")
+                values.add((subject, name, trial), read_values(folder / TRIAL_VALUES), errors)
+    return differences(values, (plan.first[0], plan.second[0]))
 
 
 def _group(

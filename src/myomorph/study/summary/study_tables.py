@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
@@ -18,7 +20,8 @@ from myomorph.io.parsing.text import written
 from myomorph.report.study.study_given import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
 from myomorph.store.outcome import Outcome
-from myomorph.store.results import made_at
+from myomorph.store.results import STORED, file_name, made_at
+from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.plan import Plan
 from myomorph.study.summary.condition_values import (
     COMPARED,
@@ -34,9 +37,11 @@ from myomorph.study.summary.condition_values import (
 )
 from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.summary.page_key import tables_key, with_key
+from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
 from myomorph.study.trial.reporting import REPORT
 from myomorph.study.trial.tidy import (
     CURVES,
+    NUMBERS,
     QUALITY,
     QUALITY_COLUMNS,
     VALUE_COLUMNS,
@@ -44,8 +49,10 @@ from myomorph.study.trial.tidy import (
     read_curves,
     read_quality,
     read_values,
+    value_row,
 )
 from myomorph.study.trial.trial_inputs import Value
+from myomorph.uncertainty.value_errors import ValueErrors
 
 SMALL, LARGE = 10.0, 25.0
 """An angle that stays within the first on one side of zero and passes the second on the other bends one way [deg]."""
@@ -54,6 +61,7 @@ MAX_NAMED = 4
 PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
 TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
 CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
+VALUE_DIFFERENCES = "value_differences.csv"
 OF_TRIALS = (VALUES, CURVES, QUALITY)
 """Tables of each trial from which these are made."""
 WHOSE = ("subject", "condition", "trial")
@@ -68,6 +76,7 @@ FILES = (
     (CONDITION_VALUES, "every value in every condition: mean, standard deviation, number of subjects"),
     (CONDITION_CURVES, "mean curves of every condition with standard deviation and interval"),
     (DIFFERENCES, "every pair of conditions: differences, effect sizes, corrected p"),
+    (VALUE_DIFFERENCES, "every value in every pair of conditions: difference, and its interval with the draws' errors"),
     (OUTLIERS, "values far from those of the other trials"),
 )
 
@@ -122,6 +131,13 @@ class _Trial:
         return self.outcome.subject, self.condition, self.outcome.trial
 
     @property
+    def drawn(self) -> ValueErrors | None:
+        """Errors of its numbers under draws, None where nothing was drawn."""
+        if "uncertainty" not in self.outcome.done:
+            return None
+        return read_value_errors(self.outcome.folder / f"{file_name(self.outcome.trial)}{STORED}")
+
+    @property
     def has_values(self) -> bool:
         return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / VALUES).is_file()
 
@@ -144,17 +160,18 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     trials = _in_order(plan, outcomes)
     lines = _write_quality(plan, trials, out)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
-    search, signs = OutlierSearch(), SignSearch()
+    search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
     with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
         for one in trials:
             if not one.has_values:
                 continue
             values = [each for each in read_values(one.outcome.folder / VALUES) if each.step in one.outcome.done]
-            table.writerows((*one.whose, each.step, each.quantity, f"{each.value:.9g}", each.unit) for each in values)
+            table.writerows((*one.whose, *value_row(each)) for each in values)
             keep(one.whose, values)
             condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
             condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
             search.add(one.whose, values)
+            measured.add(one.whose, values, one.drawn)
             signs.add(one.outcome.subject, values)
     if len([one for one in growing.values() if one.trials]) > 1:
         for condition in growing.values():
@@ -162,7 +179,8 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     for one in trials:
         if one.has_values:
             search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))
-    _write_conditions(plan, trials, lines, [one for one in growing.values() if one.trials], search, signs.notes(), out)
+    given = [one for one in growing.values() if one.trials]
+    _write_conditions(plan, trials, lines, given, search, measured, signs.notes(), out)
 
 
 def _write_conditions(
@@ -171,6 +189,7 @@ def _write_conditions(
     lines: Sequence[TrialLine],
     growing: Sequence[GrowingCondition],
     search: OutlierSearch,
+    measured: MeasuredValues,
     notes: Sequence[str],
     out: Path,
 ) -> None:
@@ -180,11 +199,13 @@ def _write_conditions(
     conditions = tuple(one.finished(subjects) for one in growing)
     comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
     quantities = described(growing)
+    compared = differences(measured, [one.name for one in growing])
     for name, rows in (
         (OUTLIERS, outlier_rows(found)),
         (CONDITION_VALUES, described_rows(quantities, conditions)),
         (CONDITION_CURVES, curve_rows(conditions)),
         (DIFFERENCES, pair_rows(comparisons)),
+        (VALUE_DIFFERENCES, difference_rows(compared)),
     ):
         with _csv(out / name, next(rows)) as table:
             table.writerows(rows)
@@ -199,6 +220,7 @@ def _write_conditions(
         comparisons,
         tuple(found),
         tuple(one for one in quantities if one.quantity in shown),
+        tuple(one for one in compared if one.quantity in shown and np.isfinite(one.measured_sd)),
         _changes(trials),
         (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
@@ -307,7 +329,7 @@ def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Va
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    kinds = {name: pa.float64() if name == "value" else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
+    kinds = {name: pa.float64() if name in NUMBERS else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
     schema = pa.schema(list(kinds.items()))
     temporary = path.with_name(f".{path.name}.part")
     waiting: list[pa.RecordBatch] = []

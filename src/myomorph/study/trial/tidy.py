@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.prepared import Prepared
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored
+from myomorph.store.uncertainty_store import get_value_limits
 from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.step import step_of
 from myomorph.study.trial.step_table import REPORT, STEPS
@@ -26,7 +27,9 @@ from myomorph.study.trial.trial_strides import TrialStrides, by_side
 VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
 OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
 IN_STRIDE = "in a stride"
-VALUE_COLUMNS = ("step", "quantity", "value", "unit")
+VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd")
+NUMBERS = ("value", "low", "high", "sd")
+"""Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn."""
 QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time_s", "detail")
 
 
@@ -48,6 +51,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     mass = float(found.facts.get("mass") or 0.0) or model.mass
     signals = [one for step in STEPS for one in step_of(step).signals(found, model, mass)]
     cycles = [_cycles(one, strides) for one in signals]
+    limits = get_value_limits(found)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
     _write_rows(
         outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.given.head.warnings)
@@ -57,11 +61,25 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
         outcome.folder / VALUES,
         VALUE_COLUMNS,
         (
-            (one.step, one.quantity, f"{one.value:.9g}", one.unit)
+            value_row(_with_limits(one, limits))
             for one in trial_values(found, model, strides, signals, cycles)
             if np.isfinite(one.value)
         ),
     )
+
+
+def value_row(one: Value) -> tuple[str, ...]:
+    """A row of `VALUE_COLUMNS`."""
+    drawn = (f"{number:.6g}" if np.isfinite(number) else "" for number in (one.low, one.high, one.sd))
+    return (one.step, one.quantity, f"{one.value:.9g}", one.unit, *drawn)
+
+
+def _with_limits(one: Value, limits: Mapping[tuple[str, str], tuple[float, float, float]]) -> Value:
+    known = limits.get((one.step, one.quantity))
+    if known is None:
+        return one
+    low, high, deviation = known
+    return one._replace(low=one.value + low, high=one.value + high, sd=deviation)
 
 
 def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
@@ -191,7 +209,10 @@ def read_values(path: Path) -> list[Value]:
     with path.open(newline="", encoding="utf-8") as stream:
         rows = csv.reader(stream)
         next(rows, None)
-        return [Value(step, quantity, float(value), unit) for step, quantity, value, unit in rows]
+        return [
+            Value(step, quantity, float(value), unit, *(float(one or "nan") for one in drawn))
+            for step, quantity, value, unit, *drawn in rows
+        ]
 
 
 def read_quality(path: Path) -> list[dict[str, str]]:

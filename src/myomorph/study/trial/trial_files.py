@@ -31,6 +31,7 @@ from myomorph.store.settings import (
 from myomorph.study.trial import inputs
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.emg_gains import read_gains, rescaled
+from myomorph.study.trial.error_sizes import read_error_sizes, tables_beside
 from myomorph.study.trial.external_forces import read_loads, recording_wrenches
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.step import step_head
@@ -65,6 +66,8 @@ class TrialFiles:
     emg_gains : gains of the subject's channels, found over all trials; None finds them on this recording alone
     refined : coordinates that the subject's step `refine` found; no such file where the trial was not among its own
     refined_cutoff : of the low-pass filter of the forces that these agree with [Hz]
+    error_sizes : tables of how far off the model may be, in the order of the steps that found it; () for those that
+        a command left beside the model
     contacts : "auto", or a file of touches or contact sites; "" to estimate no contact force
     measured : what measured forces are used for where contacts are estimated; None as the file says
     contact_points : "auto", a folder of bone meshes, or a file of points that share a joint's force; "" for none
@@ -95,6 +98,7 @@ class TrialFiles:
     refined_cutoff: float = 6.0
     tasks: Path | None = None
     actuators: Path | None = None
+    error_sizes: tuple[Path, ...] = ()
     contacts: str = ""
     measured: Measured | None = None
     contact_points: str = ""
@@ -296,6 +300,7 @@ def _common(files: TrialFiles, settings: Settings, model: Model) -> TrialInputs:
         contact_points=points,
         phases=files.phases,
         actuators=_actuators(files, model),
+        error_sizes=read_error_sizes(files.error_sizes or tables_beside(files.model)),
         sources=tuple(sources),
         warnings=(
             *(f"{files.model.name}: {text}" for text in model.warnings),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -18,6 +19,7 @@ from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -119,6 +121,7 @@ class TrialInputs:
     contacts : what is known of contacts whose forces are to be estimated, None to estimate none
     contact_points : of joints whose forces are shared among them, None for none
     actuators : beside the model's own; None adds a weak reserve for every coordinate
+    error_sizes : how far off the model may be, as the steps found that made it
     phases : parts of the motion that the report shows apart, name to start and end [s]
     truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
     parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
@@ -149,6 +152,7 @@ class TrialInputs:
     contacts: ContactPlan | None = None
     contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
+    error_sizes: FoundSizes = NOTHING
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
     parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))
@@ -185,12 +189,20 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial: the step it comes from, what it is, and its unit."""
+    """One number of a trial: the step it comes from, what it is, and its unit.
+
+    Attributes
+    ----------
+    low, high, sd : limits of 90 % and standard deviation of draws, NaN where nothing was drawn
+    """
 
     step: str
     quantity: str
     value: float
     unit: str
+    low: float = math.nan
+    high: float = math.nan
+    sd: float = math.nan
 
 
 @read_only

@@ -104,6 +104,7 @@ class Personalized:
     torque_errors : (coordinates,) standard deviation of the torques' errors that the misfits show [N m or N]
     frames : that count, of so many as were fitted to
     fitted : the estimate's own numbers; None without recordings
+    strength_groups : of each muscle, the group whose strength it shares; () without recordings
     notes : what may not be believed, one line each, worst first
     """
 
@@ -119,6 +120,7 @@ class Personalized:
     frames: tuple[float, int]
     fitted: Fitted | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    strength_groups: tuple[str, ...] = ()
 
 
 def personalize(
@@ -200,7 +202,7 @@ def personalize(
     notes = [*worst, *_notes(fitted, estimates, checked, options, seen), *notes, *reach[1:]]
     return Personalized(
         made, estimates, tuple(one.name for one in windows), rows, mapped, checked, before, after,
-        fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes),
+        fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes), tuple(prior.groups[k] for k in prior.group),
     )  # fmt: skip
 
 

@@ -18,18 +18,20 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut
-from myomorph.muscles.hill_arrays import compile_hill_as
-from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree, compile_tree_as
+from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation, TensionTables
+from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
 from myomorph.study.trial.steps.id import Torques, cutoff_of, shown_torques, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw, drawn_model
+from myomorph.tension.terms.contacts import ContactOptions
+from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
+from myomorph.uncertainty.contacts import drawn_sites, drawn_strengths
 from myomorph.uncertainty.pose_slopes import PoseSlopes, pose_slopes
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -43,6 +45,8 @@ EXPONENTS = (2.0, 3.0)
 """Of the effort, as published: both are usual."""
 BESIDE = 1.0
 """Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
+STRONGER = (1.4, 1.4, 1.4)
+"""Factors by which all muscles of a body grow, one after the other, until it can do what was recorded."""
 POSES, TENSIONS = 50.0, 25.0
 """Poses and tensions that are drawn a second."""
 
@@ -101,6 +105,13 @@ class Chain:
     tension_step: int = 1
 
     @cached_property
+    def strength(self) -> Strength:
+        """What reserves may give in a draw."""
+        assert self.torques is not None
+        task = task_of(self.trial, self.recorded, every(self.tension_step, self.torques))
+        return Strength.of(task.solved(lambda count: None)[0])
+
+    @cached_property
     def cutoff(self) -> float | None:
         """Of the low-pass filter [Hz], None for none."""
         return cutoff_of(self.trial, self.recorded)
@@ -115,6 +126,8 @@ class Chain:
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
+            "joint contacts": self.tense and self.trial.contact_points is not None,
+            "contacts": self.tense and self.trial.contacts is not None,
             "EMG": self.tense and self.trial.emg is not None,
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
         return tuple(one for one in GROUPS if acting.get(one, True))
@@ -139,12 +152,19 @@ class Chain:
         torques = self.torques
         if torques is not None and (moved or acts(sources, LOADED)):
             torques = solve_dynamics(trial, recorded)
-        return {one.name: one.values for one in self._made(trial, recorded, torques)}
+        for more in STRONGER if self.tense else ():
+            try:
+                return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
+            except TooWeak:
+                trial = replace(trial, model=stronger(trial.model, more))
+        return {one.name: one.values for one in self._made(trial, recorded, torques, draw)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
-        """`drawn`, None where the drawn trial has no solution."""
+        """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
         try:
             return self.drawn(draw)
+        except TooWeak:
+            return {}
         except FAILURES:
             return None
 
@@ -168,7 +188,9 @@ class Chain:
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
-    def _made(self, trial: TrialInputs, recorded: Motion, torques: Torques | None) -> list[Quantity]:
+    def _made(
+        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, draw: Draw | None = None
+    ) -> list[Quantity]:
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
         kinds = [model.coordinate(name).motion for name in shown.names]
@@ -185,17 +207,34 @@ class Chain:
         if self.trial.torques is None:
             made.append(_torques(trial, torques))
         if self.tense:
-            made += _of_muscles(trial, task_of(trial, recorded, every(self.tension_step, torques)))
+            task = task_of(trial, recorded, every(self.tension_step, torques))
+            if draw is not None:
+                task = _with_contacts(task, draw)
+            made += _of_muscles(trial, task, None if draw is None else self.strength)
         return made
 
 
-def _of_muscles(trial: TrialInputs, task: TensionTask) -> list[Quantity]:
+def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
+    """A task with the errors of contacts whose forces are estimated."""
+    if task.setting is None:
+        return task
+    own = task.setting.task
+    changed = replace(
+        own, sites=drawn_sites(own.sites, draw), strengths=drawn_strengths(own.strengths, own.sites, draw)
+    )
+    return replace(task, setting=replace(task.setting, task=changed))
+
+
+def _of_muscles(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
     tension, _ = task.solved(lambda count: None)
+    if strength is not None:
+        strength.check(tension)
     parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
     made = [_named(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
     tables = []
     if task.setting is not None:
         tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
+        tables.append(("contact_groups", task.contact_groups(tension)))
     frame, points = trial.options[TensionTables].reactions, trial.contact_points
     if frame != "none":
         tables.append(("joint_reactions", task.reactions(tension, frame)))
@@ -320,13 +359,9 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(_criterion(options[TensionOptions], draw))
-    model = drawn_model(trial.model, draw)
-    if model is not trial.model:
-        # Nothing else differs: to compile it all anew would take most of the time of a draw.
-        compile_tree_as(model, trial.model)
-        if model.muscles:
-            compile_paths_as(model, trial.model)
-            compile_hill_as(model, trial.model)
+        if trial.contacts is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
+            options = options.having(replace(options[ContactOptions], formulation="sequential"))
+    model = drawn_subject(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
@@ -334,9 +369,21 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
         trial,
         model=model,
         options=options,
+        contact_points=_drawn_points(trial.contact_points, draw),
         loads=None if loads is None else lambda motion: loads,
         emg=None if trial.emg is None else drawn_emg(trial.emg, draw),
     )
+
+
+def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:
+    """Contact points of joints that lie elsewhere."""
+    if points is None or not draw.sources.joint_contact_point:
+        return points
+    moved = (
+        replace(one, point=tuple((one.point + draw.of("joint_contact_point", f"{one.joint} {one.name}", 3)).tolist()))
+        for one in points.points
+    )
+    return replace(points, points=tuple(moved))
 
 
 def _criterion(options: TensionOptions, draw: Draw) -> TensionOptions:

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
+CONTACT_GROUPS = "contact_groups.sto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +183,7 @@ def _write_contacts(
     contact_store.put_contacts(writer, contacts, situation)
     contact_store.put_forces_with_contacts(writer, carried)
     write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
+    write_sto(task.contact_groups(tension), folder / CONTACT_GROUPS)
     write_sto(torque_table(carried, task.model), folder / ALL_TORQUES)
     write_events(during(contacts, start, stop), folder / CONTACTS)
     return loads, carried

@@ -5,35 +5,41 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from myomorph.analysis.walking import walking_strides
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.store.uncertainty_store import get_uncertainty, put_uncertainty
+from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_trials import Quantity, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, SourceSize, source_sizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
+from myomorph.uncertainty.value_errors import ValueErrors, widened_errors
 from myomorph.uncertainty.widening import FACTORS, widened
 
-TABLE = "uncertainty.csv"
-MAY_FAIL = 0.02
-"""Share of draws without a solution above which the result is doubted."""
+TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
+MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
+"""Shares of draws above which the result is doubted: without a solution, and of bodies too weak for the motion."""
 
 
 @dataclass(frozen=True)
@@ -83,32 +89,54 @@ class DrawWorkers:
             raise BadData(f"{self.workers} workers: expected 1 or more, or 0 to leave it open")
 
 
+@dataclass(frozen=True)
+class _FoundHash:
+    """What limits depend on beside options and sources.
+
+    Attributes
+    ----------
+    error_sizes : hash of the sizes that steps on the subject found
+    """
+
+    error_sizes: str
+
+
 def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
     chosen, sources = trial.options[DrawOptions], trial.options[Sources]
     chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames, chosen.method == "linear")
     whole, quantities = zip(*chain.quantities(), strict=True)
-    normals, failed = Normals(chosen.draws, chosen.draw_seed), 0
+    normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
+    sizes = trial.error_sizes.beside(sources)
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     # Where errors add up, what is missing without a group is what it does alone.
     kinds = (alone,) if chosen.method == "linear" else (alone, frozen)
-    jobs = [Draw(number, sources, normals) for number in range(chosen.draws)]
+    jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [Draw(number, kind(sources, group), normals) for kind in kinds]
+            jobs += [Draw(number, kind(sources, group), normals, sizes) for kind in kinds]
     shapes = {one.name: one.values.shape for one in quantities}
+    numbers = drawn_values(quantities, _strides(trial, poses, torques))
+    true = numbers.of({one.name: one.values for one in quantities})
+    errors = np.full((chosen.draws, len(numbers.names)), np.nan, np.float32)
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
         results = attempts(chain, jobs, workers)
         for number, tables in enumerate(islice(results, chosen.draws)):
             if tables is None:
                 failed += 1
+            elif not tables:
+                weak += 1
             else:
                 draws.put(number, tables)
+                errors[number] = numbers.of(tables) - true
             advance(1)
         if len(draws.done) < 2:
-            raise BadData(f"{trial.name}: of {chosen.draws} draws {failed} have no solution: state smaller errors")
+            raise BadData(
+                f"{trial.name}: of {chosen.draws} draws {failed} have no solution, and of {weak} the body "
+                "is too weak for the motion: state smaller errors"
+            )
         spreads = {
             one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
             for one, part in zip(whole, quantities, strict=True)
@@ -116,12 +144,24 @@ def _run(
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
     factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
     spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
-    found = Uncertainty(spreads, shares, chosen.draws, failed, _notes(failed, chosen.draws), factors)
+    notes, used = _notes(failed, weak, chosen.draws), source_sizes(sources, sizes)
+    wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
+    values = ValueErrors(numbers.names, wider)
+    found = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
     _write_table(whole, found, output.folder / TABLE)
+    _write_sources(used, output.folder / SOURCE_TABLE)
     put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
+    put_value_errors(output.writer, values)
     return found
+
+
+def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
+    """Strides as the trial's tables of values have them; None where it is no walk."""
+    wrenches = None if torques is None else torques.wrenches
+    found = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.events)
+    return None if found is None else TrialStrides(trial.name, tuple(found.strikes), (found,), found.notes)
 
 
 def _shares(
@@ -155,7 +195,7 @@ def _shares(
     for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
         group, kind = k // (each * kinds), k % kinds
         advance(1)
-        if tables is None or job.number not in done:
+        if not tables or job.number not in done:
             continue
         counts[kind, group] += 1
         for one in quantities:
@@ -171,10 +211,15 @@ def _mean_square(values: Array) -> Array:
     return np.asarray((np.nan_to_num(values) ** 2).mean(axis=0))
 
 
-def _notes(failed: int, draws: int) -> tuple[str, ...]:
-    if failed <= MAY_FAIL * draws:
-        return ()
-    return (f"uncertainty: {failed} of {draws} draws have no solution and are left out: the limits are too narrow",)
+def _notes(failed: int, weak: int, draws: int) -> tuple[str, ...]:
+    notes: tuple[str, ...] = ()
+    if failed > MAY_FAIL * draws:
+        lost = f"{failed} of {draws} draws have no solution and are left out"
+        notes = (f"uncertainty: {lost}: the limits are too narrow",)
+    if weak > MAY_BE_WEAK * draws:
+        left = f"in {weak} of {draws} draws the muscles are too weak for the motion"
+        notes += (f"uncertainty: {left}, and they are left out: the model itself is hardly strong enough",)
+    return notes
 
 
 def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
@@ -209,6 +254,27 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
                 rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
 
 
+def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
+    """One row a source of error: how large it was taken to be, and where that comes from."""
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("group", "source", "sd", "from", "items", "least", "greatest"))
+        for one in sizes:
+            numbers = (f"{value:.4g}" for value in (one.least, one.greatest))
+            rows.writerow((one.group, one.source, f"{one.size:.4g}", one.origin, one.items or "", *numbers))
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """Options, sizes, and what steps on the subject found, where they found anything."""
+    given = (trial.options[DrawOptions], trial.options[Sources])
+    return given if trial.error_sizes == NOTHING else (*given, _FoundHash(_digest(trial.error_sizes)))
+
+
+def _digest(found: FoundSizes) -> str:
+    rows = sorted(one for own in found.items.values() for one in own.values())
+    return sha256(repr(rows).encode()).hexdigest()[:16]
+
+
 def _read(stored: Stored, options: OptionSet) -> Uncertainty | None:
     return get_uncertainty(stored)
 
@@ -225,9 +291,10 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques, Tensions),
     options=(DrawOptions, Sources, DrawWorkers),
-    hashed=lambda trial: (trial.options[DrawOptions], trial.options[Sources]),
+    hashed=_hashed,
     grows_with="muscles",
     run=_run,
+    large=(ERRORS,),
     read=_read,
     show=_show,
 )

@@ -1,0 +1,75 @@
+"""How far off a subject's model may be, as the steps that made it found: sizes of errors for limits of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from myomorph.identify.refine.refinement import Refinement
+from myomorph.model.arrays import Array
+from myomorph.model.inertia import inertial_parameters
+from myomorph.model.model import Model
+from myomorph.morph.morphed import Morph
+from myomorph.tension.personal.personalize import FIBER, FORCE, SLACK, Personalized
+from myomorph.uncertainty.found_sizes import ItemSize
+
+NINETY = 1.645
+"""Standard deviations of a 90 % interval."""
+IN_SPACE = 2.5003
+"""Standard deviations of each axis within which 90 % of points of an isotropic normal distribution lie."""
+
+
+def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
+    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies, 10).
+
+    What a first moment or an inertia owes to the error of the mass is taken off, as masses are drawn themselves.
+    """
+    for body, own, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
+        if not (body.mass > 0.0 and error[0] > 0.0):
+            continue
+        share = float(error[0]) / body.mass
+        yield ItemSize("segment_mass", body.name, share)
+        radius = np.sqrt(max(float(np.trace(body.inertia)), 0.0) / (2.0 * body.mass))
+        apart = np.sqrt(np.maximum(error[1:4] ** 2 - (body.mass_center * error[0]) ** 2, 0.0)) / body.mass
+        if radius > 0.0:
+            yield ItemSize("mass_center", body.name, float(np.sqrt(np.mean(apart**2))) / radius)
+        trace = float(own[4:7].sum())
+        if trace > 0.0:
+            whole = float(np.sqrt((error[4:7] ** 2).sum())) / trace
+            yield ItemSize("inertia", body.name, float(np.sqrt(max(whole**2 - share**2, 0.0))))
+
+
+def refined_errors(found: Refinement) -> Iterator[ItemSize]:
+    """Masses; those that were kept are no surer than before."""
+    if found.kept:
+        return
+    for body, sd in zip(found.model.bodies, found.mass_sd, strict=True):
+        if body.mass > 0.0 and sd > 0.0:
+            yield ItemSize("segment_mass", body.name, float(sd) / body.mass)
+
+
+def personal_errors(found: Personalized) -> Iterator[ItemSize]:
+    """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
+    fibers = {one.name: one.optimal_fiber_length for one in found.model.muscles}
+    members: dict[str, list[str]] = {}
+    for muscle, group in zip(found.model.muscle_names, found.strength_groups, strict=False):
+        members.setdefault(group, []).append(muscle)
+    for one in found.estimates:
+        if not (np.isfinite(one.low) and one.low > 0.0 and one.high > one.low):
+            continue
+        ratio = float(np.log(one.high / one.low)) / (2.0 * NINETY)
+        if one.parameter == FIBER:
+            yield ItemSize("fiber_length", one.of, ratio)
+        elif one.parameter == SLACK:
+            yield ItemSize("slack_length", one.of, (one.high - one.low) / (2.0 * NINETY) / fibers[one.of])
+        elif one.parameter == FORCE:
+            for muscle in members.get(one.of, ()):
+                yield ItemSize("strength", muscle, ratio, one.of)
+
+
+def morphed_errors(morph: Morph) -> Iterator[ItemSize]:
+    """Points of muscles: a distance within which 90 % lie, as a standard deviation of each axis."""
+    for one in morph.points:
+        if np.isfinite(one.within) and one.within > 0.0:
+            yield ItemSize("attachment", f"{one.owner}/{one.name}", one.within / IN_SPACE)

@@ -1,0 +1,224 @@
+"""Differences of values between conditions or groups, with what draws of errors leave open in their intervals."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.special import stdtrit as student_quantile
+
+from myomorph.model.arrays import Array
+from myomorph.report.study.study_given import ValueDifference
+from myomorph.study.summary.condition_values import RunningMeans
+from myomorph.study.trial.trial_inputs import Value
+from myomorph.uncertainty.value_errors import ValueErrors, of_subject
+
+CONFIDENCE = 0.95
+"""Of the intervals, as of those of curves and of parameters of strides."""
+Row = tuple[str, ...]
+_Name = tuple[str, str]
+"""Step and quantity."""
+
+
+@dataclass(frozen=True)
+class _Own:
+    """A quantity of one subject in one condition.
+
+    Attributes
+    ----------
+    mean, square : of its trials: mean and, with two or more, squared standard error, else NaN
+    count : of trials
+    error : (draws,) of the mean, None where not all trials were drawn
+    scatter : mean over the draws of the squared standard error by which errors of trials differ
+    """
+
+    mean: float
+    square: float
+    count: int
+    error: Array | None
+    scatter: float
+
+
+class _Trials:
+    """Values of a subject's trials in one condition, and their errors, without keeping the trials."""
+
+    def __init__(self) -> None:
+        self.values: RunningMeans[_Name] = RunningMeans(1)
+        self.errors: RunningMeans[_Name] | None = None
+        self._undrawn = False
+
+    def add(self, values: Sequence[Value], drawn: ValueErrors | None, subject: str) -> None:
+        """One more trial."""
+        names = tuple((one.step, one.quantity) for one in values)
+        self.values.add(names, np.array([[one.value for one in values]]))
+        if drawn is None or (self.errors is not None and len(self.errors.count) != len(drawn.errors)):
+            self._undrawn = True
+            return
+        self.errors = self.errors or RunningMeans(len(drawn.errors))
+        self.errors.add(drawn.names, of_subject(drawn.errors, subject))
+
+    def of(self, name: _Name) -> _Own | None:
+        """A quantity, None where no trial has it."""
+        k = self.values.columns.get(name)
+        if k is None:
+            return None
+        count, squares = self.values.count[0, k], self.values.squares[0, k]
+        square = float(squares / (count - 1.0) / count) if count > 1 else float("nan")
+        error, scatter = None, float("nan")
+        at = None if self.errors is None or self._undrawn else self.errors.columns.get(name)
+        if at is not None and self.errors is not None and self.errors.count[:, at].max() == count:
+            # A draw that has no solution in one of the trials counts in none.
+            whole = self.errors.count[:, at] == count
+            error = np.where(whole, self.errors.mean[:, at], np.nan)
+            if count > 1:
+                scatter = float(self.errors.squares[whole, at].mean() / (count - 1.0) / count)
+        return _Own(float(self.values.mean[0, k]), square, int(count), error, scatter)
+
+
+class MeasuredValues:
+    """Values of all trials and their errors under draws, summed by condition and subject."""
+
+    def __init__(self) -> None:
+        self.units: dict[_Name, str] = {}
+        self._trials: dict[str, dict[str, _Trials]] = {}
+
+    def add(self, whose: tuple[str, str, str], values: Sequence[Value], drawn: ValueErrors | None) -> None:
+        """One more trial: subject, condition and trial."""
+        subject, condition, _ = whose
+        self.units |= {(one.step, one.quantity): one.unit for one in values}
+        self._trials.setdefault(condition, {}).setdefault(subject, _Trials()).add(values, drawn, subject)
+
+    def of(self, condition: str, name: _Name) -> dict[str, _Own]:
+        """A quantity by subject."""
+        found = {subject: one.of(name) for subject, one in self._trials.get(condition, {}).items()}
+        return {subject: one for subject, one in found.items() if one is not None}
+
+    @property
+    def subjects(self) -> set[str]:
+        """All of them."""
+        return {subject for own in self._trials.values() for subject in own}
+
+
+def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
+    """Every quantity in every pair of conditions.
+
+    Of several subjects, those with both conditions are compared within themselves; where nobody has both, as groups by
+    Welch. Of one subject, trials are. Spreads between subjects hold errors that are each subject's own, so the draws
+    only keep the interval from being narrower than they are; errors that all trials of an only subject share do not
+    show in the spread of these, and add to it.
+    """
+    alone = len(values.subjects) < 2
+    found = []
+    for first, second in itertools.combinations(conditions, 2):
+        for name, unit in values.units.items():
+            one, other = values.of(first, name), values.of(second, name)
+            if one and other:
+                pair = _of_one(one, other) if alone else _of_many(one, other)
+                if pair is not None:
+                    found.append(ValueDifference(first, second, *name, unit, *pair))
+    return found
+
+
+class _Pair(NamedTuple):
+    paired: bool
+    unit_of: str
+    count: tuple[int, int]
+    means: tuple[float, float]
+    low: float
+    high: float
+    measured_sd: float
+    low_all: float
+    high_all: float
+
+
+def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
+    shared = [name for name in one if name in other]
+    if len(shared) >= 2:
+        d = np.array([other[name].mean - one[name].mean for name in shared])
+        errors = [_less(other[name].error, one[name].error) for name in shared]
+        before, after = (float(np.mean([own[name].mean for name in shared])) for own in (one, other))
+        square = float(d.var(ddof=1)) / len(d)
+        found = _intervals(after - before, square, len(d) - 1.0, _mean_variance(errors), held=True)
+        return _Pair(True, "subjects", (len(d), len(d)), (before, after), *found)
+    if shared:
+        return None
+    groups = [np.array([each.mean for each in own.values()]) for own in (one, other)]
+    before, after = (float(group.mean()) for group in groups)
+    squares = [float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups]
+    counts = (len(groups[0]), len(groups[1]))
+    drawn = sum(_mean_variance([each.error for each in own.values()]) for own in (one, other))
+    found = _intervals(after - before, *_welch(squares, counts), drawn, held=True)
+    return _Pair(False, "subjects", counts, (before, after), *found)
+
+
+def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
+    first, second = (next(iter(own.values())) for own in (one, other))
+    counts = (first.count, second.count)
+    square, freedom = _welch((first.square, second.square), counts)
+    drawn = _mean_variance([_less(second.error, first.error)])
+    if np.isfinite(square):
+        # What differs between trials shows in their spread already.
+        drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
+    found = _intervals(second.mean - first.mean, square, freedom, drawn, held=False)
+    return _Pair(False, "trials", counts, (first.mean, second.mean), *found)
+
+
+def _less(one: Array | None, other: Array | None) -> Array | None:
+    return None if one is None or other is None or len(one) != len(other) else np.asarray(one - other)
+
+
+def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, float]:
+    """Squared standard error of the difference of two means, NaN with fewer than two in one, and its freedom."""
+    square = float(sum(squares))
+    if not square > 0.0:
+        return square, 1.0
+    return square, square**2 / sum(part**2 / (count - 1) for part, count in zip(squares, counts, strict=True))
+
+
+def _mean_variance(errors: Sequence[Array | None]) -> float:
+    """Variance of the mean over subjects who err each by itself; NaN where one has no draws."""
+    known = [one for one in errors if one is not None]
+    if not known or len(known) < len(errors):
+        return float("nan")
+    return float(sum(np.nanvar(one, ddof=1) for one in known)) / len(known) ** 2
+
+
+def _intervals(
+    difference: float, square: float, freedom: float, drawn: float, held: bool
+) -> tuple[float, float, float, float, float]:
+    """Interval by the spread, standard deviation by draws, and interval with both.
+
+    Parameters
+    ----------
+    square : squared standard error by the spread, NaN where there is none
+    drawn : variance of the difference by draws, NaN where nothing was drawn
+    held : whether the spread holds the errors of the draws, else they add to it
+    """
+    student = float(student_quantile(freedom, 0.5 + 0.5 * CONFIDENCE)) if np.isfinite(square) else np.nan
+    normal = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+    half = student * np.sqrt(square)
+    open_ = normal * np.sqrt(drawn)
+    if np.isnan(half) or np.isnan(open_):
+        whole = open_ if np.isnan(half) else half
+    else:
+        whole = max(half, open_) if held else float(np.hypot(half, open_))
+    return difference - half, difference + half, float(np.sqrt(drawn)), difference - whole, difference + whole
+
+
+def difference_rows(found: Sequence[ValueDifference]) -> Iterator[Row]:
+    """One row a pair and quantity; the heading first."""
+    yield (
+        *("first", "second", "step", "quantity", "unit", "paired", "of", "n_first", "n_second", "first_mean"),
+        *("second_mean", "difference", "low", "high", "measured_sd", "low_all", "high_all"),
+    )
+    for one in found:
+        numbers = (*one.means, one.difference, one.low, one.high, one.measured_sd, one.low_all, one.high_all)
+        yield (
+            *(one.first, one.second, one.step, one.quantity, one.unit, "yes" if one.paired else "no", one.unit_of),
+            *map(str, one.count),
+            *(f"{value:.6g}" if np.isfinite(value) else "" for value in numbers),
+        )

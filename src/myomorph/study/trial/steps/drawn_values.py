@@ -1,0 +1,123 @@
+"""The numbers of a trial under drawn errors: extremes and means of its tables, over the trial and in a stride."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.series import Series
+from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
+from myomorph.study.trial.steps.drawn_trials import Quantity
+from myomorph.study.trial.tidy import IN_STRIDE
+from myomorph.study.trial.trial_inputs import EXTREMES, statistics_of
+from myomorph.study.trial.trial_strides import TrialStrides, by_side
+
+PEAKS = ("maximum", "mean")
+LOADS = ("total_", "medial_", "lateral_")
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of a table whose numbers are kept.
+
+    Attributes
+    ----------
+    step, endings, statistics : as the step's own signals have them
+    factors : to the units of tables of values
+    """
+
+    step: str
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    endings: tuple[str, ...]
+    statistics: tuple[str, ...]
+    factors: Array
+
+    def quantities(self, in_stride: bool) -> list[tuple[str, str]]:
+        """Step and quantity, in the order of `of`."""
+        where = ("", f" {IN_STRIDE}") if in_stride else ("",)
+        return [
+            (self.step, f"{name}{ending}, {what}{words}")
+            for words in where
+            for what in self.statistics
+            for name, ending in zip(self.names, self.endings, strict=True)
+        ]
+
+    def of(self, time: Array, values: Array, strides: TrialStrides | None) -> Array:
+        """Numbers of a table (frames, columns)."""
+        own = Series(time, self.names, values[:, self.columns] * self.factors)
+        whole = statistics_of(own.values)
+        found = [whole[what] for what in self.statistics]
+        cycles = None if strides is None else by_side(own, strides)
+        if cycles is not None:
+            each = statistics_of(cycles.values, axis=1)
+            found += [statistics_of(each[what])["mean"] for what in self.statistics]
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnValues:
+    """What is kept of each draw beside its tables.
+
+    Attributes
+    ----------
+    times : of each table
+    kept : columns of each table
+    strides : None where the trial is no walk
+    names : step and quantity of every number
+    tables : of each number, the table that it comes from
+    """
+
+    times: Mapping[str, Array]
+    kept: Mapping[str, _Columns]
+    strides: TrialStrides | None
+    names: tuple[tuple[str, str], ...]
+    tables: tuple[str, ...]
+
+    def of(self, tables: Mapping[str, Array]) -> Array:
+        """All numbers of a draw (names,)."""
+        parts = [one.of(self.times[name], tables[name], self.strides) for name, one in self.kept.items()]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
+    """Which numbers of tables are kept: those that the steps' own tables of values have.
+
+    Parameters
+    ----------
+    quantities : at the frames that are drawn
+    """
+    kept = {one.name: columns for one in quantities if (columns := _columns(one)) is not None}
+    times = {one.name: one.time for one in quantities}
+    names, tables = [], list[str]()
+    for name, columns in kept.items():
+        walks = strides is not None and by_side(_first(columns, times[name]), strides) is not None
+        own = columns.quantities(walks)
+        names += own
+        tables += [name] * len(own)
+    return DrawnValues(times, kept, strides, tuple(names), tuple(tables))
+
+
+def _first(columns: _Columns, time: Array) -> Series:
+    return Series(time, columns.names, np.zeros((len(time), len(columns.names))))
+
+
+def _columns(quantity: Quantity) -> _Columns | None:
+    count = len(quantity.names)
+    every = tuple(range(count))
+    if quantity.name == "coordinates":
+        return _Columns("ik", every, quantity.names, ("",) * count, EXTREMES, quantity.factors)
+    if quantity.name == "torques":
+        endings = tuple("_moment" if unit == "N m" else "_force" for unit in quantity.units)
+        return _Columns("id", every, quantity.names, endings, EXTREMES, np.ones(count))
+    if quantity.name in ("activations", "forces"):
+        ending = "_activation" if quantity.name == "activations" else "_force"
+        return _Columns("tension", every, quantity.names, (ending,) * count, PEAKS, np.ones(count))
+    if quantity.name == "joint_contact_forces":
+        own = tuple(k for k, name in enumerate(quantity.names) if name.startswith(LOADS))
+        names = tuple(quantity.names[k] for k in own)
+        return _Columns("tension", own, names, (JOINT_CONTACT,) * len(own), PEAKS, np.ones(len(own)))
+    return None
