@@ -38,9 +38,15 @@ def test_a_walk_is_refined(command, data, tmp_path):
     moving = moving[moving[:, 0] > 1e-3]
     assert (np.linalg.eigvalsh(pseudo_inertias(moving))[:, 0] > 0.0).all()
     beside = tmp_path / "refined_refinement"
-    assert {"motions", "notes.txt", "trials.csv", "masses.csv", "lengths.csv", "report.html", "provenance.json"} == {
-        one.name for one in beside.iterdir()
-    }
+    assert {
+        "motions",
+        "error_sizes.csv",
+        "trials.csv",
+        "masses.csv",
+        "lengths.csv",
+        "report.html",
+        "provenance.json",
+    } == {one.name for one in beside.iterdir()}
     before, after = csv.DictReader((beside / "trials.csv").read_text().splitlines())
     assert float(after["force_N"]) < 0.5 * float(before["force_N"])
     assert float(after["moment_N_m"]) < 0.6 * float(before["moment_N_m"])

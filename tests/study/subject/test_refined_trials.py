@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import read_sto
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
@@ -26,11 +27,22 @@ check = false
 iterations = 3
 use_motions = {use}
 """
+AGAIN = """
+[[subject]]
+name = "again"
+model_of = "s4"
+mass = 62.6
+time = [0.35, 0.95]
+trials = [{{ markers = "{folder}/markers/walking1.trc", loads = "{folder}/grf/walking1_external_forces.xml" }}]
+steps = ["ik", "refine", "id"]
+options = {{ refine = {{ body = false, masses = false, iterations = 3 }} }}
+"""
 
 
-def run(folder, home, use):
+def run(folder, home, use, more=""):
     path = home / "study.toml"
-    path.write_text(STUDY.format(folder=folder, use=use))
+    options = STUDY.index("[options.refine]")
+    path.write_text((STUDY[:options] + more + STUDY[options:]).format(folder=folder, use=use))
     return run_study(read_plan(path), home / "results")
 
 
@@ -47,8 +59,8 @@ def residual(path):
 @pytest.mark.long
 def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     folder = data(OPENCAP)
-    subject, trial = run(folder, tmp_path, "true")
-    assert (subject.error, trial.error) == ("", "")
+    subject, trial, other, its_trial = run(folder, tmp_path, "true", AGAIN)
+    assert (subject.error, trial.error, other.error, its_trial.error) == ("", "", "", "")
     home = tmp_path / "results" / "s4"
     refined = read_sto(home / "refinement" / "motions" / "walking1.mot")
     used, plain = (read_sto(home / "walking1" / name) for name in ("coordinates.mot", "coordinates_ik.mot"))
@@ -59,6 +71,15 @@ def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     last = (home / "refinement" / "trials.csv").read_text().splitlines()[-1].split(",")
     assert left[0] < 1.5 * float(last[-2])
     assert "refined together with body" in read_result(home / "walking1" / "walking1.nc").facts["notes"]
+
+    # A new recording of that body: only its motion is refined.
+    later = tmp_path / "results" / "again"
+    first, second = (read_osim(one / "refined.osim") for one in (home, later))
+    assert [one.mass for one in first.bodies] == pytest.approx([one.mass for one in second.bodies], rel=1e-9)
+    for one, same in zip(first.markers, second.markers, strict=True):
+        np.testing.assert_allclose(one.location, same.location, atol=1e-9)
+    used, refined = (read_sto(later / name) for name in ("walking1/coordinates.mot", "refinement/motions/walking1.mot"))
+    np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
 
     again = run(folder, tmp_path, "true")
     assert [one.reused for one in again] == [("refine",), ("ik", "id")]

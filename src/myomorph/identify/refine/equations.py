@@ -73,8 +73,7 @@ def cost(problem: Problem, at: Unknowns) -> float:
         total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
         total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
         free = problem.markers.free
-        start = trial.basis.fitted(trial.start[:, free])
-        moved = coefficients - start
+        moved = coefficients - _start(trial, tuple(free.tolist()))
         for nu, weight in ((0, weights.value), (2, weights.acceleration)):
             total += float(np.sum(weight * trial.basis.at(moved, nu) ** 2))
         total += float(np.sum(weights.bound * _beyond(problem, rates[0][:, free]) ** 2))
@@ -105,6 +104,12 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
         share / (ACCELERATION_SD * unit) ** 2,
         share / BOUND_SD**2,
     )
+
+
+@lru_cache(maxsize=64)
+def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
+    """(coefficients, free) of the splines nearest to inverse kinematics: the same for every point of a search."""
+    return trial.basis.fitted(trial.start[:, list(free)])
 
 
 def _beyond(problem: Problem, values: Array) -> Array:
@@ -294,7 +299,7 @@ def _trial_equations(
     residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
     beyond = _beyond(problem, rates[0][:, problem.markers.free])
-    departed = coefficients - basis.fitted(trial.start[:, problem.markers.free])
+    departed = coefficients - _start(trial, tuple(problem.markers.free.tolist()))
     values, bends = basis.at(departed), basis.at(departed, 2)
     window = WIDTH * n
     band, right = np.zeros((window, basis.count * n)), np.zeros(basis.count * n)

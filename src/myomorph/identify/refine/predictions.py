@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, Unknowns
 from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
-from myomorph.identify.refine.solve import settle, solve
+from myomorph.identify.refine.solve import motions_alone, settle, solve
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -21,6 +21,7 @@ from myomorph.model.series import Motion
 from myomorph.motion.lengths import factors_of
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
+Kind = TypeVar("Kind")
 WORSE = 1.02
 """Ratio to the given model above which a prediction is worse."""
 
@@ -74,7 +75,7 @@ def predictions_of(
             _prediction(
                 trial.name,
                 model,
-                problem_of(model, *(_without(every, k) for every in (trials, recorded)), options),
+                problem_of(model, _without(trials, k), _without(recorded, k), options),
                 (trial, recorded[k], None),
                 told,
             )
@@ -94,7 +95,7 @@ def predictions_of(
     )
 
 
-def _without(every: Sequence[Any], k: int) -> list[Any]:
+def _without(every: Sequence[Kind], k: int) -> list[Kind]:
     return [one for i, one in enumerate(every) if i != k]
 
 
@@ -119,12 +120,13 @@ def _prediction(
         return errors_on(made, opened(made, trial, problem.options), within, use)
 
     given, few = errors_on(model, on_given, within, use), thinned(problem)
-    refined = errors(model_of(model, problem, settle(few, told).at))
+    first = motions_alone(few, told)
+    refined = errors(model_of(model, problem, settle(few, told, first).at))
     alone = given.markers
     if problem.body:
         # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
         blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
-        alone = errors(model_of(model, problem, solve(blind, blind.begin(), told).at)).markers
+        alone = errors(model_of(model, problem, solve(blind, first, told).at)).markers
     return Prediction(name, given, refined, alone)
 
 

@@ -33,11 +33,21 @@ class Solution:
     converged: bool
 
 
-def settle(problem: Problem, told: Callable[[], None] = lambda: None) -> Solution:
-    """The optimum, from that of the motions alone, which tells the frames that nothing explains."""
+def settle(problem: Problem, told: Callable[[], None] = lambda: None, first: Unknowns | None = None) -> Solution:
+    """The optimum, from that of the motions alone, which tells the frames that nothing explains.
+
+    Parameters
+    ----------
+    first : of the motions alone, see `motions_alone`; found here by default
+    """
+    first = motions_alone(problem, told) if first is None else first
+    return solve(with_trust(problem, first), first, told)
+
+
+def motions_alone(problem: Problem, told: Callable[[], None] = lambda: None) -> Unknowns:
+    """The optimum of the motions on the body as given."""
     still = replace(problem, body=False, masses=False)
-    first = solve(still, still.begin(), told)
-    return solve(with_trust(problem, first.at), first.at, told)
+    return solve(still, still.begin(), told).at
 
 
 def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:

@@ -42,7 +42,7 @@ def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
 
 def refined_errors(found: Refinement) -> Iterator[ItemSize]:
     """Masses; those that were kept are no surer than before."""
-    if found.kept:
+    if not found.masses:
         return
     for body, sd in zip(found.model.bodies, found.mass_sd, strict=True):
         if body.mass > 0.0 and sd > 0.0:

@@ -237,6 +237,7 @@ def write_identified(
         out,
         tables or tables_folder(out),
         lambda folder: _write_tables(identified, folder, subject or found.model.name),
+        found.notes,
     )
 
 

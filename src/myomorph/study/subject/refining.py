@@ -27,7 +27,7 @@ from myomorph.store.settings import TrialMotion, plain_settings, with_settings
 from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import NOTES, write_made_model
+from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -124,7 +124,6 @@ def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[
         motions.mkdir()
         for trial in found.trials:
             write_sto(table_from_motion(trial.motion, found.model), motions / f"{file_name(trial.name)}.mot")
-        (folder / NOTES).write_text("".join(f"{text}\n" for text in found.notes), encoding="utf-8")
         _write_rows(trial_rows(found), folder / "trials.csv")
         _write_rows(mass_rows(found), folder / "masses.csv")
         write_error_sizes(folder, STEP.name, refined_errors(found))
@@ -134,7 +133,7 @@ def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[
 
         (folder / REPORT).write_text(_page(one), encoding="utf-8")
 
-    return write_made_model(found.model, one.provenance, out, tables or tables_folder(out), fill)
+    return write_made_model(found.model, one.provenance, out, tables or tables_folder(out), fill, found.notes)
 
 
 def trial_rows(found: Refinement) -> Rows:

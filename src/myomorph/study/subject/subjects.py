@@ -42,13 +42,19 @@ def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path |
 
 
 def write_made_model(
-    model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None]
+    model: Model,
+    made: Provenance,
+    out: Path,
+    tables: Path,
+    fill: Callable[[Path], None],
+    notes: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Write a model, and a folder with what it was made from and what `fill` puts there.
 
     Parameters
     ----------
     fill : writes tables and a report into the folder it is given
+    notes : what may not be believed of it, for `subject_notes`
 
     Returns
     -------
@@ -64,6 +70,8 @@ def write_made_model(
         lost = write_osim(model, path)
         with whole_folder(tables) as folder:
             fill(folder)
+            if notes:
+                (folder / NOTES).write_text("".join(f"{text}\n" for text in notes), encoding="utf-8")
             (folder / PROVENANCE).write_text(made.to_json() + "\n", encoding="utf-8")
         os.replace(path, out)
     return lost

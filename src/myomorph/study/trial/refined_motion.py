@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from myomorph.model.errors import BadFile
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.motion.marker_checks import CheckedFit
 from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.inputs import read_motion
 from myomorph.study.trial.trial_inputs import RefinedMotion
 
@@ -30,3 +37,53 @@ def filtered_loads(loads: Callable[[Motion], Wrenches], cutoff: float, motion: M
     """External forces of a motion, filtered as they were when it was refined."""
     found = loads(motion)
     return resample_wrenches(found, found.time, cutoff)
+
+
+def refined_fit(
+    name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
+) -> tuple[CheckedFit, tuple[str, ...]]:
+    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes.
+
+    Raises
+    ------
+    BadData
+        where they are of other frames than the recording
+    """
+    fit, time = checked.fit, refined.motion.time
+    step = float(np.median(np.diff(fit.motion.time)))
+    rows = (fit.motion.time > time[0] - 0.5 * step) & (fit.motion.time < time[-1] + 0.5 * step)
+    if rows.sum() != len(time) or np.abs(fit.motion.time[rows] - time).max() > 0.1 * step:
+        raise BadData(f"{name}: its refined motion is of other frames than its markers: run again with --fresh")
+    markers = replace(checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows])
+    seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
+    values = np.where(seen[:, None], refined.motion.values, np.nan)
+    motion = Motion(markers.time, refined.motion.names, values)
+    errors = marker_distances(model, fit.marker_names, markers, motion)
+    lost = len(fit.motion) - int(rows.sum())
+    notes = (
+        (f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were recorded; {lost} frames "
+         "of markers before and after are not used",) if lost > 1 else ()
+    )  # fmt: skip
+    fit = replace(
+        fit,
+        motion=motion,
+        errors=errors,
+        converged=fit.converged[rows],
+        iterations=fit.iterations[rows],
+        closure=None if fit.closure is None else fit.closure[rows],
+    )
+    return replace(checked, fit=fit, markers=markers), notes
+
+
+def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
+    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where unseen."""
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    distances = np.full((len(motion), len(names)), np.nan)
+    places = [model.marker(name) for name in names]
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    bodies = np.array([tree.body_number(one.body) for one in places], np.int64)
+    points = poses.points(bodies, np.array([one.location for one in places]))
+    recorded = markers.values[:, [markers.names.index(name) for name in names]]
+    distances[known] = np.linalg.norm(points - recorded[known], axis=2)
+    return distances

@@ -323,6 +323,10 @@ def chain_of(
     if poses.fit is not None:
         checked = solve_kinematics(trial)
         markers, base = checked.markers, checked.fit.motion
+        if trial.refined is not None:
+            # Forces may be shorter than markers, and a refined motion is as long as both.
+            span = float(recorded.time[0]), float(recorded.time[-1])
+            markers, base = cut(markers, *span), cut(base, *span)
         errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:

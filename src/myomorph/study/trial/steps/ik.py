@@ -11,7 +11,6 @@ import numpy as np
 
 from myomorph.io.osim.setup_parts import IkTasks, read_ik_tasks
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
@@ -21,8 +20,6 @@ from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, Kinemat
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.given import Kinematics, ReportInput
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 from myomorph.store import stored as store
 from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
@@ -30,7 +27,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.study.trial.inputs import about
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, RefinedMotion, Signals, TrialInputs, Value
+from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
@@ -133,8 +130,11 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
     if trial.refined is not None:
+        # Most trials start without: loaded where a trial has such input.
+        from myomorph.study.trial.refined_motion import refined_fit
+
         write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")
-        checked, more = refined_fit(trial, trial.refined, checked)
+        checked, more = refined_fit(trial.name, trial.model, trial.refined, checked)
         notes = (*notes, *more)
     fit = checked.fit
     write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
@@ -147,50 +147,6 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         store.put_markers(writer, checked.markers if mended else shown)
     put_findings(writer, FINDINGS, checked.findings)
     return Poses(fit.motion, fit, notes, checked.findings)
-
-
-def refined_fit(trial: TrialInputs, refined: RefinedMotion, checked: CheckedFit) -> tuple[CheckedFit, tuple[str, ...]]:
-    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes.
-
-    Raises
-    ------
-    BadData
-        where they are of other frames than the recording
-    """
-    fit, time = checked.fit, refined.motion.time
-    step = float(np.median(np.diff(fit.motion.time)))
-    rows = (fit.motion.time > time[0] - 0.5 * step) & (fit.motion.time < time[-1] + 0.5 * step)
-    if rows.sum() != len(time) or np.abs(fit.motion.time[rows] - time).max() > 0.1 * step:
-        raise BadData(f"{trial.name}: its refined motion is of other frames than its markers: run again with --fresh")
-    markers = replace(checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows])
-    seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
-    values = np.where(seen[:, None], refined.motion.values, np.nan)
-    motion = Motion(markers.time, refined.motion.names, values)
-    errors = marker_distances(trial.model, fit.marker_names, markers, motion)
-    lost = len(fit.motion) - int(rows.sum())
-    notes = (
-        (f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were recorded; {lost} frames "
-         "of markers before and after are not used",) if lost > 1 else ()
-    )  # fmt: skip
-    of_frames = {
-        name: None if one is None else one[rows]
-        for name, one in (("converged", fit.converged), ("iterations", fit.iterations), ("closure", fit.closure))
-    }
-    return replace(checked, fit=replace(fit, motion=motion, errors=errors, **of_frames), markers=markers), notes
-
-
-def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
-    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where unseen."""
-    tree = compile_tree(model)
-    known = np.isfinite(motion.values).all(axis=1)
-    distances = np.full((len(motion), len(names)), np.nan)
-    places = [model.marker(name) for name in names]
-    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
-    bodies = np.array([tree.body_number(one.body) for one in places], np.int64)
-    points = poses.points(bodies, np.array([one.location for one in places]))
-    recorded = markers.values[:, [markers.names.index(name) for name in names]]
-    distances[known] = np.linalg.norm(points - recorded[known], axis=2)
-    return distances
 
 
 def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
