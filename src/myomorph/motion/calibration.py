@@ -50,8 +50,8 @@ class CalibrationOptions:
     slide_sd : how far all markers of a segment slide as one while the body moves, along one axis [m]; it widens the
         intervals of lengths, marker places and zero angles. By default as `noise`. Shifts and turns of whole
         clusters are most of what skin does in walking (Barré et al. 2017)
-    slide_turn_sd : how far they turn as one about each axis [rad]; 3 degrees, where fluoroscopy shows up to 10 at the
-        thigh and 7 at the shank (Ancillao et al. 2021); without effect where `slide_sd` is 0
+    slide_turn_sd : how far they turn as one about each axis [rad]; 3 degrees, of the order of the 1 to 6 by which
+        fluoroscopy finds the hip's angles from markers off (Fiorentino et al. 2017); without effect where `slide_sd` is 0
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
