@@ -223,6 +223,7 @@ def how_sure() -> Figure:
     axes[0, 0].set_ylabel("knee moment [N m]")
     axes[1, 0].set_ylabel("force in the knee [kN]")
     axes[1, 0].set_xlabel("time [s]")
+    axes[1, 0].set_ylim(top=4.6)
     axes[1, 0].legend(frameon=False, ncols=3)
     return figure
 
