@@ -87,14 +87,19 @@ def package_names():
 
 def python_blocks():
     for page in [DOCS.parent / "README.md", *sorted(DOCS.rglob("*.md"))]:
-        text = page.read_text(encoding="utf-8")
+        text, above = page.read_text(encoding="utf-8"), frozenset[str]()
         for block in re.finditer(r"^( *)```python\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL):
-            yield pytest.param(textwrap.dedent(block[2]), id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}")
+            own = textwrap.dedent(block[2])
+            yield pytest.param(own, above, id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}")
+            above |= {node.name for node in ast.parse(own).body if isinstance(node, ast.FunctionDef)}
 
 
-@pytest.mark.parametrize("text", list(python_blocks()))
-def test_python_calls_what_exists(text):
-    """Also blocks that are parts of a program: what they import is there, what they call takes those arguments."""
+@pytest.mark.parametrize(("text", "above"), list(python_blocks()))
+def test_python_calls_what_exists(text, above):
+    """Also blocks that are parts of a program: what they import is there, what they call takes those arguments.
+
+    Functions of blocks above on the same page (`above`) are there, too.
+    """
     known, tree, wrong = package_names(), ast.parse(text), []
     bound = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
     bound |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
@@ -107,7 +112,7 @@ def test_python_calls_what_exists(text):
             imported |= {(one.asname or one.name).split(".")[0] for one in node.names}
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             name = node.func.id
-            if name in bound | imported or hasattr(builtins, name) or name in STANDARD:
+            if name in bound | imported | above or hasattr(builtins, name) or name in STANDARD:
                 continue
             given = {one.arg for one in node.keywords if one.arg}
             if not any(takes is None or given <= takes for takes in known.get(name, [])):

@@ -243,7 +243,7 @@ def _calibration(
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
     placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
-    slides = Slides(distances.slide, options.slide_turn_sd if distances.slide else 0.0, options.independent_frames)
+    slides = Slides(distances.slide, distances.turn if distances.slide else 0.0, options.independent_frames)
     skin = sliding(problem, search.found.point, slides)
     sd, prior_sd, place_sd = _deviations(problem, search, skin)
     lengths = tuple(

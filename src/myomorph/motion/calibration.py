@@ -16,6 +16,8 @@ from myomorph.rigid.coordinates import Ints
 
 STATIC, FUNCTIONAL, SYMMETRY, GENERIC = "static trial", "joint centers and axes", "symmetric posture", "generic model"
 SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
+SLIDE, SLIDE_TURN = 0.005, 0.05
+"""How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard deviations."""
 
 NORMAL_90 = 1.645
 """Standard deviations to either side of a 90 % interval."""
@@ -50,8 +52,9 @@ class CalibrationOptions:
     slide_sd : how far all markers of a segment slide as one while the body moves, along one axis [m]; it widens the
         intervals of lengths, marker places and zero angles. By default as `noise`. Shifts and turns of whole
         clusters are most of what skin does in walking (Barré et al. 2017)
-    slide_turn_sd : how far they turn as one about each axis [rad]; 3 degrees, of the order of the 1 to 6 by which
-        fluoroscopy finds the hip's angles from markers off (Fiorentino et al. 2017); without effect where `slide_sd` is 0
+    slide_turn_sd : how far they turn as one about each axis [rad]; by default 3 degrees where `slide_sd` is 5 mm, and
+        in proportion (of the order of the 1 to 6 by which fluoroscopy finds the hip's angles from markers off,
+        Fiorentino et al. 2017); without effect where `slide_sd` is 0
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
         from frame to frame; without effect where the residual tells the noise
     static_sd : of the coordinates that are known in the static trial [rad]
@@ -76,7 +79,7 @@ class CalibrationOptions:
     noise: float | None = None
     zero_sd: float = 0.07
     slide_sd: float | None = None
-    slide_turn_sd: float = 0.05
+    slide_turn_sd: float | None = None
     independent_frames: int = 6
     static_sd: float = 0.1
     iterations: int = 60
@@ -96,6 +99,7 @@ class Distances:
     noise: float
     unit: float
     slide: float
+    turn: float
 
     @classmethod
     def of(cls, options: CalibrationOptions, unit: float) -> Distances:
@@ -104,9 +108,10 @@ class Distances:
         def told(given: float | None, usual: float) -> float:
             return usual * unit if given is None else given
 
-        noise = told(options.noise, 0.005)
+        noise = told(options.noise, SLIDE)
         slide = noise if options.slide_sd is None else options.slide_sd
-        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), noise, unit, slide)
+        turn = SLIDE_TURN * slide / (SLIDE * unit) if options.slide_turn_sd is None else options.slide_turn_sd
+        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), noise, unit, slide, turn)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData
 from myomorph.identify.refine.refinement import SubjectTrial
 from myomorph.identify.refine.spline import Basis
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -30,6 +30,7 @@ FRAMES_A_KNOT = 2.0
 """Frames between knots that are enough."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Opened:
     """A trial through inverse kinematics: on the markers' clock, and with the frames that count.

@@ -26,6 +26,7 @@ OF_STUDY = (
     "condition_curves.csv",
     "condition_values.csv",
     "differences.csv",
+    "value_differences.csv",
     "outliers.csv",
     "timings.csv",
     "study.html",
@@ -35,6 +36,7 @@ OF_STUDY = (
     "groups.html",
     "group_parameters.csv",
     "group_curves.csv",
+    "group_values.csv",
     "group_strides.csv",
 )
 """Files of the results' folder, whose names no subject can have."""

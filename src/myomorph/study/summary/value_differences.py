@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.special import stdtrit as student_quantile
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.report.study.study_given import ValueDifference
 from myomorph.study.summary.condition_values import RunningMeans
 from myomorph.study.trial.trial_inputs import Value
@@ -25,6 +25,7 @@ _Name = tuple[str, str]
 """Step and quantity."""
 
 
+@read_only
 @dataclass(frozen=True)
 class _Own:
     """A quantity of one subject in one condition.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Series
 from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
 from myomorph.study.trial.steps.drawn_trials import Quantity
@@ -18,6 +18,7 @@ PEAKS = ("maximum", "mean")
 LOADS = ("total_", "medial_", "lateral_")
 
 
+@read_only
 @dataclass(frozen=True)
 class _Columns:
     """Columns of a table whose numbers are kept.
@@ -57,6 +58,7 @@ class _Columns:
         return np.concatenate(found)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class DrawnValues:
     """What is kept of each draw beside its tables.
