@@ -30,6 +30,8 @@ ATTACHMENT = 13.3e-3
 OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 """Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
 points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
+BOTH_ENDS = 1.15
+"""Error of a moment arm over that of its muscle's points, moved on each bone: the middle of 1.0 to 1.3."""
 SOURCE = "attachments"
 """Name of this source in the error budget."""
 LEAST = 0.05
@@ -182,9 +184,10 @@ def with_attachments(
     muscles, intact, bare = found.muscles, found.intact, found.without
     if muscles is None or intact is None or bare is None or options.offset <= 0.0:
         return found, tuple(shares)
+    error = replace(options, offset=BOTH_ENDS * options.offset)
     random = np.random.default_rng(options.seed)
     try:
-        spread = _by_offsets(intact.recordings, intact.parameters, bare.viscosity.value, options, random)
+        spread = _by_offsets(intact.recordings, intact.parameters, bare.viscosity.value, error, random)
     except MyomorphError as error:
         return replace(found, notes=(*found.notes, f"d_M's interval holds no errors of attachments: {error}")), tuple(
             shares
