@@ -17,13 +17,13 @@ from myomorph.model.model import Marker
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
+from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.online import OnlineKinematics
-from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import stretch_of
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.motion.postures import _seen_from_base
+from myomorph.motion.body.postures import _seen_from_base
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure

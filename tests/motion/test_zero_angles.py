@@ -11,13 +11,13 @@ from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
 from myomorph.motion.body.angle_slopes import angle_slopes
 from myomorph.motion.body.mean_posture import symmetric_posture
+from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
 from myomorph.motion.body.sliding_skin import Slides, sliding
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.calibration import STATIC
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
 from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import stretch_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_stance import belt_velocity
+from myomorph.contact.foot_stance import belt_velocity, supported
 from myomorph.contact.force_inspection import Inspection
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.contact.force_samples import Change, ForceSamples
-from myomorph.contact.force_support import supported
 from myomorph.model.arrays import Array
 from myomorph.motion.filters import lowpass
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import FootPoses
+from myomorph.contact.foot_stance import supported
 from myomorph.contact.force_balance import CUTOFF, balance
 from myomorph.contact.force_inspection import Inspection
-from myomorph.contact.force_support import supported
 from myomorph.model.arrays import Array, runs
 
 CARRIED = 0.55

@@ -18,7 +18,7 @@ class TransferOptions:
     rounds : of scaling and posing, at most
     tolerance : the rounds end when no joint center moves further relative to the lower model's [m]
     keep_markers : keep markers of the higher model that the lower one lacks
-    lower_segments, higher_segments : segments of bodies whose names do not tell them
+    lower_segments, higher_segments : segments of bodies whose names do not show them
     """
 
     rounds: int = 8

@@ -14,9 +14,12 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
+from myomorph.motion.body.postures import overall_size, spread_postures
 from myomorph.motion.body.priors import calibration_prior, usual_shifts
+from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
 from myomorph.motion.body.sliding_skin import Slides, sliding, widened
+from myomorph.motion.body.zero_angles import posterior, zero_angles, zero_notes
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
@@ -34,10 +37,7 @@ from myomorph.motion.ik import (
     tracked_markers,
 )
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
-from myomorph.motion.postures import overall_size, spread_postures
-from myomorph.motion.shared_fit import reduce, settle
 from myomorph.motion.stretch import skeleton, stretch_of
-from myomorph.motion.zero_angles import posterior, zero_angles, zero_notes
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import compile_tree
 

@@ -13,11 +13,11 @@ from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
+from myomorph.motion.body.postures import overall_size
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_swaps import MIRRORED, OF_ANY_LENGTHS, SIDES, USUAL, Margin, Solve, Swap, find_swap
 from myomorph.motion.marker_texts import pairs_text, span_of, times_text
-from myomorph.motion.postures import overall_size
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -29,7 +29,7 @@ def refine(
     mass: float | None = None,
     options: RefineOptions | None = None,
     path_lengths: Callable[[Model], Array] | None = None,
-    told: Callable[[], None] = lambda: None,
+    progress: Callable[[], None] = lambda: None,
 ) -> Refinement:
     """Motion, lengths, marker positions and masses of a subject in one problem over all trials.
 
@@ -54,7 +54,7 @@ def refine(
     trials : recordings with markers and plates
     mass : of the whole body [kg]; the model's by default
     path_lengths : lets muscles keep their ratio of fiber to path, as in `scale`
-    told : called once a step
+    progress : called once a step
 
     Returns
     -------
@@ -73,9 +73,9 @@ def refine(
     given = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
         recorded = [opened(given, one, options) for one in trials]
-        choice = _choice(given, trials, recorded, options, told)
+        choice = _choice(given, trials, recorded, options, progress)
         problem = problem_of(given, trials, recorded, choice.options)
-        solution = settle(thinned(problem), told)
+        solution = settle(thinned(problem), progress)
     return _refinement(given, trials, recorded, problem, solution, choice, path_lengths)
 
 
@@ -109,13 +109,13 @@ def _choice(
     trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     options: RefineOptions,
-    told: Callable[[], None],
+    progress: Callable[[], None],
 ) -> _Choice:
     """Body and masses, masses alone or nothing but motions: the first that does not predict worse."""
     tried: list[tuple[str, tuple[Prediction, ...]]] = []
     predictions: tuple[Prediction, ...] = ()
     while options.check and (options.body or options.masses):
-        predictions = predictions_of(model, trials, recorded, options, told)
+        predictions = predictions_of(model, trials, recorded, options, progress)
         if not worse(predictions):
             break
         tried.append((refined_parts(options), predictions))

@@ -67,7 +67,7 @@ def predictions_of(
     trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     options: RefineOptions,
-    told: Callable[[], None],
+    progress: Callable[[], None],
 ) -> tuple[Prediction, ...]:
     """Every trial by the others, or the halves of a single one by each other."""
     if len(trials) > 1:
@@ -77,7 +77,7 @@ def predictions_of(
                 model,
                 problem_of(model, _without(trials, k), _without(recorded, k), options),
                 (trial, recorded[k], None),
-                told,
+                progress,
             )
             for k, trial in enumerate(trials)
         )
@@ -89,7 +89,7 @@ def predictions_of(
             model,
             problem_of(model, trials, recorded, options, within={0: seen}),
             (trials[0], recorded[0], ~seen),
-            told,
+            progress,
         )
         for name, seen in (("second half", ~middle), ("first half", middle))
     )
@@ -104,7 +104,7 @@ def _prediction(
     model: Model,
     problem: Problem,
     held_out: tuple[SubjectTrial, Opened, np.ndarray | None],
-    told: Callable[[], None],
+    progress: Callable[[], None],
 ) -> Prediction:
     """What is left out of a problem, predicted.
 
@@ -120,13 +120,13 @@ def _prediction(
         return errors_on(made, opened(made, trial, problem.options), within, use)
 
     given, few = errors_on(model, on_given, within, use), thinned(problem)
-    first = motions_alone(few, told)
-    refined = errors(model_of(model, problem, settle(few, told, first).at))
+    first = motions_alone(few, progress)
+    refined = errors(model_of(model, problem, settle(few, progress, first).at))
     alone = given.markers
     if problem.body:
         # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
         blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
-        alone = errors(model_of(model, problem, solve(blind, first, told).at)).markers
+        alone = errors(model_of(model, problem, solve(blind, first, progress).at)).markers
     return Prediction(name, given, refined, alone)
 
 

@@ -33,24 +33,24 @@ class Solution:
     converged: bool
 
 
-def settle(problem: Problem, told: Callable[[], None] = lambda: None, first: Unknowns | None = None) -> Solution:
-    """The optimum, from that of the motions alone, which tells the frames that nothing explains.
+def settle(problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None) -> Solution:
+    """The optimum, from that of the motions alone, which shows the frames that nothing explains.
 
     Parameters
     ----------
     first : of the motions alone, see `motions_alone`; found here by default
     """
-    first = motions_alone(problem, told) if first is None else first
-    return solve(with_trust(problem, first), first, told)
+    first = motions_alone(problem, progress) if first is None else first
+    return solve(with_trust(problem, first), first, progress)
 
 
-def motions_alone(problem: Problem, told: Callable[[], None] = lambda: None) -> Unknowns:
+def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None) -> Unknowns:
     """The optimum of the motions on the body as given."""
     still = replace(problem, body=False, masses=False)
-    return solve(still, still.begin(), told).at
+    return solve(still, still.begin(), progress).at
 
 
-def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: None) -> Solution:
+def solve(problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None) -> Solution:
     """Levenberg-Marquardt from a start."""
     at, damping = start, 1e-6
     costs = [cost(problem, at)]
@@ -63,7 +63,7 @@ def solve(problem: Problem, start: Unknowns, told: Callable[[], None] = lambda: 
             trial = moved(problem, at, motions, shared)
             accepted = bool(trial.factors.min(initial=1.0) > 0.3) and cost(problem, trial) <= costs[-1]
             damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
-        told()
+        progress()
         if not accepted:
             converged = True
             break

@@ -36,7 +36,7 @@ HALVINGS = 4
 """Of the share of every move that is taken back in the end."""
 
 NAMED = 3
-"""Points of which a line tells how far they went."""
+"""Points that a line names, with how far they went."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
     if unknown:
         named = [f"'{owner}' ({name}) by {mm(by)}" for (owner, name), by in sorted(unknown.items(), key=_negative)]
         lines.append(
-            f"{len(unknown)} via points were brought out of bone on bodies whose maps tell no interval: {_first(named)}"
+            f"{len(unknown)} via points were brought out of bone on bodies whose maps give no interval: {_first(named)}"
         )
     return lines
 

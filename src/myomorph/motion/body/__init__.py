@@ -1,1 +1,1 @@
-"""The problem that all frames of a body share: its unknowns, its priors, and what fixes the zero of every angle."""
+"""The problem that all frames of a body share: its unknowns, priors, fit, and what fixes the zero of every angle."""

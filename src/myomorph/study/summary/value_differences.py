@@ -21,6 +21,8 @@ CONFIDENCE = 0.95
 KEPT_DRAWS = 100
 """Of each trial so many draws at most are kept for differences, which know their deviation to 7 % by them."""
 Row = tuple[str, ...]
+_Pair = tuple[bool, str, tuple[int, int], tuple[float, float], float, float, float, float, float]
+"""What two conditions come to in one quantity: `ValueDifference` from `paired` on."""
 _Name = tuple[str, str]
 """Step and quantity."""
 
@@ -132,23 +134,8 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    found.append(ValueDifference(first, second, *name, unit, **vars(pair)))
+                    found.append(ValueDifference(first, second, name[0], name[1], unit, *pair))
     return found
-
-
-@dataclass(frozen=True)
-class _Pair:
-    """What two conditions come to in one quantity; fields as of `ValueDifference`."""
-
-    paired: bool
-    unit_of: str
-    count: tuple[int, int]
-    means: tuple[float, float]
-    low: float
-    high: float
-    measured_sd: float
-    low_all: float
-    high_all: float
 
 
 def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
@@ -159,7 +146,7 @@ def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
         before, after = (float(np.mean([own[name].mean for name in shared])) for own in (one, other))
         square = float(d.var(ddof=1)) / len(d)
         found = _intervals(after - before, square, len(d) - 1.0, _mean_variance(errors), held=True)
-        return _Pair(True, "subjects", (len(d), len(d)), (before, after), *found)
+        return True, "subjects", (len(d), len(d)), (before, after), *found
     if shared:
         return None
     groups = [np.array([each.mean for each in own.values()]) for own in (one, other)]
@@ -168,7 +155,7 @@ def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     counts = (len(groups[0]), len(groups[1]))
     drawn = sum(_mean_variance([each.error for each in own.values()]) for own in (one, other))
     found = _intervals(after - before, *_welch(squares, counts), drawn, held=True)
-    return _Pair(False, "subjects", counts, (before, after), *found)
+    return False, "subjects", counts, (before, after), *found
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
@@ -180,7 +167,7 @@ def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
         # What differs between trials shows in their spread already.
         drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
     found = _intervals(second.mean - first.mean, square, freedom, drawn, held=False)
-    return _Pair(False, "trials", counts, (first.mean, second.mean), *found)
+    return False, "trials", counts, (first.mean, second.mean), *found
 
 
 def _less(one: Array | None, other: Array | None) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -10,21 +10,20 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from myomorph.io.loads import loads_table
 from myomorph.io.sto import table_from_motion
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Series, Table, Wrenches
+from myomorph.model.series import Markers, Motion, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.nearby import poses_near
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.settings import Differentiation, TensionTables
+from myomorph.store.settings import Differentiation
+from myomorph.study.trial.steps.drawn_quantities import Quantity, muscle_quantities, torque_quantity
 from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
-from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, shown_torques, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, solve_dynamics
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -58,31 +57,6 @@ COARSE = 4
 @dataclass(frozen=True)
 class ShareDraw(Draw):
     """A draw that only contributions are computed from."""
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """A table of the chain.
-
-    Attributes
-    ----------
-    name : of its file
-    names : columns
-    values : (frames, names) as they were computed without errors
-    table : from values to what is written
-    unit : of the values
-    units, factors : of each column in tables that people read, and from the values to these
-    """
-
-    name: str
-    time: Array
-    names: tuple[str, ...]
-    values: Array
-    table: Callable[[Array], Table]
-    unit: str
-    units: tuple[str, ...]
-    factors: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,12 +198,12 @@ class Chain:
         if torques is None:
             return made
         if self.trial.torques is None:
-            made.append(_torques(trial, torques))
+            made.append(torque_quantity(trial, torques))
         if self.tense:
             task = task_of(trial, recorded, every(step, torques))
             if draw is not None:
                 task = _with_contacts(task, draw)
-            made += _of_muscles(trial, task, None if draw is None else self.strength)
+            made += muscle_quantities(trial, task, None if draw is None else self.strength)
         return made
 
 
@@ -242,24 +216,6 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
         own, sites=drawn_sites(own.sites, draw), strengths=drawn_strengths(own.strengths, own.sites, draw)
     )
     return replace(task, setting=replace(task.setting, task=changed))
-
-
-def _of_muscles(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
-    tension, _ = task.solved(lambda count: None)
-    if strength is not None:
-        strength.check(tension)
-    parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
-    made = [_named(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
-    tables = []
-    if task.setting is not None:
-        tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
-        tables.append(("contact_groups", task.contact_groups(tension)))
-    frame, points = trial.options[TensionTables].reactions, trial.contact_points
-    if frame != "none":
-        tables.append(("joint_reactions", task.reactions(tension, frame)))
-    if points is not None:
-        tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
-    return [*made, *(_named(name, one.time, one.names, one.values, "N, N m or m") for name, one in tables)]
 
 
 def thinned(series: Held, step: int) -> Held:
@@ -279,26 +235,6 @@ def every(step: int, torques: Torques) -> Torques:
         wrenches = replace(wrenches, **parts)
     own = torques.torques
     return Torques(thin, replace(own, time=own.time[some], values=own.values[some]), wrenches)
-
-
-def _torques(trial: TrialInputs, torques: Torques) -> Quantity:
-    shown = shown_torques(trial, torques)
-    kinds = [trial.model.coordinate(name).motion for name in shown.names]
-    units = tuple("N m" if kind == "rotational" else "N" for kind in kinds)
-
-    def table(values: Array) -> Table:
-        return torque_table(Series(shown.time, shown.names, values), trial.model)
-
-    given = (shown.time, shown.names, shown.values)
-    return Quantity("torques", *given, table, "N m or N", units, np.ones(len(units)))
-
-
-def _named(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
-    def table(given: Array) -> Table:
-        return Table(time, names, given, facts=FrozenMap({"name": name.replace("_", " ")}))
-
-    count = len(names)
-    return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
 
 
 def chain_of(

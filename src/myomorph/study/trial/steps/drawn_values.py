@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Series
 from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
-from myomorph.study.trial.steps.drawn_trials import Quantity
+from myomorph.study.trial.steps.drawn_quantities import Quantity
 from myomorph.study.trial.trial_inputs import EXTREMES, IN_STRIDE, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 

@@ -22,7 +22,8 @@ from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
-from myomorph.study.trial.steps.drawn_trials import COARSE, Quantity, ShareDraw, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_quantities import Quantity
+from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
 from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses

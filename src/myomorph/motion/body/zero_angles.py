@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.motion.body.angle_slopes import angle_slopes
+from myomorph.motion.body.shared_fit import reduce
 from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, SYMMETRY, ZeroAngle
-from myomorph.motion.shared_fit import reduce
 
 WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
