@@ -123,7 +123,7 @@ def _percent(masses: Array, truth: Array) -> float:
     return float(100.0 * np.abs(masses / truth - 1.0).max())
 
 
-def simulated(seed: int, seconds: float) -> tuple[Model, Model, Refinement]:
+def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -> tuple[Model, Model, Refinement]:
     """A person with unequal legs and moving skin, the calibrated model at its mass, and the refinement."""
     compiled = mujoco.MjModel.from_xml_string(_person())
     model = model_from_mujoco(compiled, name="person")
@@ -141,7 +141,7 @@ def simulated(seed: int, seconds: float) -> tuple[Model, Model, Refinement]:
     trial = SubjectTrial("exciting", replace(found.markers, values=moving), found.wrenches)
     mass = subject.person.mass
     calibrated = calibrate(subject.generic, [trial.markers], CalibrationOptions(mass=mass)).model
-    return subject.person, calibrated, refine(calibrated, [trial], mass)
+    return subject.person, calibrated, refine(calibrated, [trial], mass, options)
 
 
 def with_skin(values: Array, time: Array, sd: float, seed: int) -> Array:
