@@ -21,6 +21,7 @@ from benchmarks.simulated_subject import (
     record,
 )
 from myomorph.identify.refine.fit import refine
+from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
 from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
