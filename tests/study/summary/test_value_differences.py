@@ -31,7 +31,7 @@ def test_errors_that_trials_of_a_subject_share_cancel_between_its_conditions():
     shared = rng.normal(0.0, 5.0, DRAWS)
     own = {name: rng.normal(0.0, 1.0, DRAWS) for name in "ab"}
     (one,) = gathered([("s", name, value, shared + own[name]) for name, value in (("a", 10.0), ("b", 14.0))])
-    assert one.difference == 4.0
+    assert one.difference == -4.0
     assert one.measured_sd == pytest.approx(np.std(own["b"] - own["a"], ddof=1), rel=1e-5)
     assert np.isnan(one.low)
     assert one.high_all - one.low_all == pytest.approx(2 * 1.95996 * one.measured_sd, rel=1e-4)
@@ -57,9 +57,9 @@ def test_intervals_by_the_spread_are_those_of_student_and_welch(paired):
     trials = [(f"{who}{k}", name, x, None) for name, who, own in groups for k, x in enumerate(own)]
     (one,) = gathered(trials)
     if paired:
-        expected = stats.ttest_rel(second, first).confidence_interval(0.95)
+        expected = stats.ttest_rel(first, second).confidence_interval(0.95)
     else:
-        expected = stats.ttest_ind(second, first, equal_var=False).confidence_interval(0.95)
+        expected = stats.ttest_ind(first, second, equal_var=False).confidence_interval(0.95)
     np.testing.assert_allclose((one.low, one.high), expected, rtol=1e-9)
     assert (one.low_all, one.high_all) == (one.low, one.high)
 

@@ -113,8 +113,8 @@ class ValueDifference:
 
     @property
     def difference(self) -> float:
-        """Of the means."""
-        return self.means[1] - self.means[0]
+        """Of the means, the first less the second."""
+        return self.means[0] - self.means[1]
 
 
 @dataclass(frozen=True, eq=False)

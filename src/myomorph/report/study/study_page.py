@@ -208,7 +208,8 @@ def _differences(given: StudyInput) -> list[Section]:
         own.sort(key=lambda one: -abs(one.difference) / (one.high_all - one.low_all))
         rows = tuple(_difference_row(one) for one in own[:MAX_VALUES])
         head = ("Quantity", pair[0], pair[1], "Difference", "95 %, spread alone", "95 %, with errors", "SD of errors")
-        grids.append(Grid(head, rows, " and ".join(pair)))
+        if rows:
+            grids.append(Grid(head, rows, " minus ".join(pair)))
     if not grids:
         return []
     lead = (

@@ -119,7 +119,7 @@ class MeasuredValues:
 
 
 def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
-    """Every quantity in every pair of conditions.
+    """Every quantity in every pair of conditions, the first less the second as in `differences.csv`.
 
     Of several subjects, those with both conditions are compared within themselves; where nobody has both, as groups by
     Welch. Of one subject, trials are. Spreads between subjects hold errors that are each subject's own, so the draws
@@ -141,32 +141,32 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
 def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     shared = [name for name in one if name in other]
     if len(shared) >= 2:
-        d = np.array([other[name].mean - one[name].mean for name in shared])
-        errors = [_less(other[name].error, one[name].error) for name in shared]
-        before, after = (float(np.mean([own[name].mean for name in shared])) for own in (one, other))
+        d = np.array([one[name].mean - other[name].mean for name in shared])
+        errors = [_less(one[name].error, other[name].error) for name in shared]
+        means = [float(np.mean([own[name].mean for name in shared])) for own in (one, other)]
         square = float(d.var(ddof=1)) / len(d)
-        found = _intervals(after - before, square, len(d) - 1.0, _mean_variance(errors), held=True)
-        return True, "subjects", (len(d), len(d)), (before, after), *found
+        found = _intervals(means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True)
+        return True, "subjects", (len(d), len(d)), (means[0], means[1]), *found
     if shared:
         return None
     groups = [np.array([each.mean for each in own.values()]) for own in (one, other)]
-    before, after = (float(group.mean()) for group in groups)
+    means = [float(group.mean()) for group in groups]
     squares = [float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups]
     counts = (len(groups[0]), len(groups[1]))
     drawn = sum(_mean_variance([each.error for each in own.values()]) for own in (one, other))
-    found = _intervals(after - before, *_welch(squares, counts), drawn, held=True)
-    return False, "subjects", counts, (before, after), *found
+    found = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
+    return False, "subjects", counts, (means[0], means[1]), *found
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     first, second = (next(iter(own.values())) for own in (one, other))
     counts = (first.count, second.count)
     square, freedom = _welch((first.square, second.square), counts)
-    drawn = _mean_variance([_less(second.error, first.error)])
+    drawn = _mean_variance([_less(first.error, second.error)])
     if np.isfinite(square):
         # What differs between trials shows in their spread already.
         drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
-    found = _intervals(second.mean - first.mean, square, freedom, drawn, held=False)
+    found = _intervals(first.mean - second.mean, square, freedom, drawn, held=False)
     return False, "trials", counts, (first.mean, second.mean), *found
 
 
