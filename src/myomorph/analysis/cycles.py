@@ -239,32 +239,36 @@ def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: i
     """
     if series.values.ndim != 2:
         raise BadData(f"curves over the cycle are of single numbers, but these have shape {series.values.shape}")
-    values = np.full((len(spans), samples, len(series.names)), np.nan)
-    known = np.isfinite(series.values).all(axis=0)
-    step = float(np.median(np.diff(series.time))) if len(series) > 1 else np.nan
-    for k, (start, stop) in enumerate(spans):
+    for start, stop in spans:
         if not stop > start:
             raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
-        at = np.linspace(start, stop, samples)
-        # Columns without gaps share their places in time, and are done together.
-        values[k][:, known] = _between(series.time, series.values[:, known], at, step)
-        for j in np.flatnonzero(~known):
-            own = np.isfinite(series.values[:, j])
-            values[k, :, j] = _between(series.time[own], series.values[own, j, None], at, step)[:, 0]
+    starts, stops = np.array(spans, dtype=np.float64).reshape(-1, 2).T
+    at = np.linspace(starts, stops, samples, axis=1)
+    step = float(np.median(np.diff(series.time))) if len(series) > 1 else np.nan
+    known = np.isfinite(series.values).all(axis=0)
+    if known.all():
+        return Cycles(series.names, _between(series.time, series.values, at, step))
+    values = np.full((len(spans), samples, len(series.names)), np.nan)
+    # Columns without gaps share their places in time, and are done together.
+    values[..., known] = _between(series.time, series.values[:, known], at, step)
+    for j in np.flatnonzero(~known):
+        own = np.isfinite(series.values[:, j])
+        values[..., j] = _between(series.time[own], series.values[own, j, None], at, step)[..., 0]
     return Cycles(series.names, values)
 
 
 def _between(time: Array, values: Array, at: Array, step: float) -> Array:
-    """Values (frames, n), all known, by straight lines at other times (samples, n); NaN outside and in long gaps."""
+    """Values (frames, n), all known, by straight lines at times (cycles, samples); NaN outside and in long gaps."""
     if len(time) < 2:
-        return np.full((len(at), values.shape[1]), np.nan)
+        return np.full((*at.shape, values.shape[1]), np.nan)
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     span = time[after] - time[after - 1]
-    share = ((at - time[after - 1]) / span)[:, None]
-    found: Array = values[after - 1] + share * (values[after] - values[after - 1])
+    share = ((at - time[after - 1]) / span)[..., None]
+    before = values[after - 1]
+    found: Array = before + share * (values[after] - before)
     apart = np.where(time[after] == at, 0.0, span)
-    hidden = (apart > max(LONGEST_GAP * (at[-1] - at[0]), 1.5 * step)) | (at < time[0]) | (at > time[-1])
-    found[hidden] = np.nan
+    longest = np.maximum(LONGEST_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
+    found[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
     return found
 
 

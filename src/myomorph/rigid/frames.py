@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 CHUNK = 64
 """Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing."""
 
 
+_ALONE = ContextVar("_ALONE", default=False)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Frames are not split in here: processes beside this one use the other cores."""
+    before = _ALONE.set(True)
+    try:
+        yield
+    finally:
+        _ALONE.reset(before)
+
+
 def thread_count() -> int:
-    """Threads to use: the environment variable MYOMORPH_THREADS, or all cores."""
+    """Threads to use: one within `one_thread`, else the environment variable MYOMORPH_THREADS, or all cores."""
+    if _ALONE.get():
+        return 1
     asked = os.environ.get("MYOMORPH_THREADS", "")
     return int(asked) if asked.isdigit() and int(asked) > 0 else os.cpu_count() or 1
 

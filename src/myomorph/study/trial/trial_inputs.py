@@ -253,6 +253,9 @@ def all_drawn(
 def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
     """`EXTREMES` of values along an axis, NaN where none is known."""
     known = np.isfinite(values)
+    if known.size and known.all():
+        low, high = values.min(axis=axis), values.max(axis=axis)
+        return {"minimum": low, "maximum": high, "range": high - low, "mean": values.mean(axis=axis)}
     some = known.any(axis=axis)
     low = np.where(some, np.min(np.where(known, values, np.inf), axis=axis), np.nan)
     high = np.where(some, np.max(np.where(known, values, -np.inf), axis=axis), np.nan)

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from myomorph.model.arrays import Array
-from myomorph.rigid.frames import thread_count
+from myomorph.rigid.frames import one_thread, thread_count
 from myomorph.study.trial.steps.draw_process import PROTOCOL
 from myomorph.study.trial.steps.drawn_trials import Chain
 from myomorph.uncertainty.bodies import Draw
@@ -92,7 +92,8 @@ class _Shared:
                 if own is None:
                     self._changed.wait()
                     continue
-            made = self._chain.attempt(self._draws[own])
+            with one_thread():
+                made = self._chain.attempt(self._draws[own])
             with self._changed:
                 self._found[own] = made
         if isinstance(found, Exception):
