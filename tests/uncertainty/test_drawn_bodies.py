@@ -15,6 +15,7 @@ from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
 from myomorph.muscles.path import compile_paths, compile_paths_as
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.knees import knee_joints
 from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger
 from myomorph.uncertainty.normals import Normals
@@ -61,6 +62,23 @@ def test_another_center_leaves_the_zero_pose_and_moves_the_bent_one(model):
     zero, bent = np.zeros((1, 2)), np.array([[0.0, 1.0]])
     np.testing.assert_allclose(markers_at(other, zero), markers_at(model, zero), atol=1e-12)
     assert np.abs(markers_at(other, bent) - markers_at(model, bent)).max() > 1e-3
+
+
+def test_legs_are_bowed_by_their_size_about_the_knee_as_seen_from_the_front(data):
+    model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    knees = knee_joints(model)
+    assert [one.name for one in knees] == ["walker_knee_r", "walker_knee_l"]
+    angles = []
+    for k in range(100):
+        bowed = drawn_model(model, draw(k, leg_alignment=0.04))
+        for before, after in zip(knees, knee_joints(bowed), strict=True):
+            turn = after.child_frame.rotation @ before.child_frame.rotation.T
+            axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+            # Fore-aft in the tibia of this model is its x axis, but for the knee's own tilt.
+            assert abs(axis[0]) > 0.99 * np.linalg.norm(axis)
+            angles.append(axis[0])
+            np.testing.assert_array_equal(after.child_frame.translation, before.child_frame.translation)
+    np.testing.assert_allclose(np.std(angles), 0.04, rtol=0.1)
 
 
 def test_points_of_paths_move_by_their_size(model):

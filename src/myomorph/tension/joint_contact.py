@@ -19,6 +19,7 @@ from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Actuator, Joint, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.knees import long_axis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.reaction import frame_in_ground, joint_reactions
 from myomorph.tension.tension import Tension
@@ -270,17 +271,6 @@ def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
             f"'{joint.child}' that would tell one: give the direction in which it pushes on '{joint.child}'"
         )
     return poses.rotations[:, tree.body_index[joint.child]] @ way
-
-
-def long_axis(model: Model, joint: Joint) -> Array | None:
-    """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
-    center = joint.child_frame.translation
-    ways = [one.parent_frame.translation - center for one in model.joints if one.parent == joint.child]
-    lengths = [float(np.linalg.norm(one)) for one in ways]
-    if not lengths or max(lengths) < 1e-9:
-        return None
-    farthest = int(np.argmax(lengths))
-    return np.asarray(ways[farthest] / lengths[farthest])
 
 
 def shared_force(

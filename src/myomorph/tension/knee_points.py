@@ -10,18 +10,12 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Joint, Model
 from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion
 from myomorph.model.sides import other_side, split_side
 from myomorph.model.surface import Surface
-from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.kinematics import Poses
+from myomorph.rigid.knees import FLEXIONS, SHANK, THIGH, flexed, hinge_axis, knee_joints, long_axis
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.joint_contact import ContactPoint, JointPoints, long_axis
-
-THIGH, SHANK = ("femur", "thigh"), ("tibia", "shank")
-"""Words in the names of the bodies above and below a knee."""
-
-FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])
-"""At which the condyles' lowest places are looked for; the contact point is their mean [rad]."""
+from myomorph.tension.joint_contact import ContactPoint, JointPoints
 
 LOWEST = 0.0075
 """Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee."""
@@ -65,7 +59,7 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
     ...
     myomorph.model.errors.BadModel: model 'arm' has no knee: ...
     """
-    knees = [one for one in model.joints if _is(one.parent, THIGH) and _is(one.child, SHANK)]
+    knees = knee_joints(model)
     if not knees:
         raise BadModel(
             f"model '{model.name}' has no knee: no joint between a body called {' or '.join(THIGH)} and one called "
@@ -80,21 +74,19 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
     return JointPoints(tuple(points), tuple(notes))
 
 
-def _is(body: str, words: tuple[str, ...]) -> bool:
-    return any(word in body.lower() for word in words)
-
-
 def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[list[ContactPoint], str]:
     """Both points of a knee and a note, "" where its own bone told them."""
     side = split_side(knee.child)[1] or split_side(knee.name)[1]
     hip = next((one for one in model.joints if one.child == knee.parent), None)
-    down = long_axis(model, knee)
+    down, poses = long_axis(model, knee), flexed(model, knee)
     if not side or hip is None or down is None:
         lacking = "no side in its name" if not side else "no hip above it" if hip is None else "no ankle below it"
         raise BadModel(f"joint '{knee.name}': has {lacking}, so its contact points must be given in a file")
+    if poses is None:
+        raise BadModel(f"joint '{knee.name}' does not turn, so its contact points must be given in a file")
     center = knee.child_frame.translation
     length = float(np.linalg.norm(knee.parent_frame.translation - hip.child_frame.translation))
-    lateral = _lateral(model, knee, down, side)
+    lateral = _lateral(model, knee, poses, down, side)
     bone, note = _bone(model, knee, surfaces)
     if bone is None:
         places = [center + sign * HALF_SPACING * length * lateral for sign in (-1.0, 1.0)]
@@ -104,7 +96,7 @@ def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tupl
             "distance from hip to knee; medial and lateral force are worth no more than that"
         )
     else:
-        places = _lowest(model, knee, bone, down, lateral, length)
+        places = _lowest(model, knee, poses, bone, down, lateral, length)
     normal = tuple(float(one) for one in down)
     return [
         ContactPoint(knee.name, name, knee.child, tuple(float(one) for one in place), normal)  # type: ignore[arg-type]
@@ -112,36 +104,10 @@ def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tupl
     ], note
 
 
-def _flexed(model: Model, knee: Joint) -> tuple[Poses, int, int]:
-    """Poses of the model at `FLEXIONS` of a knee, and the numbers of its bodies."""
-    tree = compile_tree(model)
-    turning = next(
-        (
-            name
-            for axis in knee.axes
-            for name in axis.coordinates
-            if model.coordinate(name).motion == "rotational" and not model.coordinate(name).locked
-        ),
-        "",
-    )
-    if not turning:
-        raise BadModel(f"joint '{knee.name}' does not turn, so its contact points must be given in a file")
-    low, high = model.coordinate(turning).range
-    # A knee that bends towards negative angles has its range there.
-    sign = -1.0 if abs(low) > abs(high) else 1.0
-    motion = Motion(np.arange(len(FLEXIONS), dtype=np.float64), (turning,), sign * FLEXIONS[:, None])
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    return poses, tree.body_index[knee.parent], tree.body_index[knee.child]
-
-
-def _lateral(model: Model, knee: Joint, down: Array, side: str) -> Array:
+def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) -> Array:
     """Unit vector on the tibia, across its length, that points away from the other leg."""
-    poses, femur, tibia = _flexed(model, knee)
-    turned = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]
-    change = turned[-1] @ turned[0].T
-    axis = np.array([change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]])
-    axis -= (axis @ down) * down
-    axis /= np.linalg.norm(axis)
+    tibia = compile_tree(model).body_index[knee.child]
+    axis = hinge_axis(model, knee, poses, down)
     up = np.asarray(model.up, dtype=np.float64)
     forward = _forward(model, poses, tibia)
     right = poses.rotations[0, tibia].T @ np.cross(forward, up)
@@ -194,9 +160,12 @@ def _vertices(model: Model, body: str, surfaces: Mapping[str, Surface]) -> Array
     return surfaces[mesh.file].vertices * mesh.scale @ mesh.pose.rotation.T + mesh.pose.translation
 
 
-def _lowest(model: Model, knee: Joint, bone: Array, down: Array, lateral: Array, length: float) -> list[Array]:
+def _lowest(
+    model: Model, knee: Joint, poses: Poses, bone: Array, down: Array, lateral: Array, length: float
+) -> list[Array]:
     """Mean lowest place of the medial and of the lateral condyle, on the tibia."""
-    poses, femur, tibia = _flexed(model, knee)
+    index = compile_tree(model).body_index
+    femur, tibia = index[knee.parent], index[knee.child]
     sums = [np.zeros(3), np.zeros(3)]
     for k in range(len(FLEXIONS)):
         ground = bone @ poses.rotations[k, femur].T + poses.origins[k, femur]

@@ -13,7 +13,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "forces": ("plate_position", "plate_gain", "clock"),
     "contacts": ("contact_time", "contact_point"),
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
-    "joints": ("joint_center", "joint_axis"),
+    "joints": ("joint_center", "joint_axis", "leg_alignment"),
     "filter": ("filter_cutoff",),
     "paths": ("attachment", "wrap_radius"),
     "joint contacts": ("joint_contact_point",),
@@ -48,6 +48,8 @@ class Sources:
     inertia : of each body, as a share
     joint_center : of each joint and axis [m] (Kainz et al. 2015)
     joint_axis : orientation of each joint's axes about each of the three [rad]
+    leg_alignment : angle between thigh and shank seen from the front, about each knee [rad]: a generic model's legs are
+        scaled, not bowed, and groups of adults have deviations of 1.8 to 3.2 degrees (Nicolella et al. 2012)
     filter_cutoff : of the low-pass filter, as a share: 4 to 9 Hz lie within one deviation of 6 Hz
     attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
     wrap_radius : of each wrapping surface, as a share
@@ -82,6 +84,7 @@ class Sources:
     inertia: float = 0.15
     joint_center: float = 0.006
     joint_axis: float = 0.035
+    leg_alignment: float = 0.044
     filter_cutoff: float = 0.4
     attachment: float = 0.004
     wrap_radius: float = 0.05

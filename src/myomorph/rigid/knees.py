@@ -1,0 +1,86 @@
+"""Knees of a model: which joints they are, along which axes they lie and turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import Joint, Model
+from myomorph.model.series import Motion
+from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+THIGH, SHANK = ("femur", "thigh"), ("tibia", "shank")
+"""Words in the names of the bodies above and below a knee."""
+
+FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])
+"""At which knees are looked at [rad]."""
+
+
+def knee_joints(model: Model) -> tuple[Joint, ...]:
+    """Joints between a body called femur or thigh and one called tibia or shank."""
+    return tuple(one for one in model.joints if _is(one.parent, THIGH) and _is(one.child, SHANK))
+
+
+def _is(body: str, words: tuple[str, ...]) -> bool:
+    return any(word in body.lower() for word in words)
+
+
+def long_axis(model: Model, joint: Joint) -> Array | None:
+    """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
+    center = joint.child_frame.translation
+    ways = [one.parent_frame.translation - center for one in model.joints if one.parent == joint.child]
+    lengths = [float(np.linalg.norm(one)) for one in ways]
+    if not lengths or max(lengths) < 1e-9:
+        return None
+    farthest = int(np.argmax(lengths))
+    return np.asarray(ways[farthest] / lengths[farthest])
+
+
+def flexed(model: Model, knee: Joint) -> Poses | None:
+    """Poses of the model, but for a knee at its defaults, at `FLEXIONS` of it; None of a knee that does not turn."""
+    tree = compile_tree(model)
+    turning = next(
+        (
+            name
+            for axis in knee.axes
+            for name in axis.coordinates
+            if model.coordinate(name).motion == "rotational" and not model.coordinate(name).locked
+        ),
+        "",
+    )
+    if not turning:
+        return None
+    low, high = model.coordinate(turning).range
+    # A knee that bends towards negative angles has its range there.
+    sign = -1.0 if abs(low) > abs(high) else 1.0
+    motion = Motion(np.arange(len(FLEXIONS), dtype=np.float64), (turning,), sign * FLEXIONS[:, None])
+    return forward_kinematics(tree, tree.coordinates_of(motion))
+
+
+def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
+    """Unit vector on the tibia, across its length, about which a knee turns.
+
+    Parameters
+    ----------
+    poses : of `flexed`
+    down : the tibia's `long_axis`
+    """
+    index = compile_tree(model).body_index
+    femur, tibia = index[knee.parent], index[knee.child]
+    turned = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]
+    change = turned[-1] @ turned[0].T
+    axis = np.array([change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]])
+    axis -= (axis @ down) * down
+    return axis / np.linalg.norm(axis)
+
+
+def sagittal_axis(model: Model, knee: Joint) -> Array | None:
+    """Unit vector on the tibia, fore-aft, about which a leg is bowed: across its length and the knee's axis.
+
+    None of a knee without an ankle below it, or that does not turn.
+    """
+    down, poses = long_axis(model, knee), flexed(model, knee)
+    if down is None or poses is None:
+        return None
+    return np.cross(down, hinge_axis(model, knee, poses, down))
