@@ -73,14 +73,3 @@ def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
     axis = np.array([change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]])
     axis -= (axis @ down) * down
     return axis / np.linalg.norm(axis)
-
-
-def sagittal_axis(model: Model, knee: Joint) -> Array | None:
-    """Unit vector on the tibia, fore-aft, about which a leg is bowed: across its length and the knee's axis.
-
-    None of a knee without an ankle below it, or that does not turn.
-    """
-    down, poses = long_axis(model, knee), flexed(model, knee)
-    if down is None or poses is None:
-        return None
-    return np.cross(down, hinge_axis(model, knee, poses, down))

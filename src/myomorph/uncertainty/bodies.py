@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.arrays import Array, changed
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.latest import Latest
 from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
-from myomorph.model.spatial import Transform, axis_rotation, rotation_from_euler_xyz
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.motion.root import floating_coordinates
 from myomorph.muscles.hill_arrays import compile_hill_as
 from myomorph.muscles.path import compile_paths_as
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.rigid.knees import knee_joints, sagittal_axis
 from myomorph.rigid.tree import compile_tree_as
+from myomorph.uncertainty.bowed_legs import beside_bowed_bones, bowed_knee, legs_of
 from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
@@ -73,14 +72,15 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     has, parts = draw.sources, dict[str, Any]()
     if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
-    if has.joint_center or has.joint_axis or has.leg_alignment:
+    if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
         # Where a body floats in the laboratory, no joint holds it.
         joints = (one if floating.intersection(one.coordinates) else _joint(one, draw) for one in model.joints)
-        axes = _bowed_about(model) if has.leg_alignment else {}
-        parts["joints"] = tuple(_bowed(one, axes[one.name], draw) if one.name in axes else one for one in joints)
+        parts["joints"] = tuple(joints)
     if has.placement:
         parts["markers"] = tuple(_marker(one, draw) for one in model.markers)
+    if has.leg_alignment:
+        parts |= _bowed(model, parts, draw)
     if has.attachment or has.strength or has.fiber_length or has.slack_length:
         parts["muscles"] = tuple(_muscle(one, draw) for one in model.muscles)
     if has.wrap_radius:
@@ -165,20 +165,14 @@ def _joint(joint: Joint, draw: Draw) -> Joint:
     return replace(joint, parent_frame=joint.parent_frame @ off, child_frame=joint.child_frame @ off)
 
 
-def _knee_axes(model: Model) -> Mapping[str, Array]:
-    """By knee, the axis on the shank about which the leg is bowed."""
-    axes = {knee.name: sagittal_axis(model, knee) for knee in knee_joints(model)}
-    return FrozenMap({name: axis for name, axis in axes.items() if axis is not None})
-
-
-_bowed_about = Latest(_knee_axes)
-
-
-def _bowed(knee: Joint, axis: Array, draw: Draw) -> Joint:
-    """A knee whose shank is turned about its center, as seen from the front."""
-    turn = axis_rotation(axis, float(draw.of("leg_alignment", knee.name)[0]))
-    frame = knee.child_frame
-    return replace(knee, child_frame=Transform(turn @ frame.rotation, frame.translation))
+def _bowed(model: Model, parts: Mapping[str, Any], draw: Draw) -> dict[str, Any]:
+    """Joints and markers of a model whose legs are bowed otherwise."""
+    joints, markers = parts.get("joints", model.joints), parts.get("markers", model.markers)
+    for name, leg in legs_of(model).items():
+        angle = float(draw.of("leg_alignment", name)[0])
+        joints = tuple(bowed_knee(one, leg, angle) if one.name == name else one for one in joints)
+        markers = tuple(beside_bowed_bones(one, leg, angle) for one in markers)
+    return {"joints": joints, "markers": markers}
 
 
 def _marker(marker: Marker, draw: Draw) -> Marker:

@@ -23,10 +23,13 @@ from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.calibration import SOURCES
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.label_repair import mended_labels
+from myomorph.motion.lengths import length_unit
+from myomorph.motion.marker_sides import side_findings
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.summary_lines import calibration_line
+from myomorph.rigid.tree import compile_tree
 from myomorph.store.finding_store import findings_of, findings_text
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -112,12 +115,12 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
         options = replace(options, marker_weights=_weights(files.tasks, model))
     inputs.check_labels(files.labels, model)
     recordings = [
-        _labelled(path.name, _recording(path, model, files.time, warnings, files.labels), model, findings)
+        _checked(path.name, _recording(path, model, files.time, warnings, files.labels), model, findings)
         for path in files.markers
     ]
     if files.static is not None:
         standing = _recording(files.static, model, None, warnings, files.labels)
-        options = replace(options, static=_labelled(files.static.name, standing, model, findings))
+        options = replace(options, static=_checked(files.static.name, standing, model, findings))
     with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
@@ -151,10 +154,16 @@ def stored_findings(tables: Path) -> tuple[Finding, ...]:
     return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
 
 
-def _labelled(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
-    """A recording with labels put back that are exchanged throughout: a calibration would move markers after them."""
+def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
+    """A recording with exchanged labels put back; these and misplaced markers are added to the findings.
+
+    A calibration would move the model's markers after both.
+    """
     markers, found = mended_labels(model, markers)
-    findings += [replace(one, text=f"{name}: {one.text}") for one in found]
+    beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
+    known = {(one.kind, one.place) for one in findings}
+    new = [one for one in (*found, *beside) if (one.kind, one.place) not in known]
+    findings += [replace(one, text=f"{name}: {one.text}") for one in new]
     return markers
 
 
@@ -175,12 +184,12 @@ def calibrate_subject(
     for trial in trials:
         if trial.markers is not None:
             inputs.cut_to(trial.time, trial.markers, trial.name)
-            recordings[trial.name] = _labelled(trial.name, used_markers(trial, trial.markers), model, findings)
+            recordings[trial.name] = _checked(trial.name, used_markers(trial, trial.markers), model, findings)
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
         standing = _recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
-        options = replace(options, static=_labelled(files.static.name, standing, model, findings))
+        options = replace(options, static=_checked(files.static.name, standing, model, findings))
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
