@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.tension.elastic.interior import Solver, _not_negative
+from myomorph.tension.elastic.program import Rates
 
 
 def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():
@@ -18,6 +19,16 @@ def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():
         values, vectors = np.linalg.eigh(given[[0, 1, 1, 2]].reshape(2, 2))
         nearest = (vectors * np.maximum(values, 0.0)) @ vectors.T
         np.testing.assert_allclose(ours, nearest[[0, 0, 1], [0, 1, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("smooth", [False, True], ids=["switched", "De Groote"])
+def test_slopes_and_curvatures_of_the_rates_are_their_differences(smooth):
+    """Without the curvature the solver's last steps gain a thousandth each."""
+    rates = Rates(np.full(9, 0.015), np.full(9, 0.06), np.full(9, smooth))
+    a, h = np.linspace(0.05, 0.95, 9), 1e-5
+    here, ahead, behind = (rates.bounds(one) for one in (a, a + h, a - h))
+    for k in (0, 1, 3, 4):
+        np.testing.assert_allclose(here[k + 1], (ahead[k] - behind[k]) / (2.0 * h), rtol=1e-6, atol=1e-4)
 
 
 class Free:

@@ -78,6 +78,7 @@ class Linearized:
     balance: Array
     rate: Array
     rate_slopes: Array
+    rate_bends: Array
 
 
 class Solver:
@@ -113,14 +114,17 @@ class Solver:
             self.boxes.append(Box(np.asarray(0.0), np.asarray(np.inf), s, mu))
         self.filter: list[tuple[float, float]] = []
 
-    def _rates(self, a: Array) -> tuple[Array, Array]:
-        """Room to the bounds of the rates (2, frames - 2, muscles), and its slopes (2, 2, ...) over both a."""
+    def _rates(self, a: Array) -> tuple[Array, Array, Array]:
+        """Room to the bounds of the rates (2, frames - 2, muscles), its slopes (2, 2, ...) over both a, and its
+        curvature (2, ...) over their sum.
+        """
         assert self.p.rates is not None
-        up, up1, low, low1 = self.p.rates.bounds(0.5 * (a[1:] + a[:-1]))
+        up, up1, up2, low, low1, low2 = self.p.rates.bounds(0.5 * (a[1:] + a[:-1]))
         dt, change = self.between, a[1:] - a[:-1]
         room = np.stack([dt * up - change, change - dt * low])
         half_up, half_low = 0.5 * dt * up1, 0.5 * dt * low1
-        return room, np.stack([np.stack([half_up + 1.0, half_up - 1.0]), np.stack([-half_low - 1.0, 1.0 - half_low])])
+        slopes = np.stack([np.stack([half_up + 1.0, half_up - 1.0]), np.stack([-half_low - 1.0, 1.0 - half_low])])
+        return room, slopes, 0.25 * np.stack([dt * up2, -dt * low2])
 
     def _balance(self, f: Array, x: Array, y: Array) -> Array:
         p = self.p
@@ -134,12 +138,13 @@ class Solver:
         elements(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g, fibers)
         cost_a, slope_a, bend_a = p.activation.terms(a)
         cost_x, slope_x, bend_x = p.other.terms(x)
-        rate, rate_slopes = self._rates(a) if self.second else (np.zeros((2, 0, 0)), np.zeros((2, 2, 0, 0)))
+        none = (np.zeros((2, 0, 0)), np.zeros((2, 2, 0, 0)), np.zeros((2, 0, 0)))
+        rate, *rate_curves = self._rates(a) if self.second else none
         if self.second:
             rate = rate - v[3]
         cost = cost_a + cost_x + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
         return Linearized(
-            g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, rate_slopes
+            g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, *rate_curves
         )
 
     def multipliers(self, at: Linearized) -> tuple[Array, Array]:
@@ -237,9 +242,11 @@ class Solver:
         """Add the rates' part of the gradient to ga and of the matrix to d and e; its second blocks beside."""
         c, pk, pn = by_force
         s, z = self.v[3], self.boxes[3].z
-        stiff = z / s
-        push = self.mu / s - stiff * at.rate
-        one, other = at.rate_slopes[:, 0], at.rate_slopes[:, 1]
+        push = self.mu / s - z / s * at.rate
+        # Beside the slopes of both bounds, their curvature over the sum of both activations.
+        bend = -(z * at.rate_bends).sum(axis=0, keepdims=True)
+        stiff, push = np.concatenate([z / s, bend]), np.concatenate([push, np.zeros_like(bend)])
+        one, other = (np.concatenate([slopes, np.ones_like(bend)]) for slopes in at.rate_slopes.swapaxes(0, 1))
         # The gradient at c = 0 of a; the step of the elements adds what c is to their own part alone.
         drift = stiff * (one * c[:-1] + other * c[1:])
         pull = drift - push

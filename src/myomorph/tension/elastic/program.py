@@ -74,20 +74,22 @@ class Rates:
     fall: Array
     smooth: NDArray[np.bool_]
 
-    def bounds(self, a: Array) -> tuple[Array, Array, Array, Array]:
-        """Highest rate, its slope over a, lowest rate (below 0), and its slope."""
+    def bounds(self, a: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """Highest rate, its slope and curvature over a; lowest rate (below 0), its slope and curvature."""
         slow = 0.5 + 1.5 * a
         up, down = 1.0 / (self.rise * slow), slow / self.fall
         up1, down1 = -1.5 * up / slow, 1.5 / self.fall
+        up2 = 4.5 * up / slow**2
         at_one = np.where(self.smooth, 0.5 * np.tanh(10.0 * (1.0 - a)), 0.5)
         at_zero = np.where(self.smooth, -0.5 * np.tanh(10.0 * a), -0.5)
         one1 = np.where(self.smooth, -5.0 * (1.0 - 4.0 * at_one**2), 0.0)
         zero1 = np.where(self.smooth, -5.0 * (1.0 - 4.0 * at_zero**2), 0.0)
 
-        def rate(f: Array, f1: Array, e: float) -> tuple[Array, Array]:
+        def rate(f: Array, f1: Array, e: float) -> tuple[Array, Array, Array]:
             speed = (0.5 + f) * up + (0.5 - f) * down
             speed1 = f1 * (up - down) + (0.5 + f) * up1 + (0.5 - f) * down1
-            return speed * (e - a), speed1 * (e - a) - speed
+            speed2 = 40.0 * f * f1 * (up - down) + 2.0 * f1 * (up1 - down1) + (0.5 + f) * up2
+            return speed * (e - a), speed1 * (e - a) - speed, speed2 * (e - a) - 2.0 * speed1
 
         return *rate(at_one, one1, 1.0), *rate(at_zero, zero1, 0.0)
 
