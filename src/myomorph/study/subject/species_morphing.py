@@ -32,7 +32,7 @@ from myomorph.morph.species.counterparts import (
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
 from myomorph.morph.species.masses import SegmentShare, share_notes, with_segment_shares
-from myomorph.morph.species.table_rows import Attachment, Ray
+from myomorph.morph.species.table_rows import Attachment, Ray, RelativeBone
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.morph_files import Unit, resized, source_bones
@@ -54,7 +54,7 @@ KEYS = frozenset(
         "architecture",
         "mass",
         "markers",
-        "attachment",
+        "relative",
     ),
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
@@ -130,7 +130,7 @@ def _table(given: Table, name: str) -> SpeciesTable:
         tuple(_architecture(one) for one in given.get("architecture", ())),
         tuple(_share(one) for one in given.get("mass", ())),
         tuple(_markers(one) for one in given.get("markers", ())),
-        tuple(_attachment(one) for one in given.get("attachment", ())),
+        tuple(_relative(one) for one in given.get("relative", ())),
     )
 
 
@@ -146,10 +146,21 @@ def _share(given: Table) -> SegmentShare:
     return SegmentShare(given["name"], tuple(given["bodies"]), float(given["share"]), (float(low), float(high)))
 
 
-def _attachment(given: Table) -> Attachment:
-    _known(given, frozenset(("muscles", "end", "body", "along", "citation")), "an attachment")
-    along, citation = float(given["along"]), given.get("citation", "")
-    return Attachment(tuple(given["muscles"]), given["end"], given["body"], along, citation)
+def _relative(given: Table) -> RelativeBone:
+    _known(given, frozenset(("body", "landmarks", "attachments", "map", "citation")), "a relative's bone")
+    attachments = []
+    for one in given["attachments"]:
+        _known(one, frozenset(("muscles", "end", "at")), "an attachment")
+        attachments.append(Attachment(tuple(one["muscles"]), one["end"], _point(one["at"])))
+    landmarks = {name: _point(at) for name, at in given["landmarks"].items()}
+    kept = {key: given[key] for key in ("map", "citation") if key in given}
+    return RelativeBone(given["body"], landmarks, tuple(attachments), **kept)
+
+
+def _point(given: Any) -> tuple[float, float, float]:
+    """Three coordinates [m]; raises `ValueError` where they are not three numbers."""
+    x, y, z = map(float, given)
+    return x, y, z
 
 
 def _markers(given: Table) -> MarkerTable:
