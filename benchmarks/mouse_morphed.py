@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from benchmarks.mouse_recordings import TREADMILL, gait_files
-from benchmarks.species_cases import from_man
+from benchmarks.species_cases import from_man, mouse
 from myomorph.analysis.cycles import Cycles
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.length_analysis import LengthAnalysis
@@ -27,7 +27,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.markers import with_markers_of
-from myomorph.morph.species.masses import with_segment_shares
+from myomorph.morph.species.masses import with_possible_inertias, with_segment_shares
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate
@@ -109,6 +109,7 @@ class Followed:
 def whole_mouse(folder: Path) -> Model:
     """Both legs' muscles on the skeleton, in the mass of a mouse."""
     legs, _ = with_other_muscles(from_man(folder, "SSD").model, "x")
+    legs, _ = with_possible_inertias(legs, mouse(folder).surfaces)
     return with_segment_shares(legs, read_species("human-mouse").masses, MASS)[0]
 
 
@@ -195,6 +196,11 @@ class OnOnePaw:
     def coordinate(self, joint: str) -> str:
         """Of a joint of that leg."""
         return f"mouse__{self.side}{joint}"
+
+    def acceleration(self, joint: str) -> Array:
+        """(frames,) of a joint's coordinate [rad/s²]."""
+        assert self.motion.accelerations is not None
+        return np.asarray(self.motion.accelerations[:, self.motion.names.index(self.coordinate(joint))])
 
     def shares(self) -> dict[str, float]:
         """Root mean square of the reserve over that of the torque, by joint."""

@@ -90,7 +90,7 @@ def scaling_table(table: SpeciesTable) -> SpeciesTable:
     """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
     box = (LandmarkRule("extent", "box"),)
     bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
-    return replace(table, bones=bones, relatives=())
+    return replace(table, bones=bones, relatives=(), straight=())
 
 
 METHODS: Mapping[str, tuple[MapKind, str]] = {

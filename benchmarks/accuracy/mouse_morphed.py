@@ -30,6 +30,7 @@ from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.subject.species_morphing import read_species
 
 Row = dict[str, object]
@@ -168,6 +169,7 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
         toes = on_one_paw(one, at_toes=True)
         assert toes is not None
         worst, full = found.worst, found.moments(one.model)
+        free = inverse_dynamics(one.model, found.motion)
         active = found.tension.activations[worst]
         for joint, moments in zip(JOINTS, full.T, strict=True):
             name = found.coordinate(joint)
@@ -180,6 +182,8 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
                 "recording": one.name,
                 "joint": joint.lower(),
                 "torque [N mm]": 1e3 * torque,
+                "without the plate's force [N mm]": 1e3 * float(free[name][worst]),
+                "acceleration [rad/s²]": float(found.acceleration(joint)[worst]),
                 "reserve [N mm]": 1e3 * reserve,
                 "muscles could, fully active [N mm]": 1e3 * float(np.maximum(way, 0.0).sum()) * np.sign(torque),
                 "of it taken by others' pull against it [N mm]": 1e3 * against * np.sign(torque),

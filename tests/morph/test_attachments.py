@@ -29,8 +29,8 @@ def femora(data):
     surfaces = source_bones(man, Path(data("bones-opensim-rajagopal/Geometry")), []), source_bones(mouse, None, [])
     table = replace(table, bones=(femur,), relatives=())
 
-    def bones(*relatives: RelativeBone):
-        wanted = replace(table, relatives=relatives)
+    def bones(*relatives: RelativeBone, straight: tuple[str, ...] = ()):
+        wanted = replace(table, relatives=relatives, straight=straight)
         return species_bones(man, surfaces[0], mouse, surfaces[1], wanted, match=MatchOptions(features="landmarks"))
 
     return bones, surfaces[1]["mouse__RFemur"], Posed(mouse, table.target_posture).joints("mouse__RFemur")
@@ -61,6 +61,15 @@ def test_a_path_never_doubles_back(femora):
     found = bones(relative(femora, Attachment(("vasmed_r",), "first", tuple(beyond))))
     assert found.source.muscle("vasmed_r").path.points[0].body == "femur_r"
     assert any("double back: vasmed_r" in one for one in found.notes)
+
+
+def test_a_straight_muscle_keeps_its_ends_alone(femora):
+    before, after = (femora[0](straight=names).source for names in ((), ("iliacus_r",)))
+    points, kept = (one.muscle("iliacus_r").path.points for one in (before, after))
+    assert len(points) > 2
+    assert not after.muscle("iliacus_r").path.wraps
+    assert kept == (points[0], points[-1])
+    assert after.muscle("psoas_r") == before.muscle("psoas_r")
 
 
 def test_too_few_landmarks_in_common_are_refused(femora):

@@ -75,6 +75,19 @@ def with_attachments(
     return changed, found, tuple(notes)
 
 
+def straightened(source: Model, names: Sequence[str]) -> Model:
+    """The source with only the first and last points of some muscles' paths, which wrap around nothing."""
+    return replace(
+        source,
+        muscles=tuple(
+            replace(one, path=replace(one.path, points=(one.path.points[0], one.path.points[-1]), wraps=()))
+            if one.name in names
+            else one
+            for one in source.muscles
+        ),
+    )
+
+
 def _with_end(muscle: Muscle, index: int, point: PathPoint) -> Muscle:
     """A muscle with another first (0) or last (-1) point."""
     points = list(muscle.path.points)

@@ -190,6 +190,7 @@ class SpeciesTable:
     architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
     masses : shares of segments of the target in its mass
     relatives : where muscles begin or end on bones of relatives of the target, see `RelativeBone`
+    straight : muscles of the source whose paths run from end to end in the target, without points or wraps between
     markers : tables of labels of recordings of the target, see `MarkerTable`
     warnings : of its file, one line each
     """
@@ -208,6 +209,7 @@ class SpeciesTable:
     masses: tuple[SegmentShare, ...] = ()
     markers: tuple[MarkerTable, ...] = ()
     relatives: tuple[RelativeBone, ...] = ()
+    straight: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures
-from myomorph.morph.species.attachments import with_attachments
+from myomorph.morph.species.attachments import straightened, with_attachments
 from myomorph.morph.species.counterparts import (
     BoneHomology,
     PlacedMap,
@@ -116,7 +116,7 @@ def species_bones(
             source, bones = rays.source, {**bones, **rays.bones}
     digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
     spread = spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
-    spread, placed, said = with_attachments(spread, bones, table.relatives)
+    spread, placed, said = with_attachments(straightened(spread, table.straight), bones, table.relatives)
     return SpeciesBones(spread, placed, (*notes, *said))
 
 

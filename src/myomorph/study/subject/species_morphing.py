@@ -31,7 +31,12 @@ from myomorph.morph.species.counterparts import (
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
-from myomorph.morph.species.masses import SegmentShare, share_notes, with_segment_shares
+from myomorph.morph.species.masses import (
+    SegmentShare,
+    share_notes,
+    with_possible_inertias,
+    with_segment_shares,
+)
 from myomorph.morph.species.table_rows import Attachment, Ray, RelativeBone
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -55,6 +60,7 @@ KEYS = frozenset(
         "mass",
         "markers",
         "relative",
+        "straight",
     ),
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
@@ -131,6 +137,7 @@ def _table(given: Table, name: str) -> SpeciesTable:
         tuple(_share(one) for one in given.get("mass", ())),
         tuple(_markers(one) for one in given.get("markers", ())),
         tuple(_relative(one) for one in given.get("relative", ())),
+        tuple(given.get("straight", {}).get("muscles", ())),
     )
 
 
@@ -293,6 +300,8 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
         with inputs.about(path):
             bones.append(source_bones(models[-1], folder, warnings))
     source, target = models
+    target, replaced = with_possible_inertias(target, bones[1])
+    warnings += replaced
     if files.mass is not None:
         target, _ = with_segment_shares(target, table.masses, files.mass)
     with progress("bones", len(table.bones) + 1, "bones") as advance:
