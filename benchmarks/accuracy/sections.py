@@ -81,6 +81,7 @@ from benchmarks.accuracy.morph import (
     shapes,
     species,
     species_arm,
+    species_relative,
 )
 from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
@@ -504,6 +505,7 @@ def _species(folder: Path) -> Page:
             "species": lambda: species.measure(folder),
             "species_muscles": lambda: species.measure_muscles(folder),
             "species_arms": lambda: species.measure_arms(folder),
+            "species_relative": lambda: species_relative.measure(folder),
             "species_signs": lambda: species.measure_signs(folder),
             "species_alignment": lambda: species.measure_alignment(folder),
             "species_architecture": lambda: mouse_morphed.measure_architecture(folder),

@@ -108,7 +108,7 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
     pairs = FeaturePoints(
         names, np.array([relative.landmarks[name] for name in names]), np.array([theirs[name] for name in names])
     )
-    goals = fit_map(pairs, MapOptions(relative.map)).apply(np.array([one.at for one in relative.attachments]))
+    goals = fit_map(pairs, MapOptions("affine")).apply(np.array([one.at for one in relative.attachments]))
     if bone.target is not None and len(bone.target.faces):
         goals = Shape(bone.target).closest(goals)[0]
     return goals

@@ -65,19 +65,15 @@ class RelativeBone:
     body : of the source, whose bone corresponds
     landmarks : by the names of that bone's rules, in a frame of the relative's bone [m]
     attachments : in the same frame
-    map : "affine" or, where the landmarks are few or lie in a plane, "similarity"
     citation : whose
     """
 
     body: str
     landmarks: Mapping[str, Point]
     attachments: tuple[Attachment, ...]
-    map: Literal["affine", "similarity"] = "affine"
     citation: str = ""
 
     def __post_init__(self) -> None:
-        if self.map not in ("affine", "similarity"):
-            raise BadData(f"relative's '{self.body}': map is '{self.map}': expected affine or similarity")
         wrong = [name for name, at in self.landmarks.items() if len(at) != 3]
         if wrong:
             raise BadData(f"relative's '{self.body}': expected three numbers at '{wrong[0]}'")

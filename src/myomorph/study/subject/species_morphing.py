@@ -154,14 +154,13 @@ def _share(given: Table) -> SegmentShare:
 
 
 def _relative(given: Table) -> RelativeBone:
-    _known(given, frozenset(("body", "landmarks", "attachments", "map", "citation")), "a relative's bone")
+    _known(given, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
     attachments = []
     for one in given["attachments"]:
         _known(one, frozenset(("muscles", "end", "at")), "an attachment")
         attachments.append(Attachment(tuple(one["muscles"]), one["end"], _point(one["at"])))
     landmarks = {name: _point(at) for name, at in given["landmarks"].items()}
-    kept = {key: given[key] for key in ("map", "citation") if key in given}
-    return RelativeBone(given["body"], landmarks, tuple(attachments), **kept)
+    return RelativeBone(given["body"], landmarks, tuple(attachments), given.get("citation", ""))
 
 
 def _point(given: Any) -> tuple[float, float, float]:
