@@ -196,7 +196,7 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
             }
 
 
-LARGE = 0.2
+LARGE = 0.1
 """Reserves over torques above which they are asked after."""
 
 
