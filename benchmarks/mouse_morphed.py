@@ -6,35 +6,36 @@ sections of another species share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.mouse_motion import CUTOFF
+from benchmarks.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from benchmarks.mouse_recordings import TREADMILL, gait_files
-from benchmarks.species_cases import from_man
-from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
+from benchmarks.species_cases import from_man, mouse
+from myomorph.analysis.cycles import Cycles
+from myomorph.analysis.groups import Animal
+from myomorph.analysis.length_analysis import LengthAnalysis
 from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
-from myomorph.model.arrays import Array, runs
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.markers import with_markers_of
-from myomorph.morph.species.masses import with_segment_shares
+from myomorph.morph.species.masses import with_possible_inertias, with_segment_shares
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.path import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import fitted_to, read_recording
 from myomorph.tension.solve import Tension, solve_tension
@@ -48,9 +49,15 @@ NOSE = 0.088
 KNEE = 0.1
 """Weight of the markers over the knees, on loose skin."""
 
-PAW, NEAR = 0.015, 0.006
-"""A center of pressure so near to the toes' joint is under the paw; and so near that a forepaw 40 mm ahead can bear at
-most an eighth of the force, wherever it is [m]."""
+NEAR = 0.006
+"""A center of pressure so near to the toes' joint that a forepaw 40 mm ahead can bear at most an eighth of the force,
+wherever it is [m]."""
+
+COMPARED = ("iliacus", "recfem", "vaslat", "bflh", "semiten", "tibant", "gasmed", "soleus")
+"""Muscles whose lengths are compared: flexors and extensors of hip, knee and ankle, without their side."""
+
+FULL = 0.99
+"""A muscle is fully active above."""
 
 JOINTS = ("Hip_flexion", "Hip_adduction", "Hip_rotation", "Knee_flexion", "Ankle_flexion")
 
@@ -102,6 +109,7 @@ class Followed:
 def whole_mouse(folder: Path) -> Model:
     """Both legs' muscles on the skeleton, in the mass of a mouse."""
     legs, _ = with_other_muscles(from_man(folder, "SSD").model, "x")
+    legs, _ = with_possible_inertias(legs, mouse(folder).surfaces)
     return with_segment_shares(legs, read_species("human-mouse").masses, MASS)[0]
 
 
@@ -134,19 +142,40 @@ def strides_of(one: Followed) -> Strides | None:
 
 def lengths_of(one: Followed) -> LengthAnalysis | None:
     """Muscle lengths over the strides, None where it does not walk."""
-    motion, strides = one.motion, strides_of(one)
-    if strides is None:
-        return None
-    known = np.isfinite(motion.values).all(axis=1)
-    found = muscle_kinematics(one.model, _part(motion, np.flatnonzero(known)), moment_arms=False)
-    lengths = np.full((len(motion), len(one.model.muscles)), np.nan)
-    lengths[known] = found.lengths
-    return length_analysis(one.model, Series(motion.time, one.model.muscle_names, lengths), strides)
+    strides = strides_of(one)
+    return None if strides is None else lengths_over(one.model, one.motion, strides)
 
 
-def _part(motion: Motion, frames: NDArray[np.int64]) -> Motion:
-    rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
-    return Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
+def stride_units(one: Followed) -> tuple[Animal, ...]:
+    """Each whole stride as a unit of a comparison, in the order of time: excursions and lengths of its limb's muscles.
+
+    What such units tell is whether two animals differ in these recordings, not whether two kinds of animals do.
+    """
+    found = lengths_of(one)
+    units: list[tuple[float, Animal]] = []
+    if found is None:
+        return ()
+    for limb, strides in found.strides.items():
+        columns = [k for k, owner in enumerate(found.limbs) if owner == limb and found.muscles[k][:-2] in COMPARED]
+        names = tuple(found.muscles[k][:-2] for k in columns)
+        curves = np.stack([found.curves(found.muscles[k]) / found.fiber[k] for k in columns], axis=2)
+        for number, (stride, lengths) in enumerate(zip(strides, curves, strict=True)):
+            if not np.isfinite(lengths).all():
+                continue
+            excursions = np.ptp(lengths, axis=0)
+            scalars = {f"{name} excursion": excursions[k : k + 1] for k, name in enumerate(names)}
+            scalars["stride duration"] = np.array([stride.duration])
+            own = Animal(f"{one.name} {limb} {number}", scalars, {"length": Cycles(names, lengths[None])}, 1)
+            units.append((stride.start, own))
+    return tuple(own for _, own in sorted(units, key=lambda unit: unit[0]))
+
+
+def whole_animal(name: str, strides: tuple[Animal, ...]) -> Animal:
+    """Strides of one animal as that animal."""
+    scalars = {key: np.concatenate([one.scalars[key] for one in strides]) for key in strides[0].scalars}
+    cycles = [one.curves["length"] for one in strides]
+    lengths = Cycles(cycles[0].names, np.concatenate([one.values for one in cycles]))
+    return Animal(name, scalars, {"length": lengths}, len(strides))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +197,11 @@ class OnOnePaw:
         """Of a joint of that leg."""
         return f"mouse__{self.side}{joint}"
 
+    def acceleration(self, joint: str) -> Array:
+        """(frames,) of a joint's coordinate [rad/s²]."""
+        assert self.motion.accelerations is not None
+        return np.asarray(self.motion.accelerations[:, self.motion.names.index(self.coordinate(joint))])
+
     def shares(self) -> dict[str, float]:
         """Root mean square of the reserve over that of the torque, by joint."""
         found = {}
@@ -184,22 +218,41 @@ class OnOnePaw:
         asked = np.stack([self.torques[name] for name in names])
         return float(np.sqrt(np.mean(self.tension.reserves[:, columns] ** 2) / np.mean(asked**2)))
 
+    @property
+    def worst(self) -> int:
+        """Frame of the largest reserves."""
+        names = [self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}") for joint in JOINTS]
+        return int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
+
     def full(self, model: Model) -> tuple[str, ...]:
         """Muscles of that leg that are fully active where reserves are largest, with their normalized fiber lengths."""
-        names = [self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}") for joint in JOINTS]
-        worst = int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
-        pose = _part(self.motion, np.array([worst]))
+        pose = part_of(self.motion, np.array([self.worst]))
         lengths = muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
         found = []
         for k, muscle in enumerate(model.muscles):
-            if muscle.name.endswith(f"_{self.side.lower()}") and self.tension.activations[worst, k] > 0.99:
+            if muscle.name.endswith(f"_{self.side.lower()}") and self.tension.activations[self.worst, k] > FULL:
                 fiber = (lengths[k] - muscle.tendon_slack_length) / muscle.optimal_fiber_length
                 found.append(f"{muscle.name} ({fiber:.2f})")
         return tuple(found)
 
+    def moments(self, model: Model) -> Array:
+        """(muscles, joints) moment of each muscle, fully active, where reserves are largest [N m]."""
+        pose = part_of(self.motion, np.array([self.worst]))
+        found = muscle_kinematics(model, pose)
+        assert found.velocities is not None
+        force = hill_forces(model, found.lengths, found.velocities, "opensim").active[0]
+        columns = [model.coordinate_names.index(self.coordinate(joint)) for joint in JOINTS]
+        moments: Array = force[:, None] * found.moment_arms[0][:, columns]
+        return moments
 
-def on_one_paw(one: Followed) -> OnOnePaw | None:
-    """The longest run of loaded frames in which by geometry one hind paw bears the plate's force."""
+
+def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
+    """The longest run of loaded frames in which by geometry one hind paw bears the plate's force.
+
+    Parameters
+    ----------
+    at_toes : the force acts at the toes' joint, not at the plate's center of pressure
+    """
     if not one.trial.plates:
         return None
     model, motion, plate = one.model, one.motion, one.trial.plates[0]
@@ -207,8 +260,8 @@ def on_one_paw(one: Followed) -> OnOnePaw | None:
     flat = np.abs(model.up) < 0.5
     low, high = plate.corners.min(axis=0)[flat], plate.corners.max(axis=0)[flat]
     known = np.isfinite(motion.values).all(axis=1)
-    paws = {side: _place(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0])) for side in "RL"}
-    shoulders = [_place(model, motion, f"mouse__{side}Scapula", np.zeros(3)) for side in "RL"]
+    paws = {side: place_of(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0])) for side in "RL"}
+    shoulders = [place_of(model, motion, f"mouse__{side}Scapula", np.zeros(3)) for side in "RL"]
 
     def over(places: Array) -> NDArray[np.bool_]:
         return np.asarray(((places[:, flat] >= low) & (places[:, flat] <= high)).all(axis=1))
@@ -220,30 +273,17 @@ def on_one_paw(one: Followed) -> OnOnePaw | None:
         beside = np.linalg.norm((wrenches.points[:, 0] - paws[side])[:, flat], axis=1)
         beside = np.nan_to_num(beside, nan=np.inf)
         alone = (beside < NEAR) | ((beside < PAW) & ~over(shoulders[0]) & ~over(shoulders[1]))
-        spans = runs(loaded & over(paws[side]) & ~over(paws[other]) & alone)
-        if len(spans):
-            start, stop = max(spans, key=lambda span: span[1] - span[0])
-            if best is None or stop - start > len(best[1]):
-                best = side, np.arange(start, stop)
+        frames = longest(loaded & over(paws[side]) & ~over(paws[other]) & alone)
+        if len(frames) and (best is None or len(frames) > len(best[1])):
+            best = side, frames
     if best is None:
         return None
     side, frames = best
-    part = _part(motion, frames)
+    part = part_of(motion, frames)
     loads = Wrenches(
-        part.time, wrenches.names, (f"mouse__{side}Tarsus",), wrenches.forces[frames], wrenches.points[frames],
+        part.time, wrenches.names, (f"mouse__{side}Tarsus",), wrenches.forces[frames],
+        paws[side][frames, None] if at_toes else wrenches.points[frames],
         wrenches.torques[frames],
     )  # fmt: skip
     torques = inverse_dynamics(model, part, loads)
     return OnOnePaw(side, part, torques, solve_tension(model, part, torques))
-
-
-def _place(model: Model, motion: Motion, body: str, offset: Array) -> Array:
-    """(frames, 3) a point of a body in ground, NaN where the pose is not known [m]."""
-    tree = compile_tree(model)
-    known = np.isfinite(motion.values).all(axis=1)
-    values = tree.coordinates_of(replace(motion, values=np.where(known[:, None], motion.values, 0.0)))
-    poses = forward_kinematics(tree, np.ascontiguousarray(values))
-    b = tree.body_index[body]
-    places = poses.origins[:, b] + poses.rotations[:, b] @ offset
-    places[~known] = np.nan
-    return np.asarray(places)

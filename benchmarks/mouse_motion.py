@@ -24,14 +24,13 @@ from benchmarks.mouse_recordings import (
     clips,
     gait_files,
     recording,
-    whole_skeleton,
 )
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.analysis.strides import Limb, Strides, find_strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
@@ -174,22 +173,25 @@ def strides_of(folder: Path, name: str) -> Strides | None:
 @lru_cache(maxsize=8)
 def lengths_of(folder: Path, name: str) -> LengthAnalysis:
     """Muscle lengths over the strides."""
-    one, motion = mouse(folder, name), motion_of(folder, name)
     strides = strides_of(folder, name)
     assert strides is not None
+    return lengths_over(mouse(folder, name).model, motion_of(folder, name), strides)
+
+
+def lengths_over(model: Model, motion: Motion, strides: Strides) -> LengthAnalysis:
+    """Muscle lengths and velocities over strides of a motion whose poses are not all known."""
     known = np.isfinite(motion.values).all(axis=1)
-    part = Motion(motion.time[known], motion.names, motion.values[known], velocities=_rows(motion.velocities, known))
-    found = muscle_kinematics(one.model, part, moment_arms=False)
-    lengths, rates = (np.full((len(motion), len(one.model.muscles)), np.nan) for _ in range(2))
+    found = muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
+    lengths, rates = (np.full((len(motion), len(model.muscles)), np.nan) for _ in range(2))
     lengths[known], rates[known] = found.lengths, found.velocities
-    muscles = one.model.muscle_names
-    return length_analysis(
-        one.model, Series(motion.time, muscles, lengths), strides, Series(motion.time, muscles, rates)
-    )
+    muscles = model.muscle_names
+    return length_analysis(model, Series(motion.time, muscles, lengths), strides, Series(motion.time, muscles, rates))
 
 
-def _rows(values: Array | None, known: NDArray[np.bool_]) -> Array | None:
-    return None if values is None else values[known]
+def part_of(motion: Motion, frames: NDArray[np.int64]) -> Motion:
+    """A motion in some of its frames."""
+    rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
+    return Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,30 +230,24 @@ def alone(folder: Path, name: str) -> Alone | None:
     plate = one.trial.plates[0]
     wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
     known = np.isfinite(motion.values).all(axis=1)
-    toes = {side: _place(one.model, motion, f"Toes_{side}") for side in "rl"}
+    toes = {side: place_of(one.model, motion, f"Toes_{side}") for side in "rl"}
     forepaws = np.zeros(len(motion), np.bool_)
     for offset in SHOULDERS:
-        forepaws |= _over(plate.corners, _place(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)))
+        forepaws |= _over(plate.corners, place_of(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)))
     loaded = known & (wrenches.forces[:, 0, 1] > 0.1 * np.nanmax(wrenches.forces[known, 0, 1]))
     best: tuple[str, Array] | None = None
     for side, other in (("r", "l"), ("l", "r")):
         mine = loaded & _over(plate.corners, toes[side]) & ~_over(plate.corners, toes[other])
         beside = np.linalg.norm((wrenches.points[:, 0] - toes[side])[:, [0, 2]], axis=1)
         under = np.nan_to_num(beside, nan=np.inf) < PAW * one.calibration.size
-        run = _longest(mine & under & ~forepaws)
+        run = longest(mine & under & ~forepaws)
         if len(run) and (best is None or len(run) > len(best[1])):
             best = side, run
     if best is None:
         return None
     side, frames = best
     on_foot = replace(wrenches, bodies=(f"Foot_{side}",))
-    part = Motion(
-        motion.time[frames],
-        motion.names,
-        motion.values[frames],
-        _rows(motion.velocities, frames),
-        _rows(motion.accelerations, frames),
-    )
+    part = part_of(motion, frames)
     loads = Wrenches(
         part.time, on_foot.names, on_foot.bodies, wrenches.forces[frames], wrenches.points[frames],
         wrenches.torques[frames],
@@ -263,12 +259,12 @@ def alone(folder: Path, name: str) -> Alone | None:
     return Alone(side, frames, loads, np.linalg.norm(apart, axis=1), torques, active, passive)
 
 
-def _place(model: Model, motion: Motion, body: str, offset: Array | None = None) -> Array:
+def place_of(model: Model, motion: Motion, body: str, offset: Array | None = None) -> Array:
     """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is not known [m]."""
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
-    values = np.where(known[:, None], motion.values, tree.defaults)
-    poses = forward_kinematics(tree, values)
+    values = tree.coordinates_of(replace(motion, values=np.where(known[:, None], motion.values, 0.0)))
+    poses = forward_kinematics(tree, np.ascontiguousarray(values))
     b = tree.body_index[body]
     joint = next(one for one in model.joints if one.child == body)
     own = joint.child_frame.translation if offset is None else offset
@@ -284,12 +280,9 @@ def _over(corners: Array, places: Array) -> NDArray[np.bool_]:
     return np.asarray(inside.all(axis=1))
 
 
-def _longest(state: NDArray[np.bool_]) -> Array:
+def longest(state: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Frames of the longest run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], state, [False]]).astype(np.int8))).reshape(-1, 2)
-    if not len(edges):
-        return np.zeros(0, np.int64)
-    start, stop = edges[int(np.argmax(edges[:, 1] - edges[:, 0]))]
+    start, stop = max(runs(state), key=lambda span: span[1] - span[0], default=(0, 0))
     return np.arange(start, stop)
 
 
@@ -297,6 +290,8 @@ def _longest(state: NDArray[np.bool_]) -> Array:
 class Clip:
     """A clip of keypoints on the whole skeleton: errors before and after its points were put where they lie [m]."""
 
+    model: Model
+    fit: KinematicsFit
     size: float
     first: float
     placed: float
@@ -305,12 +300,11 @@ class Clip:
     frames: int
 
 
-def clip_fits(folder: Path, count: int = 3) -> list[Clip]:
+def clip_fits(folder: Path, generic: Model, count: int = 3) -> list[Clip]:
     """Clips through size, inverse kinematics and the places of their points, three rounds in turn.
 
     `other` is the error of the next clip (the first for the last) on the model that this one made.
     """
-    generic = whole_skeleton(folder)
     every = clips(folder, generic, count)
     own = default_markers(generic, every[0].names)
     size = float(np.median([procrustes(own, frame, scale=True).scale for clip in every for frame in clip.values]))
@@ -326,7 +320,7 @@ def clip_fits(folder: Path, count: int = 3) -> list[Clip]:
             fit = inverse_kinematics(model, clip, UNDERDETERMINED)
             seconds = time.perf_counter() - began
         made.append(model)
-        found.append(Clip(size, first, rms(fit), float("nan"), seconds, len(clip)))
+        found.append(Clip(model, fit, size, first, rms(fit), float("nan"), seconds, len(clip)))
     return [
         replace(one, other=rms(inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)))
         for k, (one, model) in enumerate(zip(found, made, strict=True))

@@ -15,9 +15,9 @@ from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Trial
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.mirror.model import with_other_side
+from myomorph.morph.species.markers import with_markers_of
 from myomorph.motion.measurements import default_markers
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import fitted_to, read_recording
 
 GAIT = "mouse-gait-c3d-force"
@@ -54,28 +54,6 @@ CROUCHED = FrozenMap({"Hip_flexion": 0.2, "Knee_extension": -2.0, "Ankle_flexion
 LOOSE = FrozenMap({"Right_Knee": 0.1, "Left_Knee": 0.1})
 """Weights of markers on loose skin: over the knee it slides by a third of the thigh's length (seen here: the markers of
 knee and ankle are 10 to 19 mm apart, on bones 19 mm long)."""
-
-_SIDE = {
-    "Shoulder": ("Scapula", 7, -61, -5), "Elbow": ("Humerus", 7, -61, -18), "Wrist": ("Radius", 7, -62, -34),
-    "Forepaw": ("MetaCarpus3", 7, -62, -39), "Hip": ("", 6, -6, 0), "Knee": ("Femur", 6, -6, -21),
-    "Heel": ("Tibia", 6, -7, -45), "Lisfranc": ("Tarsus", 6, -10, -45), "MTP": ("Metatarsus3", 6, -17, -45),
-    "Ear": ("Head", 14, -68, 9), "Eye": ("Head", 5, -79, 4),
-}  # fmt: skip
-_MIDDLE = {
-    "Nose": ("Head", 0, -88, 0), "Head": ("Head", 0, -70, 8), "Neck": ("Cervical8", 0, -61, 6),
-    "Spine": ("Thoracic6", 0, -48, 8), "Trunk": ("Lumbar3", 0, -22, 8), "TTI": ("", 0, 0, 3),
-    "Tail_0": ("Tail8", 0, 16, 0), "Tail_1": ("Tail11", 0, 31, 0), "Tail_2": ("Tail14", 0, 44, 0),
-    "Tail_3": ("Tail17", 0, 56, 0), "Tail_4": ("Tail20", 0, 67, 0), "TailTip": ("Tail23", 0, 78, 0),
-}  # fmt: skip
-PLACES = FrozenMap(
-    _MIDDLE
-    | {
-        f"{name}_{side}": ((side if body and body != "Head" else "") + body, sign * x, y, z)
-        for name, (body, x, y, z) in _SIDE.items()
-        for side, sign in (("L", 1), ("R", -1))
-    }
-)
-"""Keypoints of the skeleton: a body, and a place in the ground of its default pose, facing along -y [mm]."""
 
 ADDUCTION = (-0.7, 0.35)
 """Range of the hip's adduction, which the table leaves without bounds [rad]."""
@@ -141,22 +119,18 @@ def recording(path: Path, model: Model, labels: Mapping[str, str]) -> Trial:
 
 
 def whole_skeleton(folder: Path) -> Model:
-    """The skeleton of 100 bones with the 34 keypoints as markers, where they are about (`PLACES`).
+    """The skeleton of 100 bones with the 34 keypoints of `human-mouse` as markers.
 
-    The file beside it gives other bodies for some: its Trunk is on the first thoracic vertebra and its Spine on the
-    last, but in the recording the Trunk lies a quarter of the way from the base of the tail to the nose, the Spine
-    half way; and its offsets are all zero.
+    The file beside the skeleton gives other bodies for some: its Trunk is on the first thoracic vertebra and its Spine
+    on the last, but in the recording the Trunk lies a quarter of the way from the base of the tail to the nose, the
+    Spine half way; and its offsets are all zero.
     """
-    model = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml")
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    markers = []
-    for name, (body, x, y, z) in PLACES.items():
-        full = f"mouse__{body}" if body else "mouse"
-        b = tree.body_index[full]
-        place = poses.rotations[0, b].T @ (1e-3 * np.array([x, y, z]) - poses.origins[0, b])
-        markers.append(Marker(name, full, place))
-    return model.with_markers(tuple(markers))
+    return with_keypoints(read_mjcf(folder / SKELETON / "mouse_with_meshes.xml"))
+
+
+def with_keypoints(model: Model) -> Model:
+    """A model of the skeleton's bones with the keypoints as markers, nothing locked."""
+    return with_markers_of(model, read_species("human-mouse").markers, "mouse-keypoints")[0]
 
 
 def clips(folder: Path, model: Model, count: int = 3, frames: int = 360, step: int = 18) -> tuple[Markers, ...]:

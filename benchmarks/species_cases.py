@@ -17,11 +17,13 @@ import numpy as np
 
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.model.model import Model
+from myomorph.model.paths import PathPoint
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import architectures
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones
@@ -53,6 +55,13 @@ COORDINATES = {
     "Ankle_flexion_r": ("mouse__RAnkle_flexion", 1.0, 0.0),
     "MTP_flexion_r": ("mouse__RBPhalange3_flexion", 1.0, 0.0),
 }
+FUSED = {
+    "mouse__RTarsus": tuple(f"mouse__RMetatarsus{i}" for i in range(1, 6)),
+    "mouse__RBPhalange3": tuple(f"mouse__RBPhalange{i}" for i in (1, 2, 4, 5)),
+}
+"""Bones of the skeleton that are one segment with another in the anatomist's table."""
+ROUNDS = 100
+"""Of moving a segment by the mean way of its attachments to the nearest places of its bone."""
 MOUSE_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """The anatomist's axes (forward, up, right) in the skeleton's (right, forward, up)."""
 
@@ -81,7 +90,7 @@ def scaling_table(table: SpeciesTable) -> SpeciesTable:
     """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
     box = (LandmarkRule("extent", "box"),)
     bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
-    return replace(table, bones=bones, attachments=())
+    return replace(table, bones=bones, relatives=(), straight=())
 
 
 METHODS: Mapping[str, tuple[MapKind, str]] = {
@@ -162,11 +171,16 @@ class Alignment:
     Parameters
     ----------
     rule : "joints" as above; "frames" takes the frames' directions for all segments, and for the size of each its own
-        joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint
+        joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint; "onto bones" then moves each
+        segment, without turning it, so that its attachments come nearest to the surface of its bone
+    surfaces : of the skeleton's bones, for "onto bones"
     """
 
-    def __init__(self, anatomist: Model, skeleton: Model, rule: str = "joints"):
+    def __init__(
+        self, anatomist: Model, skeleton: Model, rule: str = "joints", surfaces: Mapping[str, Surface] | None = None
+    ):
         self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {})
+        self._anatomist, self._surfaces = anatomist, surfaces or {}
         joints = self._here.joints("Pelvis"), self._there.joints("mouse")
         self.ours = {one: joints[0][one] for one in CHAIN}
         self.theirs = {one: joints[1][HANGING[one]] for one in CHAIN}
@@ -192,7 +206,28 @@ class Alignment:
         if target == "mouse" and self._rule == "pelvis by joints":
             laid = procrustes(*self._pelvis, scale=True)
         seat = self._there.within("mouse", target)
-        return Similarity(seat.rotation @ laid.rotation, seat.apply(laid.translation), laid.scale)
+        seated = Similarity(seat.rotation @ laid.rotation, seat.apply(laid.translation), laid.scale)
+        if self._rule != "onto bones":
+            return seated
+        return replace(seated, translation=seated.translation + self.onto_bone(body, seated))
+
+    def shape(self, body: str) -> Shape:
+        """The skeleton's bones that a body of the anatomist's stands for."""
+        target = SEGMENTS[body][0]
+        return Shape(self._there.surface((target, *FUSED.get(target, ())), self._surfaces))
+
+    def attachments(self, body: str) -> np.ndarray:
+        """(n, 3) ends of muscles on a body of the anatomist's [m]."""
+        ends = [point for one in self._anatomist.muscles for point in (one.path.points[0], one.path.points[-1])]
+        return np.array([one.location for one in ends if isinstance(one, PathPoint) and one.body == body])
+
+    def onto_bone(self, body: str, laid: Similarity) -> np.ndarray:
+        """(3,) how far a segment is to be moved for its attachments to come nearest to its bone [m]."""
+        body = "Pelvis" if body == "Torso" else body
+        shape, points, moved = self.shape(body), laid.apply(self.attachments(body)), np.zeros(3)
+        for _ in range(ROUNDS):
+            moved = moved + (shape.closest(points + moved)[0] - points - moved).mean(axis=0)
+        return moved
 
     def residual(self) -> float:
         """How far three joints of the pelvis stay apart when they are laid on each other, root mean square [m]."""
@@ -222,7 +257,7 @@ def given_map(body: str, target: str, whole: Similarity) -> BoneMap:
 def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
     """The anatomist's muscles on the mouse's skeleton: what a transfer is held against."""
     anatomist, skeleton = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json"), mouse(data).model
-    laid = Alignment(anatomist, skeleton, rule)
+    laid = Alignment(anatomist, skeleton, rule, mouse(data).surfaces)
     bones = {body: given_map(body, SEGMENTS[body][0], laid.similarity(body)) for body in SEGMENTS}
     options = MorphOptions(surface_within=0.0, clear=False, fibers="path", force="area")
     return graft_muscles(anatomist, skeleton, bones, options, coordinates=COORDINATES)

@@ -21,7 +21,7 @@ from benchmarks.mouse_motion import (
     rms,
     strides_of,
 )
-from benchmarks.mouse_recordings import KEYPOINTS, LOOSE
+from benchmarks.mouse_recordings import KEYPOINTS, LOOSE, whole_skeleton
 from myomorph.contact.plate_corners import first_corner
 from myomorph.contact.plates import loaded_samples
 from myomorph.model.arrays import runs
@@ -66,7 +66,7 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
     """The whole skeleton on clips of keypoints."""
     if not (folder / KEYPOINTS).is_file():
         return
-    for k, one in enumerate(clip_fits(folder)):
+    for k, one in enumerate(clip_fits(folder, whole_skeleton(folder))):
         yield {
             "clip": k + 1,
             "size": one.size,

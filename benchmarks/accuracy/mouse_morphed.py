@@ -9,14 +9,28 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
-from benchmarks.mouse_morphed import JOINTS, followed, lengths_of, on_one_paw, recordings
-from benchmarks.mouse_motion import rms
+from benchmarks.mouse_morphed import (
+    JOINTS,
+    NOSE,
+    followed,
+    lengths_of,
+    on_one_paw,
+    recordings,
+    stride_units,
+    whole_animal,
+    whole_mouse,
+)
+from benchmarks.mouse_motion import clip_fits, rms
+from benchmarks.mouse_recordings import KEYPOINTS, with_keypoints
 from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
+from myomorph.analysis.groups import Animal, Group, compare_groups
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
 from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.subject.species_morphing import read_species
 
 Row = dict[str, object]
@@ -141,6 +155,116 @@ def measure_tension(folder: Path) -> Iterator[Row]:
             "strongest": f"{found.tension.muscles[strongest]}: {found.tension.forces[:, strongest].max():.2g} N",
             "fully active (fiber length)": ", ".join(found.full(one.model)),
         }
+
+
+def measure_reserves(folder: Path) -> Iterator[Row]:
+    """A row a joint of the recordings whose reserves are large: what the muscles lack there, muscle by muscle."""
+    if not _there(folder):
+        return
+    for path in recordings(folder):
+        one = followed(folder, path)
+        found = on_one_paw(one)
+        if found is None or found.share() < LARGE:
+            continue
+        toes = on_one_paw(one, at_toes=True)
+        assert toes is not None
+        worst, full = found.worst, found.moments(one.model)
+        free = inverse_dynamics(one.model, found.motion)
+        active = found.tension.activations[worst]
+        for joint, moments in zip(JOINTS, full.T, strict=True):
+            name = found.coordinate(joint)
+            torque = float(found.torques[name][worst])
+            reserve = float(found.tension.reserves[worst, found.tension.reserve_names.index(f"reserve_{name}")])
+            way = moments * np.sign(torque)
+            pulling = [k for k in np.argsort(-way) if way[k] > 0.05 * way.max()]
+            against = float(np.minimum(way, 0.0) @ active)
+            yield {
+                "recording": one.name,
+                "joint": joint.lower(),
+                "torque [N mm]": 1e3 * torque,
+                "without the plate's force [N mm]": 1e3 * float(free[name][worst]),
+                "acceleration [rad/s²]": float(found.acceleration(joint)[worst]),
+                "reserve [N mm]": 1e3 * reserve,
+                "muscles could, fully active [N mm]": 1e3 * float(np.maximum(way, 0.0).sum()) * np.sign(torque),
+                "of it taken by others' pull against it [N mm]": 1e3 * against * np.sign(torque),
+                "muscles that pull this way: moment fully active [N mm], activation": ", ".join(
+                    f"{one.model.muscles[k].name} {1e3 * way[k]:.2f}, {active[k]:.2f}" for k in pulling[:8]
+                ),
+                "reserves, all frames [% of torque]": 100.0 * found.shares()[joint],
+                "were the force at the toes' joint: torque [N mm]": 1e3 * float(toes.torques[name][worst]),
+                "reserves then [% of torque]": 100.0 * toes.shares()[joint],
+            }
+
+
+LARGE = 0.1
+"""Reserves over torques above which they are asked after."""
+
+
+def measure_groups(folder: Path) -> Iterator[Row]:
+    """Real strides in two groups: of two animals, of one animal's earlier and later strides, of two sessions."""
+    if not _there(folder):
+        return
+    each = {one.name: stride_units(one) for path in recordings(folder) if (one := followed(folder, path)).trial.plates}
+    first, second = (each[name] for name in TWO_MICE)
+    half = len(first) // 2
+    yield _difference(f"{TWO_MICE[0]} and {TWO_MICE[1]}, by strides", Group("first", first), Group("second", second))
+    yield _difference(
+        f"{TWO_MICE[0]}, earlier and later strides", Group("earlier", first[:half]), Group("later", first[half:])
+    )
+    sessions: dict[str, list[Animal]] = {}
+    for name, strides in each.items():
+        sessions.setdefault(name.split("_", 1)[1], []).append(whole_animal(name, strides))
+    (one, animals), (other, others) = sorted(sessions.items())
+    yield _difference(
+        f"sessions of {one} and {other}, by animals", Group(one, tuple(animals)), Group(other, tuple(others))
+    )
+
+
+TWO_MICE = ("1R_12_01_26", "none_12_01_26")
+"""Of one session, with enough strides each."""
+
+
+def _difference(what: str, first: Group, second: Group) -> Row:
+    found = compare_groups(first, second)
+    scalars = [one for one in found.scalars if one.holm < found.options.alpha]
+    curves = [one for one in found.curves if one.regions]
+    return {
+        "groups": what,
+        "units": f"{len(first.animals)}, {len(second.animals)}",
+        "least p possible": found.floor,
+        "parameters": len(found.scalars),
+        "that differ (Hedges' g)": ", ".join(f"{one.name} ({one.g:.1f})" for one in scalars) or "none",
+        "curves": len(found.curves),
+        "that differ, at [% of stride]": ", ".join(
+            f"{one.name} ({'; '.join(f'{a:.0f} to {b:.0f}' for a, b in one.regions)})" for one in curves
+        )
+        or "none",
+        "notes": "; ".join(found.notes),
+    }
+
+
+def measure_keypoints(folder: Path) -> Iterator[Row]:
+    """The morphed mouse on clips of keypoints: errors, and what its muscles do."""
+    if not _there(folder) or not (folder / KEYPOINTS).is_file():
+        return
+    generic = with_keypoints(whole_mouse(folder))
+    for number, one in enumerate(clip_fits(folder, generic)):
+        row: Row = {
+            "clip": number + 1,
+            "frames": one.frames,
+            "placed [mm]": 1e3 * one.placed,
+            "placed [% of body length]": 100.0 * one.placed / (NOSE * one.size),
+            "another clip [mm]": 1e3 * one.other,
+        }
+        standing = dict(zip(one.model.muscle_names, default_path_lengths(one.model), strict=True))
+        found = muscle_kinematics(one.model, one.fit.motion, moment_arms=False, velocities=False).lengths
+        finite = np.isfinite(found).all(axis=1)
+        row["frames with all muscle lengths"] = int(finite.sum())
+        for muscle in ("vaslat", "bflh", "gasmed", "tibant"):
+            both = [f"{muscle}_{side}" for side in "rl"]
+            own = [found[finite, one.model.muscle_names.index(name)] / standing[name] for name in both]
+            row[f"{muscle}, least and greatest [% of standing]"] = f"{100 * np.min(own):.0f} to {100 * np.max(own):.0f}"
+        yield row
 
 
 TOES = {"edl_r": ("EDL", 3), "fdl_r": ("FDL", 3), "ehl_r": ("EHL", 5), "fhl_r": ("FDL", 5)}

@@ -81,6 +81,7 @@ from benchmarks.accuracy.morph import (
     shapes,
     species,
     species_arm,
+    species_relative,
 )
 from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
 from benchmarks.cases import FORCE_CASES, MARKER_CASES
@@ -504,11 +505,16 @@ def _species(folder: Path) -> Page:
             "species": lambda: species.measure(folder),
             "species_muscles": lambda: species.measure_muscles(folder),
             "species_arms": lambda: species.measure_arms(folder),
+            "species_relative": lambda: species_relative.measure(folder),
+            "species_signs": lambda: species.measure_signs(folder),
             "species_alignment": lambda: species.measure_alignment(folder),
             "species_architecture": lambda: mouse_morphed.measure_architecture(folder),
             "species_toes": lambda: mouse_morphed.measure_toes(folder),
             "species_follows": lambda: mouse_morphed.measure_follows(folder),
             "species_tension": lambda: mouse_morphed.measure_tension(folder),
+            "species_reserves": lambda: mouse_morphed.measure_reserves(folder),
+            "species_groups": lambda: mouse_morphed.measure_groups(folder),
+            "species_keypoints": lambda: mouse_morphed.measure_keypoints(folder),
             "species_arm": lambda: species_arm.measure(folder),
         },
     )

@@ -1,10 +1,11 @@
-"""Attachments along a shaft: where a species table has them, on the bone, and never so that a path doubles back."""
+"""Attachments of a relative: through its landmarks to the bone, and never so that a path doubles back."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from myomorph.model.errors import BadData
@@ -12,43 +13,71 @@ from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import species_bones
-from myomorph.morph.species.table_rows import Attachment
+from myomorph.morph.species.table_rows import Attachment, RelativeBone
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
 
 
-def test_vasti_begin_where_a_rodents_do(data):
-    geometry = Path(data("bones-opensim-rajagopal/Geometry"))
+@pytest.fixture(scope="module")
+def femora(data):
+    """A man's model and a mouse's with their bones, and the species table with the femur alone."""
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse")
     femur = next(one for one in table.bones if one.sources[0] == "femur_r")
-    wanted = (
-        Attachment(("vaslat_r",), "first", "femur_r", 0.11),
-        # Its next point is at two thirds of the thigh.
-        Attachment(("vasmed_r",), "first", "femur_r", 0.95),
-    )
-    table = replace(table, bones=(femur,), attachments=wanted)
-    surfaces = source_bones(man, geometry, []), source_bones(mouse, None, [])
-    found = species_bones(man, surfaces[0], mouse, surfaces[1], table, match=MatchOptions(features="landmarks"))
-    joints = Posed(mouse, table.target_posture).joints("mouse__RFemur")
+    surfaces = source_bones(man, Path(data("bones-opensim-rajagopal/Geometry")), []), source_bones(mouse, None, [])
+    table = replace(table, bones=(femur,), relatives=())
+
+    def bones(*relatives: RelativeBone, straight: tuple[str, ...] = ()):
+        wanted = replace(table, relatives=relatives, straight=straight)
+        return species_bones(man, surfaces[0], mouse, surfaces[1], wanted, match=MatchOptions(features="landmarks"))
+
+    return bones, surfaces[1]["mouse__RFemur"], Posed(mouse, table.target_posture).joints("mouse__RFemur")
+
+
+def relative(femora, *attachments: Attachment) -> RelativeBone:
+    """The mouse's own femur three times as large and turned: where its attachments belong is known."""
+    marks = femora[0]().bones["femur_r"].features
+    named = {name: tuple(3.0 * at[[2, 0, 1]]) for name, at in zip(marks.names, marks.target, strict=True)}
+    return RelativeBone("femur_r", named, attachments)
+
+
+def test_an_attachment_on_a_larger_turned_bone_comes_back(femora):
+    bones, surface, joints = femora
     hip, knee = joints["mouse__RFemur"], joints["mouse__RTibia"]
+    place = Shape(surface).closest((hip + 0.15 * (knee - hip))[None])[0][0]
+    one = Attachment(("vaslat_r",), "first", tuple(3.0 * place[[2, 0, 1]]))
+    found = bones(relative(femora, one))
+    point = found.source.muscle("vaslat_r").path.points[0]
+    assert found.bones[point.body].map.apply(point.location) == pytest.approx(place, abs=1e-5)
+    assert np.isnan(found.bones[point.body].within(point.location[None])).all()
 
-    def share(muscle: str) -> float:
-        point = found.source.muscle(muscle).path.points[0]
-        place = found.bones[point.body].map.apply(point.location)
-        assert abs(Shape(surfaces[1]["mouse__RFemur"]).signed(place[None])[0]) < 2e-4
-        return float((place - hip) @ (knee - hip) / ((knee - hip) @ (knee - hip)))
 
-    assert share("vaslat_r") == pytest.approx(0.11, abs=0.03)
-    assert man.muscle("vaslat_r").path.points[0].location == pytest.approx(
-        found.source.muscle("vaslat_r").path.points[0].location
-    )
+def test_a_path_never_doubles_back(femora):
+    bones, _, joints = femora
+    # The next point of vastus medialis is at two thirds of the thigh.
+    beyond = 3.0 * joints["mouse__RTibia"][[2, 0, 1]]
+    found = bones(relative(femora, Attachment(("vasmed_r",), "first", tuple(beyond))))
     assert found.source.muscle("vasmed_r").path.points[0].body == "femur_r"
     assert any("double back: vasmed_r" in one for one in found.notes)
 
 
-def test_an_attachment_off_the_bone_is_refused():
+def test_a_straight_muscle_keeps_its_ends_alone(femora):
+    before, after = (femora[0](straight=names).source for names in ((), ("iliacus_r",)))
+    points, kept = (one.muscle("iliacus_r").path.points for one in (before, after))
+    assert len(points) > 2
+    assert not after.muscle("iliacus_r").path.wraps
+    assert kept == (points[0], points[-1])
+    assert after.muscle("psoas_r") == before.muscle("psoas_r")
+
+
+def test_too_few_landmarks_in_common_are_refused(femora):
+    few = replace(relative(femora), landmarks={"head": (0.0, 0.0, 0.0), "elbow": (1.0, 0.0, 0.0)})
+    with pytest.raises(BadData, match=r"1 landmarks in common .*head"):
+        femora[0](few)
+
+
+def test_an_attachment_of_another_end_is_refused():
     with pytest.raises(BadData, match="vaslat_r"):
-        Attachment(("vaslat_r",), "first", "femur_r", 11.0)
+        Attachment(("vaslat_r",), "middle", (0.0, 0.0, 0.0))

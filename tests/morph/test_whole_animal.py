@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,10 @@ from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.surface import Surface
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
-from myomorph.morph.species.masses import SegmentShare, with_segment_shares
+from myomorph.morph.species.masses import SegmentShare, with_possible_inertias, with_segment_shares
 from myomorph.muscles.path import muscle_kinematics
 
 TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
@@ -73,6 +75,24 @@ def test_the_other_sides_muscle_moves_as_this_one_does():
     assert found.moment_arms[:, 1, 1] == pytest.approx(found.moment_arms[:, 0, 0], abs=1e-9)
     with pytest.raises(BadModel, match="nothing to mirror"):
         with_other_muscles(model, "x")
+
+
+def test_inertias_no_bone_can_have_are_replaced():
+    """A file's placeholders go; inertias within the bone, and bodies it says nothing about, stay."""
+    corners = 0.5 * np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * [0.2, 0.4, 1.0]
+    bone = Surface(corners, np.array([[0, 1, 2]]))
+    model = animal()
+    thigh = model.body("thigh_r")
+    unlikely = replace(thigh, inertia=thigh.mass * 2.0**2 * np.eye(3))
+    likely = replace(model.body("thigh_l"), inertia=model.body("thigh_l").mass * 0.3**2 * np.eye(3))
+    changed = {one.name: one for one in (unlikely, likely)}
+    model = replace(model, bodies=tuple(changed.get(one.name, one) for one in model.bodies))
+    found, notes = with_possible_inertias(model, {"thigh_r": bone, "thigh_l": bone})
+    assert found.body("thigh_r").inertia == pytest.approx(thigh.mass / 12.0 * np.diag([1.16, 1.04, 0.2]))
+    assert found.body("thigh_l").inertia == pytest.approx(likely.inertia)
+    assert found.mass == model.mass
+    assert "2e+03 mm" in notes[0]
+    assert with_possible_inertias(found, {"thigh_r": bone, "thigh_l": bone})[1] == ()
 
 
 def test_segments_get_their_share_and_the_whole_its_mass():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +24,6 @@ from benchmarks.species_cases import (
 )
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.counterparts import MuscleHomology, Posed
 from myomorph.muscles.path import compile_paths, muscle_kinematics
 from myomorph.study.subject.species_morphing import read_species
@@ -222,6 +221,9 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
             "insertion [%]": percent([one.insertion for one in rows]),
             "both ends [%]": percent([end for one in rows for end in (one.origin, one.insertion)]),
             "path [%]": percent([one.path for one in rows]),
+            "both ends, his moved onto the bones [%]": ""
+            if method == "joints alone"
+            else percent([end for one in compared(data, method, "onto bones") for end in (one.origin, one.insertion)]),
         }
 
 
@@ -243,6 +245,7 @@ def measure_muscles(data: Path) -> Iterator[dict[str, object]]:
 
 
 RULES = ("joints", "frames", "pelvis by joints")
+HIS = {"joints": "his", "frames": "his, by the frames' directions", "pelvis by joints": "his, pelvis by joints"}
 
 
 def _open(data: Path, pair: MuscleHomology) -> str:
@@ -259,6 +262,13 @@ def _open(data: Path, pair: MuscleHomology) -> str:
     return ", ".join(shown)
 
 
+def other_signs(rows: tuple[Compared, ...], word: str) -> list[str]:
+    """Muscles that count about a coordinate and whose mean moment arm has another sign than the anatomist's."""
+    arms = np.array([one.arms[word].mean(axis=1) for one in rows])
+    counts = np.abs(arms[:, 1]) >= COUNTS * np.abs(arms[:, 1]).max()
+    return [rows[i].name for i in np.flatnonzero(counts & (arms[:, 0] * arms[:, 1] <= 0.0))]
+
+
 def measure_arms(data: Path) -> Iterator[dict[str, object]]:
     """A row a coordinate and method: do moment arms have the anatomist's sign and order."""
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
@@ -272,7 +282,7 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
             counts = np.abs(theirs) >= COUNTS * np.abs(theirs).max()
             same = ours * theirs > 0
             always = np.mean(arms[counts, 0] * arms[counts, 1] > 0)
-            wrong = [rows[i].name for i in np.flatnonzero(counts & ~same)]
+            wrong = other_signs(rows, word)
             spanning = np.abs(arms).max(axis=(1, 2)) > 0
             yield {
                 "coordinate": word,
@@ -286,21 +296,58 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
             }
 
 
+def measure_signs(data: Path) -> Iterator[dict[str, object]]:
+    """A row for each moment arm of the wrong sign by SSD: with the anatomist's ends, and by other alignments [mm]."""
+    if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
+        return
+    ground, pairs = on_skeleton(data), read_species("human-mouse").muscles
+    ours, theirs = from_man(data, "SSD").model, anatomist_on_skeleton(data).model
+    laid = {rule: Muscles(anatomist_on_skeleton(data, rule).model, ground) for rule in RULES}
+    for word in ground.coordinates:
+        wrong = other_signs(compared(data, "SSD"), word)
+        for pair in (pair for pair in pairs if ", ".join(pair.targets) in wrong):
+            row: dict[str, object] = {"coordinate": word, "muscle": ", ".join(pair.targets)}
+            for column, ends in (
+                ("ours [mm]", ()),
+                ("with his origin [mm]", (0,)),
+                ("with his insertion [mm]", (-1,)),
+                ("with both [mm]", (0, -1)),
+            ):
+                found = Muscles(with_ends(ours, theirs, pair, ends), ground)
+                row[column] = 1e3 * float(found.arm(pair.sources, word).mean())
+            for rule, name in zip(
+                RULES, ("his", "his, by the frames' directions", "his, pelvis by joints"), strict=True
+            ):
+                row[f"{name} [mm]"] = 1e3 * float(laid[rule].arm(pair.targets, word).mean())
+            yield row
+
+
+def with_ends(ours: Model, theirs: Model, pair: MuscleHomology, ends: tuple[int, ...]) -> Model:
+    """Our muscles with the ends (0 first, -1 last) of the anatomist's, of several parts those of the middle one."""
+    given = theirs.muscle(pair.targets[len(pair.targets) // 2]).path.points
+    muscles = []
+    for one in ours.muscles:
+        points = list(one.path.points)
+        if one.name in pair.sources:
+            for end in ends:
+                points[end] = given[end]
+        muscles.append(replace(one, path=replace(one.path, points=tuple(points))))
+    return replace(ours, muscles=tuple(muscles))
+
+
 def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
     """A row a segment: how the anatomist's frames were laid on the bones, and how far that can be trusted."""
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
     model, bodies, ground = mouse_hindlimb_model(data / ANATOMIST), mouse(data), on_skeleton(data)
-    laid = Alignment(model, bodies.model)
+    laid = Alignment(model, bodies.model, surfaces=bodies.surfaces)
     there = Posed(bodies.model, {})
-    feet = tuple(f"mouse__RMetatarsus{i}" for i in range(1, 6))
-    toes = tuple(f"mouse__RBPhalange{i}" for i in (1, 2, 4, 5))
-    whole = {"mouse__RTarsus": feet, "mouse__RBPhalange3": toes}
     for body, (target, _, far) in SEGMENTS.items():
         if body == "Torso":
             continue
         one = laid.similarity(body)
-        shape = Shape(there.surface((target, *whole.get(target, ())), bodies.surfaces))
+        shape, ends = laid.shape(body), one.apply(laid.attachments(body))
+        moved = laid.onto_bone(body, one)
         points = [p.location for m in model.muscles for p in m.path.points if p.body == body]
         depth = np.abs(shape.signed(one.apply(np.array(points)))) / ground.lengths[target]
         turned = there.within(target, "mouse").rotation @ one.rotation @ MOUSE_AXES.T
@@ -313,6 +360,9 @@ def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
             "frames differ by [deg]": f"{angle:.1f}" if far else "taken as the same",
             "muscle points": len(points),
             "from the bone, median / worst [%]": percent(list(depth)),
+            "attachments from the bone [%]": percent(list(np.abs(shape.signed(ends)) / ground.lengths[target])),
+            "moved onto it by [%]": 100.0 * float(np.linalg.norm(moved)) / ground.lengths[target],
+            "then [%]": percent(list(np.abs(shape.signed(ends + moved)) / ground.lengths[target])),
         }
     yield {
         "segment": "Pelvis, by both hips and the lumbosacral joint",

@@ -1,9 +1,8 @@
-"""Attachments along a shaft that differ between species, from a relative's anatomy.
+"""Attachments that differ between orders of mammals, from a relative's anatomy.
 
-A map of bones takes a point to where the same shape is, but muscles wander along shafts between orders of mammals: a
-rodent's vasti begin at the hip, man's half way to the knee. A species table says where along the bone, from its
-proximal to its distal joint, such a muscle begins or ends in the target or its relatives; it then goes around the shaft
-where the map puts it, on the surface.
+A map of bones takes a point to where the same shape is, but muscles wander over bones between orders of mammals: a
+rodent's vasti begin at the hip, man's half way to the knee. A species table has the landmarks and attachments of a
+relative of the target; its attachments go through its landmarks to the target's bone, onto the surface.
 """
 
 from __future__ import annotations
@@ -18,15 +17,18 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.counterparts import PlacedMap, Posed, SpeciesTable
-from myomorph.morph.species.table_rows import Attachment
+from myomorph.morph.species.counterparts import PlacedMap
+from myomorph.morph.species.table_rows import Attachment, RelativeBone
+
+FEWEST = 4
+"""Landmarks that a relative's bone needs in common with the target's."""
 
 
 def with_attachments(
-    source: Model, bones: Mapping[str, BoneMap], attachments: Sequence[Attachment], table: SpeciesTable, there: Posed
+    source: Model, bones: Mapping[str, BoneMap], relatives: Sequence[RelativeBone]
 ) -> tuple[Model, Mapping[str, BoneMap], tuple[str, ...]]:
     """The source with a body for each point that is moved, the maps of all, and what was moved, in lines.
 
@@ -34,77 +36,102 @@ def with_attachments(
 
     Raises
     ------
-    BadData : a bone that has no two joints among its landmarks
+    BadData : a relative's bone with fewer than four landmarks in common with the target's
     """
     muscles = {one.name: one for one in source.muscles}
     found = dict(bones)
-    bodies, joints, kept, moved = [], [], [], 0
-    for each in attachments:
-        if each.body not in bones:
+    parts: list[tuple[str, str]] = []
+    kept: list[str] = []
+    for relative in relatives:
+        bone = bones.get(relative.body)
+        if bone is None:
             continue
-        start, way = _shaft(each.body, table, bones[each.body], there)
-        for name in each.muscles:
-            muscle = muscles.get(name)
+        for each, goal in zip(relative.attachments, _places(relative, bone), strict=True):
             index = 0 if each.end == "first" else -1
-            point = None if muscle is None else muscle.path.points[index]
-            if muscle is None or not isinstance(point, PathPoint) or point.body != each.body:
-                continue
-            part = f"{each.body} {name} {each.end}"
-            made = _shifted(bones[each.body], part, point.location, start, way, each.along)
-            if _doubles_back(muscle, each, bones[each.body], made, way):
-                kept.append(name)
-                continue
-            found[part] = made
-            points = list(muscle.path.points)
-            points[index] = replace(point, body=part)
-            muscles[name] = replace(muscle, path=replace(muscle.path, points=tuple(points)))
-            bodies.append(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))))
-            joints.append(Joint(part, "WeldJoint", each.body, part, Transform.identity(), Transform.identity()))
-            moved += 1
+            for name in each.muscles:
+                point = muscles[name].path.points[index] if name in muscles else None
+                if not isinstance(point, PathPoint) or point.body != relative.body:
+                    continue
+                if _doubles_back(muscles[name], each, bone, goal):
+                    kept.append(name)
+                    continue
+                part = f"{relative.body} {name} {each.end}"
+                parts.append((part, relative.body))
+                found[part] = _shifted(bone, part, point.location, goal)
+                muscles[name] = _with_end(muscles[name], index, replace(point, body=part))
     notes = []
-    if moved:
-        by = ", ".join(dict.fromkeys(one.citation for one in attachments if one.citation))
-        notes.append(f"{moved} attachments lie along their bones where {by or 'the species table'} has them")
+    if parts:
+        by = ", ".join(dict.fromkeys(one.citation for one in relatives if one.citation))
+        notes.append(f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has them")
     if kept:
         notes.append(f"attachments stay where the map has them, as paths would double back: {', '.join(kept)}")
+    still = Transform.identity()
     changed = replace(
         source,
-        bodies=(*source.bodies, *bodies),
-        joints=(*source.joints, *joints),
+        bodies=(*source.bodies, *(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part, _ in parts)),
+        joints=(*source.joints, *(Joint(part, "WeldJoint", body, part, still, still) for part, body in parts)),
         muscles=tuple(muscles[one.name] for one in source.muscles),
     )
     return changed, found, tuple(notes)
 
 
-def _shaft(body: str, table: SpeciesTable, bone: BoneMap, there: Posed) -> tuple[Array, Array]:
-    """Proximal joint (3,) in the target's body, and the way from there to the distal one [m]."""
-    pair = next((one for one in table.bones if body in one.sources), None)
-    rules = () if pair is None else tuple(rule for rule in pair.landmarks if rule.rule == "joint")
-    if len(rules) < 2:
-        raise BadData(f"attachments on '{body}': its landmarks have no two joints to measure along")
-    joints = there.joints(bone.target_body)
-    first, last = (joints[rule.target_joint] for rule in rules[:2])
-    return first, last - first
+def straightened(source: Model, names: Sequence[str]) -> Model:
+    """The source with only the first and last points of some muscles' paths, which wrap around nothing."""
+    return replace(
+        source,
+        muscles=tuple(
+            replace(one, path=replace(one.path, points=(one.path.points[0], one.path.points[-1]), wraps=()))
+            if one.name in names
+            else one
+            for one in source.muscles
+        ),
+    )
 
 
-def _shifted(bone: BoneMap, part: str, point: Array, start: Array, way: Array, along: float) -> BoneMap:
-    """The bone's map for one point, which goes so far along the shaft and back onto the surface."""
-    here = bone.map.apply(point)
-    share = float((here - start) @ way / (way @ way))
-    goal = here + (along - share) * way
+def _with_end(muscle: Muscle, index: int, point: PathPoint) -> Muscle:
+    """A muscle with another first (0) or last (-1) point."""
+    points = list(muscle.path.points)
+    points[index] = point
+    return replace(muscle, path=replace(muscle.path, points=tuple(points)))
+
+
+def _places(relative: RelativeBone, bone: BoneMap) -> Array:
+    """(attachments, 3) on the target's bone, in its body's frame [m]."""
+    marks = bone.features
+    theirs = {} if marks is None else dict(zip(marks.names, marks.target, strict=True))
+    names = tuple(name for name in relative.landmarks if name in theirs)
+    if len(names) < FEWEST:
+        raise BadData(
+            f"relative's '{relative.body}': {len(names)} landmarks in common with the target's bone "
+            f"({', '.join(names)}): expected four or more"
+        )
+    pairs = FeaturePoints(
+        names, np.array([relative.landmarks[name] for name in names]), np.array([theirs[name] for name in names])
+    )
+    goals = fit_map(pairs, MapOptions("affine")).apply(np.array([one.at for one in relative.attachments]))
     if bone.target is not None and len(bone.target.faces):
-        goal = Shape(bone.target).closest(goal[None])[0][0]
-    shift = AffineMap(np.eye(3), goal - here)
-    whole = replace(bone.whole, translation=bone.whole.translation + goal - here)
-    return replace(bone, body=part, map=PlacedMap(Transform.identity(), bone.map, shift), whole=whole)
+        goals = Shape(bone.target).closest(goals)[0]
+    return goals
 
 
-def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, made: BoneMap, way: Array) -> bool:
-    """Whether the path's next point on that bone would lie on the other side along it than before."""
+def _shifted(bone: BoneMap, part: str, point: Array, goal: Array) -> BoneMap:
+    """The bone's map for one point, which goes to a place of the target [m]; how surely is not known."""
+    away = goal - bone.map.apply(point)
+    shift = AffineMap(np.eye(3), away)
+    return replace(
+        bone,
+        body=part,
+        map=PlacedMap(Transform.identity(), bone.map, shift),
+        whole=replace(bone.whole, translation=bone.whole.translation + away),
+        features=None if bone.features is None else replace(bone.features, radii=None),
+    )
+
+
+def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) -> bool:
+    """Whether the path's next point on that bone would lie the other way from the attachment than before."""
     points = muscle.path.points if each.end == "first" else muscle.path.points[::-1]
-    if len(points) < 2 or points[1].body != each.body or not all(isinstance(one, PathPoint) for one in points[:2]):
+    ends = [one for one in points[:2] if isinstance(one, PathPoint) and one.body == points[0].body]
+    if len(ends) < 2:
         return False
-    end, after = (one.location for one in points[:2] if isinstance(one, PathPoint))
-    next_to = bone.map.apply(after)
-    before, now = (next_to - one.map.apply(end) for one in (bone, made))
-    return bool((before @ way) * (now @ way) < 0.0)
+    before, after = (bone.map.apply(one.location) for one in ends)
+    return bool((after - before) @ (after - goal) < 0.0)

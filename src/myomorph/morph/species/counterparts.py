@@ -29,7 +29,7 @@ from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable
 from myomorph.morph.species.markers import MarkerTable
 from myomorph.morph.species.masses import SegmentShare
-from myomorph.morph.species.table_rows import Attachment, Ray
+from myomorph.morph.species.table_rows import Ray, RelativeBone
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -189,7 +189,8 @@ class SpeciesTable:
     extra : bodies of the target without a counterpart, and why
     architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
     masses : shares of segments of the target in its mass
-    attachments : where muscles begin or end along a bone in the target or its relatives, see `Attachment`
+    relatives : where muscles begin or end on bones of relatives of the target, see `RelativeBone`
+    straight : muscles of the source whose paths run from end to end in the target, without points or wraps between
     markers : tables of labels of recordings of the target, see `MarkerTable`
     warnings : of its file, one line each
     """
@@ -207,7 +208,8 @@ class SpeciesTable:
     architecture: tuple[ArchitectureTable, ...] = ()
     masses: tuple[SegmentShare, ...] = ()
     markers: tuple[MarkerTable, ...] = ()
-    attachments: tuple[Attachment, ...] = ()
+    relatives: tuple[RelativeBone, ...] = ()
+    straight: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

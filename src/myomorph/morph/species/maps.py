@@ -19,7 +19,7 @@ from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures
-from myomorph.morph.species.attachments import with_attachments
+from myomorph.morph.species.attachments import straightened, with_attachments
 from myomorph.morph.species.counterparts import (
     BoneHomology,
     PlacedMap,
@@ -116,7 +116,7 @@ def species_bones(
             source, bones = rays.source, {**bones, **rays.bones}
     digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
     spread = spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
-    spread, placed, said = with_attachments(spread, bones, table.attachments, table, there)
+    spread, placed, said = with_attachments(straightened(spread, table.straight), bones, table.relatives)
     return SpeciesBones(spread, placed, (*notes, *said))
 
 
@@ -195,8 +195,9 @@ def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap)
     """The same with the target's bone in its own proportions."""
     marks = bone.features
     assert marks is not None
-    marks = replace(marks, target=back.apply(marks.target))
     size = float(np.cbrt(np.linalg.det(back.matrix)))
+    radii = None if marks.radii is None else size * marks.radii
+    marks = replace(marks, target=back.apply(marks.target), radii=radii)
     return replace(
         bone,
         map=PlacedMap(Transform.identity(), bone.map, back),

@@ -1,14 +1,15 @@
-"""Masses of segments from tables of a species: shares of the body's mass."""
+"""Masses of a skeleton: inertias that its bones can have, and shares of segments from tables of a species."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Model
+from myomorph.model.model import Body, Model
+from myomorph.model.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,46 @@ def with_segment_shares(
         for body, factor in ((one, factors.get(one.name, rest)) for one in model.bodies)
     )
     return replace(model, bodies=bodies), tuple(share_notes(replace(model, bodies=bodies), shares))
+
+
+def with_possible_inertias(model: Model, surfaces: Mapping[str, Surface]) -> tuple[Model, tuple[str, ...]]:
+    """The model without inertias that stand in a file for want of better ones.
+
+    A body whose radius of gyration is longer than its bone gets the inertia of a box around the bone, evenly filled
+    with its mass; one without a bone, where it is longer than any bone, that of a cube as long as the longest.
+
+    Parameters
+    ----------
+    surfaces : of bones by body, in the bodies' frames [m]
+
+    Returns
+    -------
+    the model, and how many were replaced, in one line
+    """
+    extents = {name: np.ptp(one.vertices, axis=0) for name, one in surfaces.items() if len(one.vertices)}
+    if not extents:
+        return model, ()
+    longest = np.full(3, max(float(one.max()) for one in extents.values()))
+    most, changed = 0.0, []
+
+    def possible(body: Body) -> Body:
+        nonlocal most
+        box = extents.get(body.name, longest)
+        radius = float(np.sqrt(np.linalg.eigvalsh(body.inertia)[-1] / body.mass)) if body.mass > 0.0 else 0.0
+        if radius <= box.max():
+            return body
+        most = max(most, radius)
+        changed.append(body.name)
+        return replace(body, inertia=body.mass / 12.0 * np.diag((box**2).sum() - box**2))
+
+    bodies = tuple(possible(body) for body in model.bodies)
+    if not changed:
+        return model, ()
+    note = (
+        f"inertias of {len(changed)} bodies ({', '.join(changed[:3])}, ...) have radii of gyration longer than their "
+        f"bones, up to {1e3 * most:.3g} mm: taken for those of boxes around the bones"
+    )
+    return replace(model, bodies=bodies), (note,)
 
 
 def share_notes(model: Model, shares: Sequence[SegmentShare]) -> list[str]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from myomorph.model.errors import BadData
+
+Point: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -33,25 +36,44 @@ class Ray:
 
 @dataclass(frozen=True)
 class Attachment:
-    """Where muscles begin or end along a bone.
+    """Where muscles begin or end on a bone of a relative.
 
     Attributes
     ----------
-    muscles : of the source
+    muscles : of the source; all go to the same place
     end : "first" or "last" point of their paths
-    body : of the source, that the point is fixed to
-    along : share of the way from the bone's proximal to its distal joint
-    citation : whose
+    at : in the frame of the relative's bone [m]
     """
 
     muscles: tuple[str, ...]
     end: Literal["first", "last"]
-    body: str
-    along: float
-    citation: str = ""
+    at: Point
 
     def __post_init__(self) -> None:
         if self.end not in ("first", "last"):
             raise BadData(f"attachment of {', '.join(self.muscles)}: end is '{self.end}': expected first or last")
-        if not -0.5 <= self.along <= 1.5:
-            raise BadData(f"attachment of {', '.join(self.muscles)}: {self.along:g} along the bone: expected 0 to 1")
+        if len(self.at) != 3:
+            raise BadData(f"attachment of {', '.join(self.muscles)}: expected three numbers at 'at'")
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeBone:
+    """Landmarks and attachments on a bone of a relative of the target.
+
+    Attributes
+    ----------
+    body : of the source, whose bone corresponds
+    landmarks : by the names of that bone's rules, in a frame of the relative's bone [m]
+    attachments : in the same frame
+    citation : whose
+    """
+
+    body: str
+    landmarks: Mapping[str, Point]
+    attachments: tuple[Attachment, ...]
+    citation: str = ""
+
+    def __post_init__(self) -> None:
+        wrong = [name for name, at in self.landmarks.items() if len(at) != 3]
+        if wrong:
+            raise BadData(f"relative's '{self.body}': expected three numbers at '{wrong[0]}'")

@@ -31,8 +31,13 @@ from myomorph.morph.species.counterparts import (
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
-from myomorph.morph.species.masses import SegmentShare, share_notes, with_segment_shares
-from myomorph.morph.species.table_rows import Attachment, Ray
+from myomorph.morph.species.masses import (
+    SegmentShare,
+    share_notes,
+    with_possible_inertias,
+    with_segment_shares,
+)
+from myomorph.morph.species.table_rows import Attachment, Ray, RelativeBone
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.subject.morph_files import Unit, resized, source_bones
@@ -54,7 +59,8 @@ KEYS = frozenset(
         "architecture",
         "mass",
         "markers",
-        "attachment",
+        "relative",
+        "straight",
     ),
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
@@ -130,7 +136,8 @@ def _table(given: Table, name: str) -> SpeciesTable:
         tuple(_architecture(one) for one in given.get("architecture", ())),
         tuple(_share(one) for one in given.get("mass", ())),
         tuple(_markers(one) for one in given.get("markers", ())),
-        tuple(_attachment(one) for one in given.get("attachment", ())),
+        tuple(_relative(one) for one in given.get("relative", ())),
+        tuple(given.get("straight", {}).get("muscles", ())),
     )
 
 
@@ -146,10 +153,20 @@ def _share(given: Table) -> SegmentShare:
     return SegmentShare(given["name"], tuple(given["bodies"]), float(given["share"]), (float(low), float(high)))
 
 
-def _attachment(given: Table) -> Attachment:
-    _known(given, frozenset(("muscles", "end", "body", "along", "citation")), "an attachment")
-    along, citation = float(given["along"]), given.get("citation", "")
-    return Attachment(tuple(given["muscles"]), given["end"], given["body"], along, citation)
+def _relative(given: Table) -> RelativeBone:
+    _known(given, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
+    attachments = []
+    for one in given["attachments"]:
+        _known(one, frozenset(("muscles", "end", "at")), "an attachment")
+        attachments.append(Attachment(tuple(one["muscles"]), one["end"], _point(one["at"])))
+    landmarks = {name: _point(at) for name, at in given["landmarks"].items()}
+    return RelativeBone(given["body"], landmarks, tuple(attachments), given.get("citation", ""))
+
+
+def _point(given: Any) -> tuple[float, float, float]:
+    """Three coordinates [m]; raises `ValueError` where they are not three numbers."""
+    x, y, z = map(float, given)
+    return x, y, z
 
 
 def _markers(given: Table) -> MarkerTable:
@@ -282,6 +299,8 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
         with inputs.about(path):
             bones.append(source_bones(models[-1], folder, warnings))
     source, target = models
+    target, replaced = with_possible_inertias(target, bones[1])
+    warnings += replaced
     if files.mass is not None:
         target, _ = with_segment_shares(target, table.masses, files.mass)
     with progress("bones", len(table.bones) + 1, "bones") as advance:
