@@ -57,19 +57,19 @@ def refined_parts(options: RefineOptions) -> str:
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     """That some recordings are predicted worse than by the given model, although all together are not."""
     left = [one for one in predictions if one.refined.markers > LEAVES_MARKERS * one.given.markers]
+    worse = [one for one in predictions if max(one.ratios) > WORSE or (one.markers_ratio > WORSE and one not in left)]
+    if worse:
+        listed = "; ".join(_numbers(one) for one in worse[:4])
+        yield (
+            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
+            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
+        )
     if left:
         listed = "; ".join(_numbers(one) for one in left[:4])
         yield (
             f"bodies that were refined without them lie farther from the markers of {len(left)} of {len(predictions)} "
             f"predictions than the given model, which may have been calibrated with them: {listed}; add recordings, or "
             "keep lengths and marker positions (--no-body)"
-        )
-    worse = [one for one in predictions if max(*one.ratios, one.markers_ratio) > WORSE and one not in left]
-    if worse:
-        listed = "; ".join(_numbers(one) for one in worse[:4])
-        yield (
-            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
-            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
         )
 
 
