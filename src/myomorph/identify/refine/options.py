@@ -36,7 +36,7 @@ class RefineOptions:
     moment_noise: float = 0.005
     length_sd: float = 0.1
     marker_sd: float | None = None
-    mass_sd: float = 0.02
+    mass_sd: float = 0.2
     body: bool = True
     masses: bool = True
     iterations: int = 20
