@@ -122,8 +122,8 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         found = calibrate(one.generic, [], CalibrationOptions(static=one.static))
         shared = set(one.static.names) & set(one.generic.marker_names)
         names = tuple(name for name in one.motion.names if name in shared)
-        legs = [one.generic.marker(name).body.startswith(LEGS) for name in names]
         fits = [tracked(model, one.motion, names) for model in (theirs, found.model)]
+        legs = [one.generic.marker(name).body.startswith(LEGS) for name in fits[0].marker_names]
         errors = [1e3 * root_mean_square(fit) for fit in fits]
         lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
         expert = None if one.expert is None else implant_names(read_model(one.expert))

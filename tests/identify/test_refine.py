@@ -19,26 +19,27 @@ from benchmarks.simulated_subject import (
 )
 from test_simulated_subject import person
 
-from myomorph.identify.refine import fit
+from myomorph.identify.refine import fit, trial_data
 from myomorph.identify.refine.equations import cost, linearize
 from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.masses import MassPrior, changed, tangents
-from myomorph.identify.refine.notes import far_from_given, worse_note
+from myomorph.identify.refine.notes import far_from_given, markers_left, worse_note
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import worse
 from myomorph.identify.refine.problem import moved
-from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
-from myomorph.identify.refine.solve import step
+from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
+from myomorph.identify.refine.solve import solve, step
 from myomorph.identify.refine.spline import WIDTH, Basis
 from myomorph.identify.refine.trial_data import opened, problem_of
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Marker
+from myomorph.model.series import Motion
 
 OPTIONS = RefineOptions(cutoff=5.0, check=False)
 
-NARROW = RefineOptions(length_sd=0.02, marker_sd=0.005)
+NARROW = RefineOptions(length_sd=0.02, marker_sd=0.005, mass_sd=0.2)
 """Priors of a body whose calibration is trusted."""
 
 
@@ -113,18 +114,35 @@ def test_gradient_is_that_of_the_cost(problem):
     shared[lengths], shared[places] = 0.01, 0.002
     shared[masses] = 0.02 * random.standard_normal(masses.stop - masses.start)
     at = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
+    whole = tangents(at.parameters[problem.prior.moved])[:, 0].ravel()
     equations = linearize(problem, at)
     motion, still = random.standard_normal(at.motions[0].shape), np.zeros(problem.count)
     directions = [(1e-6 * motion, still)]
     for part in (lengths, places, masses):
         one = np.zeros(problem.count)
         one[part] = 1e-5 * random.standard_normal(part.stop - part.start)
+        # Along the surface of the known whole mass, on which all points lie.
+        one[masses] -= whole * (whole @ one[masses]) / (whole @ whole)
         directions.append((np.zeros_like(motion), one))
     for motions, along in directions:
         ahead = cost(problem, moved(problem, at, (motions,), along))
         behind = cost(problem, moved(problem, at, (-motions,), -along))
         expected = 2.0 * (equations.trials[0].right @ motions.ravel() + equations.g @ along)
         assert ahead - behind == pytest.approx(2.0 * expected, rel=2e-4)
+
+
+def test_a_long_step_keeps_the_whole_mass_and_is_taken(problem):
+    """With masses hardly held, undamped steps must go far: the cost of a lost gram would stop them."""
+    at = problem.begin()
+    masses, shared = problem.columns()[2], np.zeros(problem.count)
+    shared[masses] = 0.5 * np.random.default_rng(3).standard_normal(masses.stop - masses.start)
+    far = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
+    assert far.parameters[:, 0].sum() == pytest.approx(at.parameters[:, 0].sum(), rel=1e-12)
+    assert (np.linalg.eigvalsh(pseudo_inertias(far.parameters))[:, 0] > 0.0).all()
+    loose = replace(problem, prior=MassPrior.of(problem.prior.reference, 1.0))
+    found = solve(loose, at)
+    assert found.converged
+    assert len(found.costs) < 10
 
 
 def test_sparse_step_is_that_of_the_full_matrix(problem):
@@ -182,6 +200,37 @@ def test_what_predicts_worse_is_not_taken_or_named():
     assert "markers 7.2 mm (given model 20.0 N, 10.0 N m, 6.0 mm" in note
 
 
+def test_force_alone_that_is_predicted_worse_is_named():
+    one = replace(predicted("a", 0.7, 1.0), refined=Errors(0.006, 20.6, 7.0))
+    assert not worse([one])
+    (note,) = worse_note([one])
+    assert "a at 20.6 N, 7.0 N m" in note
+
+
+def test_motions_that_left_their_markers_are_named():
+    def trial(name, after):
+        return RefinedTrial(name, Motion(np.zeros(1), (), np.zeros((1, 0))), Errors(0.005, 20.0, 10.0),
+                            Errors(after, 2.0, 2.0), 1, 1)  # fmt: skip
+
+    assert list(markers_left([trial("a", 0.0054), trial("b", 0.0048)])) == []
+    (note,) = markers_left([trial("a", 0.0051), trial("b", 0.015)])
+    assert note.startswith("forces pull 1 of 2 refined motions away from their markers: b 15.0 mm (before 5.0)")
+
+
+def test_plates_that_weigh_otherwise_do_not_lift_the_body(recorded):
+    """A body that weighs 8 % more on the plates than stated would rise without end to explain it."""
+    subject, trial = recorded[0], replace(recorded[1], time=(0.5, 2.0))
+    forces = trial.wrenches
+    heavy = replace(trial, wrenches=replace(forces, forces=1.08 * forces.forces, torques=1.08 * forces.torques))
+    found = [refine(subject.generic, [one], options=OPTIONS) for one in (trial, heavy)]
+    right, other = (one.trials[0].after for one in found)
+    assert other.markers == pytest.approx(right.markers, rel=0.01)
+    # The residual is against what the plates said.
+    assert other.force > 0.07 * subject.generic.mass * 9.8
+    assert any("the specified mass is" in note for note in found[1].notes)
+    np.testing.assert_allclose(found[1].parameters[:, 0], found[0].parameters[:, 0], rtol=0.02)
+
+
 def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
     subject, trial = recorded
     short = replace(trial, time=(0.5, 2.5))
@@ -201,8 +250,13 @@ def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
 
 @pytest.mark.long
 @pytest.mark.parametrize("options", [NARROW, RefineOptions()], ids=["narrow", "default"])
-def test_masses_of_a_simulated_person_are_found_again(options):
-    """Legs that differ, 5 mm of skin, and a plate that MuJoCo measures."""
+def test_masses_of_a_simulated_person_are_found_again(options, monkeypatch):
+    """Legs that differ, 5 mm of skin, and a plate that MuJoCo measures.
+
+    The narrow problem begins with the given masses, so that nothing but its own search finds the true ones.
+    """
+    if options is NARROW:
+        monkeypatch.setattr(trial_data, "identified_masses", lambda model, *given: inertial_parameters(model))
     person, given, found = simulated(1, 6.0, options)
     assert found.after.force < 0.3 * found.before.force
     assert found.after.moment < 0.3 * found.before.moment

@@ -12,6 +12,7 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
+from myomorph.motion.branches import of_one_branch
 from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.lengths import coordinate_units
@@ -206,6 +207,7 @@ def inverse_kinematics(
     over_frames(part, frames, progress)
     blank = ~np.isfinite(errors).any(axis=1)
     values[blank], converged[blank] = np.nan, False
+    values = of_one_branch(tree, arrays, values)
     if not options.root_bounds:
         values = of_one_turn(model, values)
     return KinematicsFit(

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.motion.branches import nearest_turn, other_branch
 from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.marker_cost import MarkerArrays
@@ -160,7 +161,7 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
         if len(own) != 3 or not set(own) <= set(turning):
             continue
         other = found.copy()
-        other[own] = found[own[0]] + np.pi, np.pi - found[own[1]], found[own[2]] + np.pi
+        other[own] = other_branch(found[own])
         other = _without_turns(other, own, reference)
         poses = forward_kinematics(tree, np.array([found, other]))
         same = np.allclose(poses.rotations[0], poses.rotations[1], atol=SAME_ROTATION)
@@ -172,7 +173,7 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
 def _without_turns(pose: Array, turning: list[int], reference: Array) -> Array:
     """The pose without whole turns away from a reference."""
     found = pose.copy()
-    found[turning] -= 2.0 * np.pi * np.round((pose - reference)[turning] / (2.0 * np.pi))
+    found[turning] = nearest_turn(pose[turning], reference[turning])
     return found
 
 

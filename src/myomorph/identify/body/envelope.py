@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 from scipy.spatial import ConvexHull, QhullError
 
-from myomorph.identify.body.points import MAX_GRID_POINTS, SPACING, Links, fill, links_of
+from myomorph.identify.body.points import MAX_GRID_POINTS, SPACING, Links, MassPoints, fill, links_of
 from myomorph.identify.body.skin import Skin
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
@@ -119,6 +120,17 @@ def envelope_points(
     return EnvelopePoints(
         frozen_array(np.concatenate(points)), np.concatenate(owners), frozen_array(np.concatenate(masses)), words
     )
+
+
+def own_points(
+    model: Model, pose: Motion, mass: float, spacing: float = SPACING, surfaces: Mapping[str, Surface] | None = None
+) -> MassPoints:
+    """Points of `envelope_points`, each of the link whose envelope it fills, of a whole mass [kg]."""
+    links = links_of(model, pose)
+    points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
+    own = (np.ones(len(owners)), (np.arange(len(owners)), owners))
+    weights = sparse.csr_array(own, (len(owners), len(links.names)))
+    return MassPoints(points, masses * (mass / masses.sum()), weights, links, spacing, words)
 
 
 def _solid(body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]) -> Solid:

@@ -239,11 +239,12 @@ def slopes(
     free, frames, m = problem.markers.free, len(trial.time), len(problem.locations)
     tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
     of_rates, moved = np.empty((3, frames, 6, len(free))), np.empty((frames, len(free), 3 * m))
+    wrench = trial.wrench
 
     def part(start: int, stop: int) -> None:
         s = slice(start, stop)
         difference_frames(
-            tree, problem.markers.body, locations, free, *(one[s] for one in rates), trial.measured[s],
+            tree, problem.markers.body, locations, free, *(one[s] for one in rates), wrench[s],
             of_rates[0, s], of_rates[1, s], of_rates[2, s], moved[s],
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.refine.intervals import covariance, mass_sd
-from myomorph.identify.refine.notes import far_from_given, kept_note, refined_parts, worse_note
+from myomorph.identify.refine.notes import far_from_given, kept_note, markers_left, refined_parts, worse_note
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import errors_on, model_of, predictions_of, rms, worse
 from myomorph.identify.refine.problem import Problem, Unknowns, generic_parameters, motion_of
@@ -133,14 +133,14 @@ def _refinement(
     path_lengths: Callable[[Model], Array] | None,
 ) -> Refinement:
     at = solution.at
-    at = replace(at, parameters=at.parameters * (model.mass / at.parameters[:, 0].sum()))
     lengths = problem.columns()[0]
     spread = covariance(solution.problem, at)
     deviations = np.sqrt(np.diag(spread))
+    refined = tuple(_refined_trials(model, recorded, problem, at))
     return Refinement(
         model=model_of(model, problem, at, path_lengths),
         given=model,
-        trials=tuple(_refined_trials(model, recorded, problem, at)),
+        trials=refined,
         lengths=tuple(one.name for one in problem.lengths),
         factors=at.factors,
         factors_sd=deviations[lengths] if problem.body else np.zeros(len(at.factors)),
@@ -151,20 +151,22 @@ def _refinement(
         masses=problem.masses,
         kept=bool(choice.tried),
         converged=solution.converged,
-        notes=tuple(_notes(problem, solution, choice, recorded)),
+        notes=(*markers_left(refined), *_notes(problem, solution, choice, recorded)),
     )
 
 
 def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns) -> Iterator[RefinedTrial]:
     tree, places = problem.arrays(at), problem.placed(at.factors, at.shifts)
     for k, (data, one) in enumerate(zip(problem.trials, recorded, strict=True)):
-        distances, residual = problem.predict(tree, places, data, problem.rates(data, at.motions[k]))
+        # Against what the plates say, whatever gain they were given.
+        said = replace(data, gain=1.0)
+        distances, residual = problem.predict(tree, places, said, problem.rates(data, at.motions[k]))
         seen = np.isfinite(data.observed).all(axis=2)
         used = residual[data.use]
         yield RefinedTrial(
             data.name,
             motion_of(problem, at, k),
-            errors_on(model, one),
+            errors_on(model, one, np.ones(len(one.usable.use), bool)),
             Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
             int(data.use.sum()),
             len(data.time),

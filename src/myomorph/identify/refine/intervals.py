@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from myomorph.identify.determined import LINK_SD
 from myomorph.identify.refine.equations import linearize
-from myomorph.identify.refine.masses import tangents
+from myomorph.identify.refine.masses import MassPrior, tangents
 from myomorph.identify.refine.problem import Problem, Unknowns
 from myomorph.identify.refine.solve import reduced_information
 from myomorph.model.arrays import Array
 
 
 def covariance(problem: Problem, at: Unknowns) -> Array:
-    """(shared, shared) of the shared unknowns, all motions unknown too."""
+    """(shared, shared) of the shared unknowns, all motions unknown too.
+
+    Masses that are identified first come from the same recordings, so that they are no prior knowledge: links are
+    taken to differ from the given model by `LINK_SD`, as in `identify`.
+    """
     if not problem.count:
         return np.zeros((0, 0))
+    problem = replace(problem, prior=MassPrior.of(problem.prior.reference, LINK_SD))
     return np.asarray(np.linalg.inv(reduced_information(linearize(problem, at))), dtype=np.float64)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import LEAVES_MARKERS, WORSE
 from myomorph.identify.refine.problem import Problem, Unknowns
-from myomorph.identify.refine.refinement import Prediction
+from myomorph.identify.refine.refinement import Prediction, RefinedTrial
+from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import GROUND, Model
 
 MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
@@ -34,6 +35,19 @@ def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: Refine
     yield f"{kept} are those of the given model, only {refined_parts(options)} were refined: {'; '.join(texts)}"
 
 
+def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
+    """That refined motions lie farther from their own markers than inverse kinematics on the given model."""
+    left = [one for one in trials if one.after.markers > LEAVES_MARKERS * one.before.markers]
+    if left:
+        listed = ", ".join(
+            f"{one.name} {1e3 * one.after.markers:.1f} mm (before {1e3 * one.before.markers:.1f})" for one in left[:4]
+        )
+        yield (
+            f"forces pull {len(left)} of {len(trials)} refined motions away from their markers: {listed}; see whether "
+            "the subject's mass, the plates' zeros and clock are right, and what else touched the body"
+        )
+
+
 def refined_parts(options: RefineOptions) -> str:
     """What options refine beside motions, in words."""
     words = {(True, True): "body and masses", (True, False): "lengths and marker positions", (False, True): "masses"}
@@ -43,19 +57,19 @@ def refined_parts(options: RefineOptions) -> str:
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     """That some recordings are predicted worse than by the given model, although all together are not."""
     left = [one for one in predictions if one.refined.markers > LEAVES_MARKERS * one.given.markers]
+    worse = [one for one in predictions if max(one.ratios) > WORSE or (one.markers_ratio > WORSE and one not in left)]
+    if worse:
+        listed = "; ".join(_numbers(one) for one in worse[:4])
+        yield (
+            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
+            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
+        )
     if left:
         listed = "; ".join(_numbers(one) for one in left[:4])
         yield (
             f"bodies that were refined without them lie farther from the markers of {len(left)} of {len(predictions)} "
             f"predictions than the given model, which may have been calibrated with them: {listed}; add recordings, or "
             "keep lengths and marker positions (--no-body)"
-        )
-    worse = [one for one in predictions if max(one.ratio, one.markers_ratio) > WORSE and one not in left]
-    if worse:
-        listed = "; ".join(_numbers(one) for one in worse[:4])
-        yield (
-            f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
-            f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
         )
 
 
@@ -69,7 +83,7 @@ def _numbers(one: Prediction) -> str:
 
 def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
     """Links that got a mass that is hard to believe, as one line."""
-    before, after = problem.prior.reference[:, 0], at.parameters[:, 0]
+    before, after = inertial_parameters(problem.model)[:, 0], at.parameters[:, 0]
     counts = before > MIN_MASS_SHARE * before.sum()
     far = np.flatnonzero(counts & (np.abs(after - before) > MAX_MASS_CHANGE * before))
     if not len(far):
@@ -80,8 +94,8 @@ def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
     how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
     yield (
         f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a recording{how} with "
-        "nothing but plates to touch (a chair, a rail or a hand carries a part of the body), or hold masses with a "
-        "smaller mass_sd"
+        "nothing but plates to touch (a chair, a rail or a hand carries a part of the body), or keep the given masses "
+        "(--no-masses)"
     )
 
 

@@ -21,7 +21,7 @@ class RefineOptions:
     moment_noise : of each component of the residual moment, in body weights times 1 m
     length_sd : how far a length may differ from the model's, of itself
     marker_sd : how far a marker may lie from its position on the model [m]; by default 0.015 likewise
-    mass_sd : how far a link's mass may differ from the model's, of itself
+    mass_sd : how far a link's mass may differ from the one that `identify` finds in the same recordings, of itself
     body : whether lengths and marker positions change
     masses : whether masses, mass centers and inertias change
     iterations : at most so many steps
@@ -36,7 +36,7 @@ class RefineOptions:
     moment_noise: float = 0.005
     length_sd: float = 0.1
     marker_sd: float | None = None
-    mass_sd: float = 0.1
+    mass_sd: float = 0.2
     body: bool = True
     masses: bool = True
     iterations: int = 20

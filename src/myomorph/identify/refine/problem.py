@@ -32,6 +32,7 @@ class TrialData:
     time : (frames,)
     observed : (frames, markers, 3), NaN where unseen [m]
     measured : (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
+    gain : by which what was measured is multiplied, so that the plates weigh the body
     use : (frames,) whether the plates carry all that touches the ground, so that the residual counts
     trust : (frames,) weight of the residual, 1 unless nothing explains it
     start : (frames, coordinates) by inverse kinematics
@@ -46,6 +47,12 @@ class TrialData:
     trust: Array
     start: Array
     basis: Basis
+    gain: float = 1.0
+
+    @property
+    def wrench(self) -> Array:
+        """(frames, 6) that the residual is against."""
+        return self.gain * self.measured
 
 
 @read_only
@@ -169,6 +176,7 @@ class Problem:
         Dependent coordinates of `rates` are set.
         """
         places, residual = np.empty(trial.observed.shape), np.empty((len(trial.time), 6))
+        wrench = trial.wrench
 
         def part(start: int, stop: int) -> None:
             s = slice(start, stop)
@@ -177,7 +185,7 @@ class Problem:
                 self.markers.body,
                 locations,
                 *(one[s] for one in rates),
-                trial.measured[s],
+                wrench[s],
                 places[s],
                 residual[s],
             )
@@ -212,7 +220,8 @@ def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Ar
         parameters = at.parameters.copy()
         links = problem.prior.moved
         parameters[links] = changed(parameters[links], shared[masses].reshape(-1, 10))
-        at = replace(at, parameters=parameters)
+        # A step keeps the whole mass to first order only; what is left would outweigh all that it gains.
+        at = replace(at, parameters=parameters * (problem.prior.reference[:, 0].sum() / parameters[:, 0].sum()))
     return at
 
 

@@ -53,7 +53,7 @@ class RefinedTrial:
     ----------
     motion : refined, with derivatives that belong to it
     before : of inverse kinematics, low-pass filtered, on the model as given at the subject's mass
-    after : of the refined motion on the refined model
+    after : of the refined motion on the refined model, the same frames
     used : frames in which the plates carry all, of all
     """
 
@@ -81,10 +81,14 @@ class Prediction:
     markers_alone: float
 
     @property
+    def ratios(self) -> tuple[float, float]:
+        """Refined to given: force and moment."""
+        return self.refined.force / self.given.force, self.refined.moment / self.given.moment
+
+    @property
     def ratio(self) -> float:
-        """Refined to given: root mean square of the ratios of force and moment."""
-        ratios = (self.refined.force / self.given.force, self.refined.moment / self.given.moment)
-        return float(np.sqrt(np.mean(np.square(ratios))))
+        """Root mean square of the ratios of force and moment."""
+        return float(np.sqrt(np.mean(np.square(self.ratios))))
 
     @property
     def markers_ratio(self) -> float:

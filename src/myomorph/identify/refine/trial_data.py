@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usable, usable
+from myomorph.identify.refine.first_masses import identified_masses
 from myomorph.identify.refine.masses import MassPrior
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData
@@ -77,6 +78,11 @@ def problem_of(
         names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
+    masses = inertial_parameters(model)
+    if options.masses:
+        inside = within or {}
+        parts = [_weighed(_only(one.usable, inside.get(k)), model.mass) for k, one in enumerate(recorded)]
+        masses = identified_masses(model, parts, options.cutoff)
     arrays = marker_arrays(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
         _trial_data(model, names, trial, one, options, None if within is None else within.get(k))
@@ -89,13 +95,38 @@ def problem_of(
         arrays,
         arrays.location.copy(),
         tuple(data),
-        MassPrior.of(inertial_parameters(model), options.mass_sd),
+        MassPrior.of(masses, options.mass_sd),
         model.mass * float(np.linalg.norm(model.gravity)),
         length_unit(tree),
         options,
         options.body,
         options.masses,
     )
+
+
+def _only(one: Usable, within: np.ndarray | None) -> Usable:
+    """A recording of which no more frames are used than those within a part."""
+    if within is None:
+        return one
+    return replace(one, recording=replace(one.recording, use=one.use & within))
+
+
+def gain_of(one: Usable, mass: float) -> float:
+    """By which forces are multiplied where plates weigh the body otherwise than stated by more than `MASS_TOLERANCE`.
+
+    A motion that had to explain what is missing would fall or rise all the time, far from the markers.
+    """
+    off = np.isfinite(one.weighs) and abs(one.weighs / mass - 1.0) > MASS_TOLERANCE
+    return mass / one.weighs if off else 1.0
+
+
+def _weighed(one: Usable, mass: float) -> Usable:
+    """A recording whose plates weigh the body, see `gain_of`."""
+    gain, wrenches = gain_of(one, mass), one.recording.wrenches
+    if gain == 1.0:
+        return one
+    wrenches = replace(wrenches, forces=gain * wrenches.forces, torques=gain * wrenches.torques)
+    return replace(one, recording=replace(one.recording, wrenches=wrenches))
 
 
 def thinned(problem: Problem) -> Problem:
@@ -142,7 +173,7 @@ def _trial_data(
     start = _without_gaps(compile_tree(model).coordinates_of(recorded.motion)[frames])
     return TrialData(
         trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
-        Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
+        Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)), gain_of(recorded.usable, model.mass),
     )  # fmt: skip
 
 

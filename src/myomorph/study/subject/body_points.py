@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from myomorph.identify.body.envelope import envelope_points
+from myomorph.identify.body.envelope import own_points
 from myomorph.identify.body.points import Links, MassPoints, fill, links_of, reference_masses
 from myomorph.identify.body.skin import check_skin, inside
 from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
@@ -70,15 +70,11 @@ def body_points(
         raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")
     if shape.skin is not None or shape.height is not None or shape.chest is not None:
         return _in_skin(model, shape, mass, options, compare)
-    links = links_of(model, POSE)
-    points, owners, reference, words = envelope_points(model, POSE, options.spacing, surfaces)
-    reference = reference * (mass / reference.sum())
+    own = own_points(model, POSE, mass, options.spacing, surfaces)
     if options.weights is None:
-        own = (np.ones(len(owners)), (np.arange(len(owners)), owners))
-        weights = {OWN: sparse.csr_array(own, (len(owners), len(links.names)))}
-    else:
-        weights = _weights(model, points, links, (options.weights,))
-    return _made(points, reference, weights, links, options.spacing, words), None, ()
+        return {OWN: own}, None, ()
+    weights = _weights(model, own.points, own.links, (options.weights,))
+    return _made(own.points, own.reference, weights, own.links, options.spacing, own.source), None, ()
 
 
 def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
