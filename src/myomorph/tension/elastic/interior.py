@@ -33,6 +33,9 @@ TOLERANCE = (5e-4, 1e-5, 1e-5)
 ENOUGH = 50.0
 """Residual, in units of the barrier parameter, at which that is made smaller."""
 
+NEAR_SLOPE = 1.0
+"""Residual of the gradient from which on the curvature of the rates' bounds counts."""
+
 STEPS = 500
 STUCK = 1.0
 """Weight on keeping the forces from which on no step will be found: constraints contradict each other there."""
@@ -93,7 +96,7 @@ class Solver:
         self._begin(start)
         self.band = BandSystem(self.frames, self.muscles, self.second)
         self.row_scale = 1.0 / np.maximum(np.abs(p.pulls).max(axis=(0, 2), initial=0.0), 1.0)
-        self.bent, self.taken = 0, 0.0
+        self.bent, self.taken, self.near = 0, 0.0, False
 
     def _begin(self, start: Point) -> None:
         """Go to a point, with multipliers of the barrier's own."""
@@ -196,9 +199,9 @@ class Solver:
         d[0] -= 2.0 * SMOOTH
         d[-1] -= 2.0 * SMOOTH
         e = np.full((self.frames - 1, self.muscles), -2.0 * SMOOTH)
-        second = np.zeros((0, 0))
+        second, bent_rates = np.zeros((0, 0)), None
         if self.second:
-            second = self._add_rates(at, (c, pk, pn), ga, gf, d, e)
+            second, bent_rates = self._add_rates(at, (c, pk, pn), gf, d, e)
         kk = da * pk * pk + lam * (g[..., 4] + (2.0 * g[..., 7] + g[..., 9] * pk) * pk)
         kn = da * pk * pn + lam * (g[..., 5] + g[..., 7] * pn + g[..., 8] * pk + g[..., 9] * pk * pn)
         nn = da * pn * pn + lam * (g[..., 6] + (2.0 * g[..., 8] + g[..., 9] * pn) * pn)
@@ -214,7 +217,7 @@ class Solver:
         missed = at.balance + np.matmul(p.columns, (gx / dx)[:, :, None])[..., 0]
         both = np.linalg.solve(lower, np.concatenate([p.pulls, missed[:, :, None]], axis=2))
         C, t = both[:, :, :-1], both[:, :, -1]
-        if not self._factorized((d, e, second), (kk, kn, nn), C):
+        if not self._factorized((d, e, second), (kk, kn, nn), bent_rates, C):
             return None
         df = self.band.solve(np.matmul(t[:, None], C)[:, 0] - gf)
         left = t - np.matmul(C, df[:, :, None])[..., 0]
@@ -225,42 +228,50 @@ class Solver:
             step.append(at.rate + at.rate_slopes[:, 0] * da_[:-1] + at.rate_slopes[:, 1] * da_[1:])
         return step, dy
 
-    def _factorized(self, matrix: tuple[Array, Array, Array], bends: tuple[Array, Array, Array], C: Array) -> bool:
-        """Factorize with the exact curvature, or with that of each equilibrium as far as it is not negative."""
-        for kk, kn, nn in (bends, _not_negative(*bends)):
-            d, e = matrix[0].copy(), matrix[1] + kn
+    def _factorized(
+        self,
+        matrix: tuple[Array, Array, Array],
+        bends: tuple[Array, Array, Array],
+        rates: tuple[Array, Array] | None,
+        C: Array,
+    ) -> bool:
+        """Factorize with the exact curvature, or with that of each constraint as far as it is not negative."""
+        clipped = None if rates is None else (np.maximum(rates[0], 0.0), rates[1])
+        for (kk, kn, nn), bent in ((bends, rates), (_not_negative(*bends), clipped)):
+            d, e, second = matrix[0].copy(), matrix[1] + kn, matrix[2]
             d[:-1] += kk
             d[1:] += nn
-            if self.band.factorize(d, e, matrix[2], C):
+            if bent is not None:
+                second = second + _add_squares(bent[0], bent[1], d, e)
+            if self.band.factorize(d, e, second, C):
                 return True
             self.bent += 1
         return False
 
     def _add_rates(
-        self, at: Linearized, by_force: tuple[Array, Array, Array], ga: Array, gf: Array, d: Array, e: Array
-    ) -> Array:
-        """Add the rates' part of the gradient to ga and of the matrix to d and e; its second blocks beside."""
+        self, at: Linearized, by_force: tuple[Array, Array, Array], gf: Array, d: Array, e: Array
+    ) -> tuple[Array, tuple[Array, Array]]:
+        """Add the rates' part of the gradient to gf and of the matrix to d and e.
+
+        Returns
+        -------
+        the second blocks beside, and weights and terms of `_add_squares` for the curvature of the bounds
+        """
         c, pk, pn = by_force
         s, z = self.v[3], self.boxes[3].z
-        push = self.mu / s - z / s * at.rate
-        # Beside the slopes of both bounds, their curvature over the sum of both activations.
-        bend = -(z * at.rate_bends).sum(axis=0, keepdims=True)
-        stiff, push = np.concatenate([z / s, bend]), np.concatenate([push, np.zeros_like(bend)])
-        one, other = (np.concatenate([slopes, np.ones_like(bend)]) for slopes in at.rate_slopes.swapaxes(0, 1))
+        stiff = z / s
+        # By multipliers that are not yet right, curvature would mislead.
+        bend = -(z * at.rate_bends).sum(axis=0, keepdims=True) * self.near
+        one, other = at.rate_slopes[:, 0], at.rate_slopes[:, 1]
         # The gradient at c = 0 of a; the step of the elements adds what c is to their own part alone.
-        drift = stiff * (one * c[:-1] + other * c[1:])
-        pull = drift - push
-        first, last = (one * pull).sum(axis=0), (other * pull).sum(axis=0)
+        pull = stiff * (one * c[:-1] + other * c[1:]) - (self.mu / s - stiff * at.rate)
+        drift = bend[0] * (c[:-1] + c[1:])
+        first, last = (one * pull).sum(axis=0) + drift, (other * pull).sum(axis=0) + drift
         gf[:-2] += pk[:-1] * first
         gf[1:-1] += pn[:-1] * first + pk[1:] * last
         gf[2:] += pn[1:] * last
-        r0, r1, r2 = one * pk[:-1], one * pn[:-1] + other * pk[1:], other * pn[1:]
-        d[:-2] += (stiff * r0 * r0).sum(axis=0)
-        d[1:-1] += (stiff * r1 * r1).sum(axis=0)
-        d[2:] += (stiff * r2 * r2).sum(axis=0)
-        e[:-1] += (stiff * r0 * r1).sum(axis=0)
-        e[1:] += (stiff * r1 * r2).sum(axis=0)
-        return (stiff * r0 * r2).sum(axis=0)
+        second = _add_squares(stiff, np.stack([one * pk[:-1], one * pn[:-1] + other * pk[1:], other * pn[1:]]), d, e)
+        return second, (bend, np.stack([pk[:-1], pn[:-1] + pk[1:], pn[1:]])[:, None])
 
     def merit(self, v: list[Array], y: Array, at: Linearized) -> tuple[float, float]:
         """What the constraints miss, and the cost with the barrier."""
@@ -325,6 +336,7 @@ class Solver:
                     break
                 self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
                 self.filter = []
+            self.near = errors[0] < NEAR_SLOPE
             if log is not None:
                 log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
             if self.mu <= LAST and _solved(errors):
@@ -358,6 +370,23 @@ class Solver:
 
 def _solved(errors: tuple[float, float, float]) -> bool:
     return all(one <= most for one, most in zip(errors, TOLERANCE, strict=True))
+
+
+def _add_squares(weight: Array, terms: Array, d: Array, e: Array) -> Array:
+    """Add weighted squares of sums over the forces of three frames to the blocks of a matrix; its second blocks beside.
+
+    Parameters
+    ----------
+    weight : (squares, frames - 2, muscles)
+    terms : (3, squares, frames - 2, muscles) slopes of the sums over the forces of each frame
+    """
+    one, two, three = terms
+    d[:-2] += (weight * one * one).sum(axis=0)
+    d[1:-1] += (weight * two * two).sum(axis=0)
+    d[2:] += (weight * three * three).sum(axis=0)
+    e[:-1] += (weight * one * two).sum(axis=0)
+    e[1:] += (weight * two * three).sum(axis=0)
+    return np.asarray((weight * one * three).sum(axis=0))
 
 
 def _not_negative(kk: Array, kn: Array, nn: Array) -> tuple[Array, Array, Array]:
