@@ -179,8 +179,9 @@ AROUND = 3
 """Features that say how surely a point is known."""
 
 BESIDE = 0.08
-"""What the map between features adds to the radius of a point, over its distance from the nearest of them: 90 % of
-muscle points of eleven deformed bones, of which the features' true places were given."""
+"""What the map between features adds to the radius of a point, over its distance from the nearest of them. With true
+places of the features of ten deformed bones 90 % of muscle points were off by 0.07 of it, those that were further than
+8 % of the bone's length from any feature by 0.17."""
 
 Basis: TypeAlias = Literal["bone", "landmarks", "neighbors", "surrounding", "given"]
 
