@@ -109,8 +109,9 @@ def test_origin_and_insertion_stay_and_what_cannot_be_helped_is_told():
     assert "1 muscles still do" in found.notes[0]
 
 
-def test_a_wrap_object_grows_until_the_path_is_out():
-    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, 1.0))
+@pytest.mark.parametrize("length", [1.0, np.inf])
+def test_a_wrap_object_grows_until_the_path_is_out(length):
+    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, length))
     across = ([0.03, -0.05, 0.0], [0.03, 0.05, 0.0])
     one = model(muscle(*across, wraps=(PathWrap("shaft"),)), (around,))
     hidden = model(muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),)), (around,))
@@ -118,6 +119,7 @@ def test_a_wrap_object_grows_until_the_path_is_out():
     found = clear_paths(hidden, ground(hidden))
     assert found.before["m"] > 0.003
     assert not found.after
+    assert found.model.wrap_objects[0].size[1] == length
     assert found.grown["shaft"] == pytest.approx(THICK / 0.021, abs=0.05)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
+from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import PARTS, check_morph
 from myomorph.morph.checks.moment_arms import COUNT, compare_moment_arms, compared_coordinates
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map
@@ -247,6 +248,8 @@ def run_morph_demo(out: Path) -> MorphDemo:
         morph = morph_model(model, bones, settings.morph, name="leg in deformed bones", progress=advance)
     with progress("checks", PARTS, "parts") as advance:
         checks = check_morph(morph, progress=advance)
+    with progress("intervals", DRAWS, "models") as advance:
+        checks = with_arm_intervals(morph, checks, advance)
     source = value_source("model", "demo:morph", *(point.source for point in morph.points))
     morphed = Morphed(morph, checks, provenance_of("morph", (source,), settings.plain()), ())
     errors = morph_errors(morph, truth, pairs)

@@ -229,7 +229,8 @@ def _between(start: Model, found: Model, shares: Mapping[str, float]) -> Model:
     for k, (first, last) in enumerate(zip(start.wrap_objects, found.wrap_objects, strict=True)):
         share = shares.get(last.name, 1.0)
         if share < 1.0:
-            sizes = (a + share * (b - a) for a, b in zip(first.size, last.size, strict=True))
+            # An infinite cylinder stays one.
+            sizes = (a if a == b else a + share * (b - a) for a, b in zip(first.size, last.size, strict=True))
             wraps[k] = replace(last, size=tuple(sizes))
     return replace(found, muscles=tuple(muscles), wrap_objects=tuple(wraps))
 

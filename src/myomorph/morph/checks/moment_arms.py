@@ -176,6 +176,8 @@ class MomentArms:
     source, target : (samples, muscles) [m/rad or m/m], the target's turned to the source's sign
     source_jumps, target_jumps : (muscles,) largest discontinuity [m/rad or m/m]
     source_jump_at, target_jump_at : (muscles,) value of the coordinate there, NaN where there is none
+    within : (samples, muscles) distance from `target` within which the moment arm lies with 90 %, as far as that
+        follows from the points' intervals [m/rad or m/m]; NaN where these are not known, None before it is asked
     """
 
     pair: CoordinatePair
@@ -189,6 +191,7 @@ class MomentArms:
     target_jumps: Array
     source_jump_at: Array
     target_jump_at: Array
+    within: Array | None = None
 
 
 def swept(model: Model) -> tuple[Coordinate, ...]:
@@ -255,6 +258,28 @@ def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple
     return MomentArms(
         pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, at, target_at
     )  # fmt: skip
+
+
+def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
+    """Moment arms (samples, muscles) of each table's `target` in another model of the same coordinates and muscles."""
+    paths = compile_paths(model)
+    counts = [len(one.target_values) for one in arms]
+    coordinates = np.repeat(paths.tree.defaults[None], sum(counts), axis=0)
+    rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+    columns = [model.coordinate_names.index(one.pair.target) for one in arms]
+    for here, j, one in zip(rows, columns, arms, strict=True):
+        coordinates[here, j] = one.target_values
+    evaluated = paths.evaluate(coordinates)[2]
+    found = []
+    for here, j, one in zip(rows, columns, arms, strict=True):
+        number = {model.muscle_names.index(muscle): k for k, muscle in enumerate(one.muscles)}
+        table = np.zeros((len(here), len(one.muscles)))
+        for own in np.flatnonzero(paths.arm_coordinate == j):
+            muscle = int(paths.arm_muscle[own])
+            if muscle in number:
+                table[:, number[muscle]] = one.pair.sign * evaluated[here, own]
+        found.append(table)
+    return found
 
 
 def _moved(model: Model, coordinate: str) -> set[str]:

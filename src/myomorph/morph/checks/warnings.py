@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
+from myomorph.model.paths import WrapObject
 from myomorph.morph.checks.moment_arms import MomentArms
 from myomorph.morph.checks.penetration import Penetration
 from myomorph.morph.morphed import Morph
@@ -73,6 +74,22 @@ class Warned:
 
 
 @dataclass(frozen=True, eq=False)
+class WrapInterval:
+    """How surely a wrap object lies in its bone.
+
+    Attributes
+    ----------
+    wrap : of the target
+    within : distance from its middle within which it belongs with 90 % [m]
+    size : the same of its first size, its radius [m]
+    """
+
+    wrap: WrapObject
+    within: float
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
 class MorphChecks:
     """What the checks of a morphed model found.
 
@@ -84,6 +101,7 @@ class MorphChecks:
     folded : muscle points where the map turns space inside out, (muscle, point, body)
     warnings : one line each, by kind, the worst first
     notes : what could not be looked at
+    wraps : intervals of wrap objects, where points' intervals tell them
     """
 
     penetrations: tuple[Penetration, ...]
@@ -93,6 +111,7 @@ class MorphChecks:
     warnings: tuple[Warned, ...]
     options: CheckOptions
     notes: tuple[str, ...] = ()
+    wraps: tuple[WrapInterval, ...] = ()
 
     def of(self, kind: str) -> tuple[Warned, ...]:
         """Warnings of one kind."""

@@ -113,8 +113,12 @@ length. Chosen on persons 1, 7, 13, 19 and 25 of LLP26; on made deformations oth
 AFFINE = 0.05
 """Standard deviation of what is left of the affine map, lengths in shares of the bone's."""
 
-EXACTNESS = (0.01, 0.004, 0.002, 0.001, 0.001, 0.001, 0.001, 0.001)
+EXACTNESS = (0.01, 0.004, 0.002, 0.001, 0.001, 0.001, 0.0005, 0.0005, 0.0005, 0.0005)
 """Of the planes in each step, in shares of the bone's length."""
+
+UNLIKE = 1.0
+"""Planes are no more exact than so many times the distance that is left: where one surface is cut into coarse triangles
+or has another shape, drawing it closer would slide its points."""
 
 INDEPENDENT = 400.0
 """Errors of planes go together around each: so many of all of them tell something of their own."""
@@ -122,8 +126,9 @@ INDEPENDENT = 400.0
 CENTERS, RANK = 200, 1e-5
 """Points of the kernel, and the share of its greatest eigenvalue below which a direction is left out."""
 
-TETHER = 0.01
-"""Share of a step's cost that holds points back along the surface, so that they slide no further than they must."""
+TETHER = 0.001
+"""Share of a step's cost that holds points back along the surface. Ten times as much holds them so hard that a shaft
+has not slid to its place when the steps end: 9 mm of a tibia."""
 
 TRIMMED = 0.98
 """Share of the pairs that count, the nearest."""
@@ -198,6 +203,7 @@ def fit_smoothly(
     for exact in exactness:
         pairs = _pairs(given, dense, theirs, goal, found)
         rms = pairs.rms
+        exact = max(exact, UNLIKE * rms) if np.isfinite(rms) else exact
         information, right = _equations(pairs, TETHER, INDEPENDENT / (exact**2 * max(len(pairs.rows), 1)))
         for a in range(3):
             information[a, :, a] += pulled

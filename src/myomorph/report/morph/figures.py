@@ -18,7 +18,7 @@ from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.marks import across, drawing, frame, line, text
+from myomorph.report.charts.marks import across, band, drawing, frame, line, text
 from myomorph.report.charts.pictures import picture_row, residual_map
 from myomorph.report.scene.pictures import fitting_scale, pictures
 from myomorph.report.scene.scene import Scene, make_scene
@@ -170,7 +170,8 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
         muscle = one.muscles[k]
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
         lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
-        parts.append(_panel(x, y, muscle, one.target_values, lines, muscle in flagged))
+        within = None if one.within is None else factor * one.within[:, k]
+        parts.append(_panel(x, y, muscle, one.target_values, lines, within, muscle in flagged))
     return drawing("arms", f"Moment arms about {name_of(one.pair)}", (width, height), *parts, unit=words)
 
 
@@ -188,7 +189,15 @@ def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]
     return sorted(int(k) for k in order[:MAX_PANELS])
 
 
-def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], flagged: bool) -> str:
+def _panel(
+    x: float,
+    y: float,
+    muscle: str,
+    values: Array,
+    lines: tuple[Array, Array],
+    within: Array | None,
+    flagged: bool,
+) -> str:
     low = min(0.0, *(float(one.min()) for one in lines))
     high = max(0.0, *(float(one.max()) for one in lines))
     high = high if high > low else low + 1.0
@@ -197,6 +206,8 @@ def _panel(x: float, y: float, muscle: str, values: Array, lines: tuple[Array, A
     parts = [text(x + 34, y + 9, muscle, "limit start" if flagged else "tick end")]
     parts.append(across(area, float(area.y.at(0.0)), "zero"))
     parts += [text(x + 30, float(area.y.at(value)) + 3, number(value), "tick y") for value in (low, high)]
+    if within is not None:
+        parts.append(band(area, values, lines[1] - within, lines[1] + within, "first"))
     for one, style, label in zip(lines, ("truth", "first"), ("source, scaled", "target"), strict=True):
         parts.append(line(area, values, one, style, f"{muscle}, {label}"))
     return "".join(parts)

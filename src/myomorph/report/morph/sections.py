@@ -18,6 +18,7 @@ from myomorph.report.morph.tables import (
     mass_rows,
     penetration_rows,
     point_rows,
+    wrap_rows,
 )
 from myomorph.report.page.parts import Figure, Grid, Section
 
@@ -142,7 +143,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     ]  # fmt: skip
     head = (
         "Coordinate", "Muscle", "Source mean [mm]", "Minimum", "Maximum", "Target mean [mm]", "Minimum", "Maximum",
-        "Ratio to scaled source", "Same sign", "Jump, source [mm]", "Jump, target [mm]",
+        "Ratio to scaled source", "Same sign", "Jump, source [mm]", "Jump, target [mm]", "Within, 90 % [mm]",
     )  # fmt: skip
     assert len(head) == len(header)
     title = f"All {len(rows)} pairs of muscle and coordinate"
@@ -159,6 +160,11 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         "are scaled by the size of the bones that each muscle attaches to. Names of muscles with a warning are "
         "red. About translations, moment arms have no unit."
     )
+    if any(one.within is not None for one in checks.arms):
+        lead += (
+            " Bands are 90 % intervals that follow from those of the points on matched bones and of mapped joints; "
+            "muscles with a point whose interval is not known have none."
+        )
     legend = (("first", "target"), ("truth", "source, scaled to the target"))
     return Section("arms", "Moment arms", lead, legend, tuple(figures), grids)
 
@@ -215,6 +221,7 @@ def path_section(morph: Morph, checks: MorphChecks) -> Section:
     grids = [
         _millimeters(penetration_rows(checks), "Paths below the surface of bones, largest increase first", {6}),
         _millimeters(point_rows(morph), f"All {len(morph.points)} points", set()),
+        _millimeters(wrap_rows(checks), "Wrap objects, and how surely they lie", set()),
     ]
     if morph.left_out:
         grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))

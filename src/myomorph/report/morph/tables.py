@@ -7,6 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from myomorph.model.arrays import Array
+from myomorph.morph.checks.moment_arms import MomentArms
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
@@ -26,6 +28,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         "masses.csv": mass_rows(morph),
         "moment_arms.csv": arm_rows(checks),
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
+        "wrap_objects.csv": wrap_rows(checks),
         "penetration.csv": penetration_rows(checks),
         "warnings.csv": (("kind", "name", "warning"), [(one.kind, one.name, one.text) for one in checks.warnings]),
         "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
@@ -117,12 +120,14 @@ def arm_rows(checks: MorphChecks) -> Rows:
     """Moment arms of every muscle over every coordinate's range, in source and target."""
     header = (
         "coordinate", "target coordinate", "muscle", "source value [rad or m]", "target value [rad or m]",
-        "source moment arm [m or 1]", "target moment arm [m or 1]",
+        "source moment arm [m or 1]", "target moment arm [m or 1]", "within, 90 % [m or 1]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for one in checks.arms:
+        within = _within(one)
         for k, muscle in enumerate(one.muscles):
-            values = zip(one.source_values, one.target_values, one.source[:, k], one.target[:, k], strict=True)
+            columns = one.source_values, one.target_values, one.source[:, k], one.target[:, k], within[:, k]
+            values = zip(*columns, strict=True)
             rows += [(one.pair.source, one.pair.target, muscle, *map(float, row)) for row in values]
     return header, rows
 
@@ -132,7 +137,7 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
     header = (
         "coordinate", "muscle", "source mean [m or 1]", "source least", "source greatest", "target mean [m or 1]",
         "target least", "target greatest", "target over grown source, root mean square", "same sign [share of range]",
-        "source jump", "target jump",
+        "source jump", "target jump", "within, 90 %, root mean square",
     )  # fmt: skip
     sizes = muscle_sizes(morph.source, morph.bones)
     rows: list[tuple[Cell, ...]] = []
@@ -143,7 +148,27 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
             ratio = float(np.sqrt(np.mean(t**2))) / grown if grown > 0.0 else float("nan")
             same = float(np.mean(r * t >= 0.0))
             jumps = float(one.source_jumps[k]), float(one.target_jumps[k])
-            rows.append((one.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps))
+            within = float(np.sqrt(np.mean(_within(one)[:, k] ** 2)))
+            rows.append((one.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps, within))
+    return header, rows
+
+
+def _within(one: MomentArms) -> Array:
+    """(samples, muscles) of moment arms; NaN where nothing is known."""
+    return np.full_like(one.target, np.nan) if one.within is None else one.within
+
+
+def wrap_rows(checks: MorphChecks) -> Rows:
+    """Where wrap objects lie in the target's bones, their sizes, and how surely."""
+    header = (
+        "wrap object", "body", "kind", *(f"middle {a} [m]" for a in "xyz"), "first size [m]",
+        "middle within, 90 % [m]", "first size within, 90 % [m]",
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (one.wrap.name, one.wrap.body, one.wrap.kind, *_xyz(one.wrap.pose.translation), one.wrap.size[0],
+         one.within, one.size)
+        for one in checks.wraps
+    ]  # fmt: skip
     return header, rows
 
 

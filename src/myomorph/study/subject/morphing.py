@@ -17,6 +17,7 @@ from myomorph.model.model import Mesh, Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
+from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.moment_arms import COUNT
 from myomorph.morph.checks.penetration import standing_poses
@@ -106,7 +107,10 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
         weighed, notes = with_morphed_masses(morph, files.mass, skin)
         morph = replace(morph, model=weighed, notes=(*morph.notes, *notes))
     made = provenance_of("morph", files.sources(), settings.plain() | files.options())
-    return Morphed(morph, check_morph(morph), made, tuple(dict.fromkeys(warnings)))
+    checks = check_morph(morph)
+    with progress("intervals", DRAWS, "models") as advance:
+        checks = with_arm_intervals(morph, checks, advance)
+    return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings)))
 
 
 def map_bones(

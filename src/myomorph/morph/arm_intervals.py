@@ -1,0 +1,215 @@
+"""Intervals of moment arms and wrap objects that follow from those of attachments.
+
+Models are drawn in which everything that is fixed to a matched bone is carried by a random smooth displacement, of the
+size of the matched points' own radii: errors of a match go together over a part of the bone. Points near the surface
+slide along it; wrap objects and mapped joints are transferred as to another bone. The interval of a moment arm is that
+of a normal distribution with the spread of the drawn ones about the model's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.model.arrays import Array
+from myomorph.model.model import GROUND, Model
+from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint
+from myomorph.morph.checks.moment_arms import MomentArms, target_arms
+from myomorph.morph.checks.warnings import MorphChecks, WrapInterval
+from myomorph.morph.maps.fields import AROUND, BoneMap, FeaturePoints, radii_around
+from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.morphed import Morph
+from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.transfer.carrier import Carrier, scaled_map
+from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
+from myomorph.morph.transfer.paths import transferred_wrap
+from myomorph.morph.transfer.points import combined, nearest_facing
+
+DRAWS = 40
+"""Models; the width of an interval is known within some 11 %."""
+
+WIDTH = 0.1
+"""Distance over which errors go together, as a share of the bone's length. Of 0.1, 0.2 and 0.35 the first held best on
+deformed legs 200 and 201 (`benchmarks/accuracy/morph/deformed_legs.py`)."""
+
+WAVES = 100
+"""Cosines of which a displacement is made (Rahimi and Recht 2007)."""
+
+NEAR = 0.02
+"""Points nearer to the surface than this share of the bone's length slide along it."""
+
+TILT = 1e-4
+"""Distance over which derivatives are taken, as a share of the bone's length."""
+
+NINETY, ON_SURFACE, IN_SPACE = 1.645, 2.146, 2.500
+"""Standard deviations of an axis within which 90 % of values, points of a plane and points in space lie."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A bone of the target that was matched.
+
+    Attributes
+    ----------
+    length : [m]
+    features : points of it, with radii
+    shape : of its surface, None where there is none
+    """
+
+    length: float
+    features: FeaturePoints
+    shape: Shape | None
+
+
+class _Displacement:
+    """A random smooth displacement of places of a target's bone: a map from its body's frame to itself."""
+
+    def __init__(self, known: _Known, random: np.random.Generator):
+        self.known = known
+        self._waves = random.normal(size=(WAVES, 3)) / (WIDTH * known.length)
+        self._phases = random.uniform(0.0, 2.0 * np.pi, WAVES)
+        self._heights = np.sqrt(2.0 / WAVES) * random.normal(size=(WAVES, 3))
+
+    def _steps(self, points: Array) -> Array:
+        """(n, 3) of standard deviation 1 along each axis."""
+        return np.asarray(np.cos(points @ self._waves.T + self._phases) @ self._heights)
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Places (..., 3) of the body displaced in space, by what is known of the matched points around them [m]."""
+        places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        # What a map adds beside a bone is left out: joint centers and wrap objects lie in it or around it.
+        within = radii_around(self.known.features.target, self.known.features.radii, places, 0.0)
+        moved = places + within[:, None] / IN_SPACE * self._steps(places)
+        return np.asarray(moved.reshape(np.shape(points)))
+
+    def jacobian(self, points: ArrayLike) -> Array:
+        """Derivatives (..., 3, 3) of the displaced places."""
+        places, step = np.asarray(points, dtype=np.float64), TILT * self.known.length
+        columns = [(self.apply(places + one) - self.apply(places - one)) / (2.0 * step) for one in step * np.eye(3)]
+        return np.stack(columns, axis=-1)
+
+    def slid(self, points: Array, within: Array) -> Array:
+        """Path points (n, 3) displaced, those near the surface along it [m].
+
+        Parameters
+        ----------
+        within : (n,) their own radii of 90 % [m]
+        """
+        steps, shape = self._steps(points), self.known.shape
+        moved = np.asarray(points + within[:, None] / IN_SPACE * steps)
+        if shape is None:
+            return moved
+        feet, faces = shape.closest(points)
+        near = np.linalg.norm(points - feet, axis=1) <= NEAR * self.known.length
+        normals = shape.normals[faces[near]]
+        along = steps[near] - np.einsum("ij,ij->i", steps[near], normals)[:, None] * normals
+        goals = nearest_facing(shape, feet[near] + within[near, None] / ON_SURFACE * along, normals)[0]
+        moved[near] = points[near] + goals - feet[near]
+        return moved
+
+    def carrier(self, body: str) -> Carrier:
+        """The same of everything that is fixed to the body."""
+        given = self.known.features
+        features = FeaturePoints(given.names, given.target, self.apply(given.target))
+        whole = procrustes(features.source, features.target, True)
+        return Carrier(BoneMap(body, body, self, whole, "given", features=features), body)
+
+
+def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None) -> MorphChecks:
+    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects.
+
+    Muscles with a point whose interval is not known have none, as where a bone was scaled with its neighbors or
+    mapped by landmarks alone.
+
+    Parameters
+    ----------
+    progress : called with 1 after each of `DRAWS` models
+    """
+    known = _matched(morph)
+    if not known or not checks.arms:
+        return checks
+    random = np.random.default_rng(0)
+    squares = [np.zeros_like(one.target) for one in checks.arms]
+    wraps = [one for one in morph.model.wrap_objects if one.body in known]
+    centers, sizes = np.zeros(len(wraps)), np.zeros(len(wraps))
+    for _ in range(DRAWS):
+        drawn = _drawn(morph, {body: _Displacement(one, random) for body, one in known.items()})
+        for sums, one, arms in zip(squares, checks.arms, target_arms(drawn, checks.arms), strict=True):
+            sums += (arms - one.target) ** 2
+        moved = {one.name: one for one in drawn.wrap_objects}
+        centers += [np.sum((moved[one.name].pose.translation - one.pose.translation) ** 2) for one in wraps]
+        sizes += [(moved[one.name].size[0] - one.size[0]) ** 2 for one in wraps]
+        if progress is not None:
+            progress(1)
+    unknown = {one.owner for one in morph.points if not np.isfinite(one.within)}
+    found: list[MomentArms] = []
+    for sums, one in zip(squares, checks.arms, strict=True):
+        within = NINETY * np.sqrt(sums / DRAWS)
+        within[:, [muscle in unknown for muscle in one.muscles]] = np.nan
+        found.append(replace(one, within=within))
+    intervals = tuple(
+        WrapInterval(one, IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))), NINETY * float(np.sqrt(size / DRAWS)))
+        for one, center, size in zip(wraps, centers, sizes, strict=True)
+    )
+    return replace(checks, arms=tuple(found), wraps=intervals)
+
+
+def _matched(morph: Morph) -> dict[str, _Known]:
+    """By body of the target, of bones whose points have radii; where several became one, the first."""
+    found: dict[str, _Known] = {}
+    for bone in morph.bones.values():
+        features, body = bone.features, bone.target_body
+        if body in found or features is None or features.radii is None:
+            continue
+        if np.isfinite(features.radii).sum() >= AROUND:
+            length = bone.whole.scale * Carrier(bone, body).length
+            found[body] = _Known(length, features, None if bone.target is None else Shape(bone.target))
+    return found
+
+
+def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
+    """The morphed model with everything on the bones displaced."""
+    model = morph.model
+    shifts: dict[tuple[str, str], Array] = {}
+    for body, one in moves.items():
+        own = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
+        if own:
+            places, within = np.array([point.target for point in own]), np.array([point.within for point in own])
+            moved = zip(own, one.slid(places, within) - places, strict=True)
+            shifts |= {(point.owner, point.name): by for point, by in moved}
+    still = {
+        body: Carrier(BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body)
+        for body in (GROUND, *model.body_names)
+        if body not in moves
+    }
+    carriers = still | {body: one.carrier(body) for body, one in moves.items()}
+    mapped = {one.name for one in morph.joints if one.method == "mapped"}
+    skeleton = transferred_joints(model, carriers, CenterFinder(carriers, False, False)).skeleton if mapped else model
+    return replace(
+        model,
+        muscles=tuple(_with_points(one, shifts) for one in model.muscles),
+        wrap_objects=tuple(
+            transferred_wrap(one, carriers[one.body]) if one.body in moves else one for one in model.wrap_objects
+        ),
+        joints=tuple(
+            new if new.name in mapped else old for old, new in zip(model.joints, skeleton.joints, strict=True)
+        ),
+    )
+
+
+def _with_points(muscle: Muscle, shifts: Mapping[tuple[str, str], Array]) -> Muscle:
+    """A muscle whose points are displaced."""
+    points: list[PathPoint | MovingPathPoint] = []
+    for point in muscle.path.points:
+        by = shifts.get((muscle.name, point.name))
+        if by is None:
+            points.append(point)
+        elif isinstance(point, PathPoint):
+            points.append(replace(point, location=point.location + by))
+        else:
+            x, y, z = (combined([f], np.ones(1), float(s)) for f, s in zip(point.functions, by, strict=True))
+            points.append(replace(point, functions=(x, y, z)))
+    return replace(muscle, path=replace(muscle.path, points=tuple(points)))
