@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from benchmarks.accuracy.tension import CASES, prepare
-from benchmarks.speed.elastic import picked, stride, tiled
+from benchmarks.speed.elastic import picked, stride, tiled, with_degroote
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import differentiate
@@ -23,8 +23,8 @@ from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 DEFAULT = TensionOptions(tendons="elastic")
 PASSIVE = TensionOptions(tendons="elastic", min_activation="model", passive=True)
-LONG = 9.0
-"""Length of the walk that is its stride again and again [s]."""
+LONG, LONGEST = 9.0, 60.0
+"""Lengths of walks that are their stride again and again, with the model's curves and De Groote's [s]."""
 SLOW, FAST, SHORT = 200.0, 1000.0, 0.5
 """Rates of one motion [Hz], and how much of it is solved [s]."""
 APART = (f"activations from {SLOW:g} Hz, RMS", f"forces from {SLOW:g} Hz, RMS / F0")
@@ -38,6 +38,8 @@ def convergence_rows(folder: Path) -> Iterator[dict[str, object]]:
     yield _row("walk, Rajagopal, 80 muscles", solve_tension(model, motion, torques, DEFAULT))
     long = tiled(motion, torques, LONG)
     yield _row(f"the same stride again and again, {LONG:g} s", solve_tension(model, *long, DEFAULT))
+    longest = tiled(motion, torques, LONGEST)
+    yield _row(f"the same, {LONGEST:g} s, De Groote's curves", solve_tension(with_degroote(model), *longest, DEFAULT))
     slow, fast = (solve_tension(model, *resampled(motion, torques, rate), DEFAULT) for rate in (SLOW, FAST))
     yield _row(f"walk at {SLOW:g} Hz", slow)
     yield _row(f"walk at {FAST:g} Hz", fast) | apart(model, slow, fast)

@@ -58,6 +58,12 @@ def picked(motion: Motion, keep: np.ndarray) -> Motion:
     )
 
 
+def with_degroote(model: Model) -> Model:
+    """The model with De Groote's muscles of the same parameters."""
+    kind = "DeGrooteFregly2016Muscle"
+    return replace(model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles))
+
+
 def tiled(motion: Motion, torques: Series, seconds: float) -> tuple[Motion, Series]:
     """The stride again and again, made to close: what the last frame differs from the first is taken off evenly."""
     count, frames = len(motion), int(seconds * RATE)
@@ -75,8 +81,7 @@ def run(degroote: bool = False) -> list[dict[str, object]]:
     """A row for the stride, one each for 15 and 60 s."""
     model, motion, torques = stride()
     if degroote:
-        kind = "DeGrooteFregly2016Muscle"
-        model = replace(model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles))
+        model = with_degroote(model)
     options = TensionOptions(tendons="elastic")
     solve_tension(model, motion, torques, options)
     rows = []
