@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 
@@ -24,7 +25,7 @@ def of_one_branch(tree: Tree, markers: MarkerArrays, values: Array) -> Array:
 
     Angles (a, b, c) about axes each perpendicular to the next turn a body as (a + pi, pi - b, c + pi) do. Frames are
     solved in stretches from poses that were found apart, and may begin on either. Where the nearer angles are out of
-    bounds, or a task pulls at them, they stay.
+    bounds, or a task pulls at them, they stay; so do those of a floating root, which may come back turned around.
 
     Parameters
     ----------
@@ -60,10 +61,11 @@ def nearest_turn(angles: Array, reference: Array) -> Array:
 
 
 def _triples(tree: Tree) -> Iterator[list[int]]:
-    """The three angles of each joint that turns by three."""
+    """The three angles of each joint that turns by three, but for a floating root's."""
+    floating = set(floating_coordinates(tree.model))
     for joint in tree.model.joints:
         names = dict.fromkeys(name for axis in joint.axes if axis.kind == "rotation" for name in axis.coordinates)
-        if len(names) == 3:
+        if len(names) == 3 and not floating.intersection(names):
             yield [tree.model.coordinate_names.index(name) for name in names]
 
 
