@@ -14,8 +14,8 @@ from myomorph.model.sides import mirror_names
 from myomorph.motion.protocols import Site, recognize
 
 APART = 0.03
-"""Difference of a distance on both sides from which a marker is misplaced, on a human body [m]: the recordings of eight
-laboratories that this was set with have at most 2.5 cm, but for markers that do lie elsewhere."""
+"""Difference of a distance on both sides from which a marker is misplaced, on a human body [m]; set with recordings of
+other laboratories than those of `benchmarks/accuracy/unseen_marker_faults.py`."""
 
 USUAL = 3.0
 """That difference is at least so many times the median of the recording."""
@@ -42,7 +42,7 @@ class _Link(NamedTuple):
 
 
 def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> Iterator[Finding]:
-    """Pairs of bony markers of which one lies elsewhere than the other, told by distances that both sides have.
+    """Pairs of bony markers of which one lies elsewhere than the other, by distances that both sides have.
 
     Distances between points of the same bone, or of neighboring ones where they keep them, need no model. Points of
     the skin are not looked at: where they lie is free, and a calibration finds it.
@@ -116,9 +116,9 @@ def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
         differing.append(float(np.median(own)) if own else np.nan)
     if np.isnan(differing).all():
         return pairs
-    # Of one without other distances those of the other tell: it is where it belongs if they are alike on both sides.
-    told = np.where(np.isnan(differing), 0.5 * abs(worst.difference), differing)
-    return [pairs[int(np.argmax(told))]]
+    # One without other distances is where it belongs if those of the other differ more than half as much.
+    likely = np.where(np.isnan(differing), 0.5 * abs(worst.difference), differing)
+    return [pairs[int(np.argmax(likely))]]
 
 
 def _has(link: _Link, names: tuple[str, ...]) -> bool:

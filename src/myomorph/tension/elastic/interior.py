@@ -118,9 +118,7 @@ class Solver:
         self.filter: list[tuple[float, float]] = []
 
     def _rates(self, a: Array) -> tuple[Array, Array, Array]:
-        """Room to the bounds of the rates (2, frames - 2, muscles), its slopes (2, 2, ...) over both a, and its
-        curvature (2, ...) over their sum.
-        """
+        """Room to the rates' bounds (2, frames - 2, muscles), slopes (2, 2, ...) over both a, bends over their sum."""
         assert self.p.rates is not None
         up, up1, up2, low, low1, low2 = self.p.rates.bounds(0.5 * (a[1:] + a[:-1]))
         dt, change = self.between, a[1:] - a[:-1]
