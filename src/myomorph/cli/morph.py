@@ -23,7 +23,12 @@ MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
 
 def morph_command(
     *,
-    source: Annotated[Path, Parameter(help="Model whose muscles are carried over (.osim or .xml).")],
+    source: Annotated[
+        Path,
+        Parameter(
+            help="Model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that package)."
+        ),
+    ],
     out: Annotated[Path, Parameter(help="Model to write (.osim); bones, tables and report stand beside it.")],
     bones: Annotated[
         Path | None, Parameter(help="Folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp.")

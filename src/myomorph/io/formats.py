@@ -40,6 +40,9 @@ MODELS: tuple[Format, ...] = (
 )
 """Each reader gives a `Model`."""
 
+COMPOSED = "myo-sim:"
+"""Before the name of a model that the package `myo-sim` composes, where a file's path may stand: `myo-sim:myoarm`."""
+
 TRIALS: tuple[Format, ...] = (
     Format("TRC markers", (".trc",), "myomorph.io.trc:read_trc"),
     Format("C3D recording", (".c3d",), "myomorph.io.c3d.read:read_c3d"),
@@ -59,6 +62,11 @@ def trial_format(path: str | os.PathLike[str]) -> Format | None:
     return _format(path, TRIALS)
 
 
+def is_composed(path: str | os.PathLike[str]) -> bool:
+    """Whether this names a model of `myo-sim` and no file."""
+    return os.fspath(path).startswith(COMPOSED)
+
+
 def read_model(path: str | os.PathLike[str]) -> Model:
     """The model in a file of one of the `MODELS`.
 
@@ -66,7 +74,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
     Parameters
     ----------
-    path : of the file (.osim, .xml of MuJoCo, ...)
+    path : of the file (.osim, .xml of MuJoCo, ...), or a model of the package `myo-sim` by name ("myo-sim:myoarm")
 
     Returns
     -------
@@ -85,6 +93,8 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     (('shoulder_flexion', 'elbow_flexion'), ('flexor', 'extensor'))
     """
     kind = model_format(path)
+    if is_composed(path):
+        kind = Format("model of myo-sim", (), "myomorph.io.mjcf.composed:composed_model")
     if kind is None:
         raise BadFile(path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml")
     return kind.read(Path(path))

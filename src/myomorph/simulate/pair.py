@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from myomorph.io.mjcf.compile import silent_mujoco
 from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, Site
@@ -38,7 +39,6 @@ from myomorph.simulate.fighter import (
     with_fibers,
 )
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
-from myomorph.store.progress import silent_mujoco
 
 SETTLING = 0.3
 """Time at the start that is not recorded, while the fighters settle [s]."""

@@ -16,14 +16,13 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.mjcf.composed import composed_model
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
-from myomorph.store.progress import silent_mujoco
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
@@ -105,15 +104,7 @@ def arm_model() -> Model:
     ------
     BadData : that package is not installed
     """
-    try:
-        # Brings myo-sim: loaded only where it is needed.
-        import myo_sim
-    except ImportError:
-        raise BadData("virtual specimens need the package 'myo-sim': pip install myo-sim") from None
-    with silent_mujoco():
-        compiled = myo_sim.load_spec("myoarm").compile()
-    # Meshes are looked for beside a model's source.
-    return model_from_mujoco(compiled, name="MyoArm", source=str(myo_sim.MODELS_DIR / "myoarm"))
+    return composed_model("myoarm")
 
 
 def arm_specimen() -> Specimen:

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.mjcf.composed import composed_model
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
@@ -25,7 +24,6 @@ from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.store.progress import silent_mujoco
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
 from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
@@ -145,15 +143,7 @@ def marked_body() -> Model:
     BadData
         where the package `myo-sim` is not installed
     """
-    try:
-        # Brings myo-sim: loaded only where it is needed.
-        import myo_sim
-    except ImportError:
-        raise BadData("the simulated study needs the package 'myo-sim': pip install myo-sim") from None
-    with silent_mujoco():
-        compiled = myo_sim.load_spec("myofullbody").compile()
-    # Meshes are looked for beside a model's source.
-    model = model_from_mujoco(compiled, name="MyoFullBody", source=str(myo_sim.MODELS_DIR / "myofullbody"))
+    model = composed_model("myofullbody")
     dependent = model.dependent_coordinates
     coordinates = tuple(
         replace(one, locked=not one.name.startswith(KEPT_FREE) and one.name not in dependent)

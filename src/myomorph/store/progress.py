@@ -1,11 +1,9 @@
-"""How far work has come: a bar with the time left, on work longer than two seconds; and MuJoCo kept from printing."""
+"""How far work has come: a bar with the time left, on work longer than two seconds."""
 
 from __future__ import annotations
 
-import logging
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -88,21 +86,3 @@ def _bar(title: str, total: int, done: float) -> Progress:
     bar.update(bar.add_task(title, total=total), completed=done)
     bar.start()
     return bar
-
-
-@contextmanager
-def silent_mujoco() -> Iterator[None]:
-    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the user's folder."""
-    # Brings MuJoCo: loaded only where it is needed.
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda text: None)
-    level = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logging.disable(level)
-        mujoco.set_mju_user_warning(None)

@@ -12,12 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from myomorph import __version__
+from myomorph.io.formats import is_composed
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.deprecated import DIMENSIONS, FACTS, VARIABLES, current_settings
 from myomorph.model.errors import BadData, BadFile
@@ -39,13 +41,15 @@ _HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
-    """A file as an input of a step, by the hash of its bytes.
+    """A file as an input of a step, by the hash of its bytes; a model of `myo-sim` by its version.
 
     Raises
     ------
     BadFile
         where it cannot be read
     """
+    if is_composed(path):
+        return value_source(role, str(path), version("myo-sim"))
     try:
         return Source(role, str(path), _hash_of(path))
     except OSError as error:

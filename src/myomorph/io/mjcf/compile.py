@@ -1,12 +1,16 @@
-"""What is checked before MuJoCo reads a file, and the process of its own in which it does."""
+"""What is checked before MuJoCo reads a file, the process of its own in which it does, MuJoCo kept from printing."""
 
 from __future__ import annotations
 
 import json
+import logging
 import ntpath
 import os
 import posixpath
 import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +41,21 @@ class _Survey:
     folders: dict[str, str] = field(default_factory=dict)
     assets: list[tuple[str, str, Path]] = field(default_factory=list)
     seen: set[Path] = field(default_factory=set)
+
+
+@contextmanager
+def silent_mujoco() -> Iterator[None]:
+    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the user's folder."""
+    mujoco.set_mju_user_warning(lambda text: None)
+    level = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(level)
+        mujoco.set_mju_user_warning(None)
 
 
 def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[Any, list[Kept]]:

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, TendonWrap
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
 from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.mirror.parts import mirrored_parts
-from myomorph.morph.mirror.sides import other_side_of
+from myomorph.morph.mirror.sides import OtherSide, other_side_of
 
 SEATED = 1e-6
 """Frames that differ by less are the same [m or rad]."""
@@ -24,7 +25,8 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     """The model with the mirror image of each muscle and marker that has no counterpart on the other side.
 
     Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the model's own, in
-    whatever frames it has them. The skeleton stays as it is.
+    whatever frames it has them. The skeleton stays as it is. Of a muscle whose name tells no side, its bodies tell it:
+    `DELT1` on the right arm gets the counterpart `DELT1_l`.
 
     Parameters
     ----------
@@ -39,8 +41,7 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     ------
     BadModel : there is nothing to add, or a body or coordinate of a muscle has no other side
     """
-    side = other_side_of(model, axis)
-    copy = mirrored_parts(model, side)
+    copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [one for one in copy.muscles if one.name not in model.muscle_names]
     if not new:
         raise BadModel(f"model '{model.name}': every muscle has its counterpart, or tells no side: nothing to mirror")
@@ -70,6 +71,23 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
         markers=(*model.markers, *markers),
     )
     return found, (f"{len(new)} muscles are the mirror images of the other side's", *_unlike(model, seats, new))
+
+
+def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
+    """The other side, with names for muscles and wrap objects that tell no side but lie on bodies that do."""
+    ends: dict[tuple[str, str], str] = {}
+    for muscle in model.muscles:
+        sides = {split_side(point.body)[1] for point in muscle.path.points} - {""}
+        if len(sides) == 1 and side.named("muscles", muscle.name) == muscle.name:
+            end = "_l" if sides == {"right"} else "_r"
+            ends["muscles", muscle.name] = end
+            ends |= {("wraps", wrap.wrap_object): end for wrap in muscle.path.wraps}
+
+    def named(kind: str, name: str) -> str:
+        other = side.named(kind, name)
+        return other if other != name else name + ends.get((kind, name), "")
+
+    return replace(side, named=named)
 
 
 def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:

@@ -6,7 +6,8 @@ its bones, F by its body mass to the power 2/3 (or the length squared where the 
 cross-section that a skeleton of long legs does not change. The first table is the target species' own. Where it lacks
 a muscle, tables of relatives follow and then the source model itself, each at the level that the muscles in common
 with the first give it (the median ratio): so a relative tells how muscles compare with each other, not how strong the
-animal is. Intervals are what left-out muscles show: the spread of the ratios to the first table.
+animal is. Intervals are what left-out muscles show: the spread of the ratios to the first table. Where a species has no
+table at all, the source's fibers and forces follow a law of scaling that other muscles of both species show.
 """
 
 from __future__ import annotations
@@ -94,6 +95,33 @@ class ArchitectureTable:
 
 
 @dataclass(frozen=True)
+class ScalingLaw:
+    """How the target's fibers and forces compare with the source's in its size, from muscles known in both.
+
+    Attributes
+    ----------
+    citation : which muscles, and where they were published
+    bones : bodies of the source whose joint centers tell the target's length over the source's
+    fiber : optimal fiber length, times what that length gives
+    force : maximum isometric force, times what that length squared gives
+    fiber_interval, force_interval : within what the truth lies (90 %), as factors of what the law gives
+    """
+
+    citation: str
+    bones: tuple[str, ...]
+    fiber: float
+    force: float
+    fiber_interval: tuple[float, float]
+    force_interval: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for name in ("fiber", "force"):
+            low, high = getattr(self, f"{name}_interval")
+            if not (getattr(self, name) > 0.0 and 0.0 < low <= 1.0 <= high):
+                raise BadData(f"scaling of {name}: expected a factor above 0, and an interval around 1")
+
+
+@dataclass(frozen=True)
 class Size:
     """The target animal over a table's.
 
@@ -167,6 +195,33 @@ def architectures(
                 low_high[1],
             )
     return FrozenMap(found)
+
+
+def scaled_architectures(
+    source: Model, law: ScalingLaw, length: float, muscles: Sequence[str]
+) -> Mapping[str, Architecture]:
+    """Fiber length and force of muscles in the target by a law of scaling, by the source's names.
+
+    Parameters
+    ----------
+    length : of the target's bones over the source's
+    muscles : wanted
+    """
+    basis = f"{source.name}, scaled as {law.citation}"
+    return FrozenMap(
+        {
+            one.name: Architecture(
+                length * law.fiber * one.optimal_fiber_length,
+                length**2 * law.force * one.max_isometric_force,
+                None,
+                basis,
+                law.fiber_interval,
+                law.force_interval,
+            )
+            for one in source.muscles
+            if one.name in muscles and one.optimal_fiber_length > 0.0 and one.max_isometric_force > 0.0
+        }
+    )
 
 
 def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequence[ArchitectureTable]) -> Values:

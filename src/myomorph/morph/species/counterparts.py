@@ -26,7 +26,7 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, PointMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.architecture import ArchitectureTable
+from myomorph.morph.species.architecture import ArchitectureTable, ScalingLaw
 from myomorph.morph.species.markers import MarkerTable
 from myomorph.morph.species.masses import SegmentShare
 from myomorph.morph.species.table_rows import Ray, RelativeBone
@@ -188,6 +188,7 @@ class SpeciesTable:
     missing : bodies of the source without a counterpart, and why
     extra : bodies of the target without a counterpart, and why
     architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
+    scaling : how fibers and forces follow the source's where there is no table of them
     masses : shares of segments of the target in its mass
     relatives : where muscles begin or end on bones of relatives of the target, see `RelativeBone`
     straight : muscles of the source whose paths run from end to end in the target, without points or wraps between
@@ -206,6 +207,7 @@ class SpeciesTable:
     missing: Mapping[str, str] = field(default_factory=_none)
     extra: Mapping[str, str] = field(default_factory=_none)
     architecture: tuple[ArchitectureTable, ...] = ()
+    scaling: ScalingLaw | None = None
     masses: tuple[SegmentShare, ...] = ()
     markers: tuple[MarkerTable, ...] = ()
     relatives: tuple[RelativeBone, ...] = ()

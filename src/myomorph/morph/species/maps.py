@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures
+from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures, scaled_architectures
 from myomorph.morph.species.attachments import straightened, with_attachments
 from myomorph.morph.species.counterparts import (
     BoneHomology,
@@ -253,9 +254,14 @@ def species_morph(
         progress("muscles")
     known = None
     if options is None or options.architecture == "tables":
-        sizes = [size_over(one, table, target, target_surfaces) for one in table.architecture]
         carried = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
-        known = architectures(source, table.architecture, sizes, carried)
+        if table.architecture:
+            sizes = [size_over(one, table, target, target_surfaces) for one in table.architecture]
+            known = architectures(source, table.architecture, sizes, carried)
+        elif table.scaling is not None:
+            theirs = joint_distances(table.scaling.bones, table, target, "target")
+            ours = joint_distances(table.scaling.bones, table, source, "source")
+            known = scaled_architectures(source, table.scaling, theirs / ours, carried)
     morph = graft_muscles(
         bones.source,
         target,
@@ -277,28 +283,54 @@ def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surface
     ------
     BadData : the table names a bone that the species table lacks, or one without two joints among its landmarks
     """
-    there = Posed(target, table.target_posture)
-    ours = 0.0
-    for body in of.lengths:
-        bone = next((one for one in table.bones if body in one.sources), None)
-        if bone is None:
-            raise BadData(f"architecture of {of.species} ({of.citation}): no bone of '{body}' in the species table")
-        if of.measured == "bones":
-            points = there.surface(bone.targets, surfaces).vertices
+    if of.measured == "joints":
+        ours = joint_distances(of.lengths, table, target, "target")
+    else:
+        there = Posed(target, table.target_posture)
+        ours = 0.0
+        for body in of.lengths:
+            points = there.surface(_bone_of(body, table).targets, surfaces).vertices
             points = points - points.mean(axis=0)
             shaft = np.linalg.svd(points, full_matrices=False)[2][0]
             ours += float(np.ptp(points @ shaft))
-            continue
-        joints = there.joints(bone.targets[0])
-        ends = [joints[rule.target_joint] for rule in bone.landmarks if rule.rule == "joint"]
-        if len(ends) < 2:
-            raise BadData(
-                f"architecture of {of.species}: the landmarks of '{body}' have no two joints to measure it by"
-            )
-        ours += float(np.linalg.norm(ends[1] - ends[0]))
     length = ours / sum(of.lengths.values()) if of.lengths else 1.0
     mass = target.mass / of.body_mass if of.body_mass and target.mass > 0.0 else None
     return Size(length, mass)
+
+
+def joint_distances(
+    bodies: Iterable[str], table: SpeciesTable, model: Model, whose: Literal["source", "target"]
+) -> float:
+    """Sum over bones of the distance between the two joints that a species table has of each [m].
+
+    Parameters
+    ----------
+    bodies : of the source, one of each bone
+    model : the source or the target, as `whose` says
+
+    Raises
+    ------
+    BadData : a bone that the species table lacks, or one without two joints among its landmarks
+    """
+    posed = Posed(model, table.posture if whose == "source" else table.target_posture)
+    total = 0.0
+    for body in bodies:
+        bone = _bone_of(body, table)
+        joints = posed.joints(getattr(bone, f"{whose}s")[0])
+        ends = [joints[getattr(rule, f"{whose}_joint")] for rule in bone.landmarks if rule.rule == "joint"]
+        if len(ends) < 2:
+            raise BadData(
+                f"species table '{table.name}': the landmarks of '{body}' have no two joints to measure it by"
+            )
+        total += float(np.linalg.norm(ends[1] - ends[0]))
+    return total
+
+
+def _bone_of(body: str, table: SpeciesTable) -> BoneHomology:
+    for bone in table.bones:
+        if body in bone.sources:
+            return bone
+    raise BadData(f"species table '{table.name}': it has no bone of '{body}', by which its muscles are scaled")
 
 
 def coordinate_table(table: SpeciesTable, source: Model, target: Model) -> CoordinateTable:

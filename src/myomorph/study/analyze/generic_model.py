@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
@@ -21,7 +19,6 @@ from myomorph.motion.protocols import Site
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.progress import silent_mujoco
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
 
 NAME = "myolegs_abdomen"
@@ -106,18 +103,10 @@ def legs_and_trunk() -> Model:
     ------
     BadData : myo-sim is not installed
     """
-    try:
-        # Brings MuJoCo and myo-sim: loaded only where it is needed.
-        import myo_sim
-    except ImportError:
-        raise BadData("the generic model comes with the package 'myo-sim': install it (pip install myo-sim)") from None
-    from myomorph.io.mjcf.read import model_from_mujoco
+    # Brings MuJoCo and myo-sim: loaded only where it is needed.
+    from myomorph.io.mjcf.composed import composed_model
 
-    with silent_mujoco():
-        # Without `load_model`'s keyframes, for which it compiles the model once more.
-        compiled = myo_sim.load_spec(NAME).compile()
-    # Composed in memory: the source only says beside which folder its meshes lie.
-    model = model_from_mujoco(compiled, name="myolegs", source=str(Path(myo_sim.MODELS_DIR) / NAME))
+    model = composed_model(NAME)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
     root = model.joints[0]
@@ -125,6 +114,7 @@ def legs_and_trunk() -> Model:
     joint, coordinates = _pelvis_joint(root.child, start)
     return replace(
         model,
+        name="myolegs",
         joints=(joint, *model.joints[1:]),
         coordinates=(*coordinates, *model.coordinates[6:]),
         gravity=np.array([0.0, float(model.gravity[2]), 0.0]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,13 @@ from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.morphed import Morph
-from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow
+from myomorph.morph.species.architecture import (
+    DENSITY,
+    SPECIFIC_TENSION,
+    ArchitectureTable,
+    MuscleRow,
+    ScalingLaw,
+)
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
@@ -57,6 +63,7 @@ KEYS = frozenset(
         "coordinate",
         "muscle",
         "architecture",
+        "scaling",
         "mass",
         "markers",
         "relative",
@@ -134,6 +141,7 @@ def _table(given: Table, name: str) -> SpeciesTable:
         given.get("missing", {}),
         given.get("extra", {}),
         tuple(_architecture(one) for one in given.get("architecture", ())),
+        _scaling(given["scaling"]) if "scaling" in given else None,
         tuple(_share(one) for one in given.get("mass", ())),
         tuple(_markers(one) for one in given.get("markers", ())),
         tuple(_relative(one) for one in given.get("relative", ())),
@@ -145,6 +153,12 @@ def _architecture(given: Table) -> ArchitectureTable:
     _known(given, TABLE_KEYS, "a table of architecture")
     kept = {key: value for key, value in given.items() if key != "muscles"}
     return ArchitectureTable(rows=tuple(_row(one) for one in given["muscles"]), **kept)
+
+
+def _scaling(given: Table) -> ScalingLaw:
+    _known(given, frozenset(one.name for one in fields(ScalingLaw)), "the scaling")
+    kept: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
+    return ScalingLaw(**kept)
 
 
 def _share(given: Table) -> SegmentShare:
