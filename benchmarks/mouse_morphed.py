@@ -6,7 +6,7 @@ sections of another species share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from benchmarks.mouse_recordings import TREADMILL, gait_files
-from benchmarks.species_cases import from_man, mouse
+from benchmarks.species_cases import from_arm, from_man, mouse
 from myomorph.analysis.cycles import Cycles
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.length_analysis import LengthAnalysis
@@ -111,6 +111,12 @@ def whole_mouse(folder: Path) -> Model:
     legs, _ = with_other_muscles(from_man(folder, "SSD").model, "x")
     legs, _ = with_possible_inertias(legs, mouse(folder).surfaces)
     return with_segment_shares(legs, read_species("human-mouse").masses, MASS)[0]
+
+
+def with_arms(folder: Path, legs: Model) -> Model:
+    """The same mouse with both arms' muscles too."""
+    arms, _ = with_other_muscles(from_arm(folder, "SSD").model, "x")
+    return replace(legs, muscles=(*legs.muscles, *arms.muscles), wrap_objects=(*legs.wrap_objects, *arms.wrap_objects))
 
 
 @lru_cache(maxsize=8)

@@ -26,8 +26,9 @@ from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import architectures
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
-from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones
+from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones, species_morph
 from myomorph.morph.transfer.model import graft_muscles
+from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
@@ -90,7 +91,7 @@ def scaling_table(table: SpeciesTable) -> SpeciesTable:
     """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
     box = (LandmarkRule("extent", "box"),)
     bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
-    return replace(table, bones=bones, relatives=(), straight=())
+    return replace(table, bones=bones, relatives=(), straight=(), scaling=None)
 
 
 METHODS: Mapping[str, tuple[MapKind, str]] = {
@@ -134,6 +135,22 @@ def from_man(data: Path, method: str) -> Morph:
         coordinates=coordinate_table(table, found.source, target),
         postures=(table.posture, table.target_posture),
         architecture=sized_architecture(man(data), mouse(data)),
+    )
+
+
+@cache
+def from_arm(data: Path, method: str) -> Morph:
+    """The man's arm muscles on the mouse's skeleton."""
+    kind, features = METHODS[method]
+    table, target, source = read_species("human-mouse-arm"), mouse(data), arm_model()
+    return species_morph(
+        source,
+        source_bones(source, None, []),
+        target.model,
+        target.surfaces,
+        scaling_table(table) if features == "box" else table,
+        map_options=MapOptions(kind),
+        match=MatchOptions(),
     )
 
 

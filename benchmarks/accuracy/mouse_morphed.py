@@ -19,6 +19,7 @@ from benchmarks.mouse_morphed import (
     stride_units,
     whole_animal,
     whole_mouse,
+    with_arms,
 )
 from benchmarks.mouse_motion import clip_fits, rms
 from benchmarks.mouse_recordings import KEYPOINTS, with_keypoints
@@ -243,11 +244,15 @@ def _difference(what: str, first: Group, second: Group) -> Row:
     }
 
 
+LEG, ARM = ("vaslat", "bflh", "gasmed", "tibant"), ("TRIlong", "TRIlat", "BIClong", "BRA")
+"""Muscles whose lengths over keypoints are told, of both sides."""
+
+
 def measure_keypoints(folder: Path) -> Iterator[Row]:
     """The morphed mouse on clips of keypoints: errors, and what its muscles do."""
     if not _there(folder) or not (folder / KEYPOINTS).is_file():
         return
-    generic = with_keypoints(whole_mouse(folder))
+    generic = with_keypoints(with_arms(folder, whole_mouse(folder)))
     for number, one in enumerate(clip_fits(folder, generic)):
         row: Row = {
             "clip": number + 1,
@@ -260,10 +265,11 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
         found = muscle_kinematics(one.model, one.fit.motion, moment_arms=False, velocities=False).lengths
         finite = np.isfinite(found).all(axis=1)
         row["frames with all muscle lengths"] = int(finite.sum())
-        for muscle in ("vaslat", "bflh", "gasmed", "tibant"):
-            both = [f"{muscle}_{side}" for side in "rl"]
+        for both in (*((f"{one}_r", f"{one}_l") for one in LEG), *((one, f"{one}_l") for one in ARM)):
             own = [found[finite, one.model.muscle_names.index(name)] / standing[name] for name in both]
-            row[f"{muscle}, least and greatest [% of standing]"] = f"{100 * np.min(own):.0f} to {100 * np.max(own):.0f}"
+            row[f"{both[0].removesuffix('_r')}, least and greatest [% of standing]"] = (
+                f"{100 * np.min(own):.0f} to {100 * np.max(own):.0f}"
+            )
         yield row
 
 

@@ -518,6 +518,8 @@ def _species(folder: Path) -> Page:
             "species_groups": lambda: mouse_morphed.measure_groups(folder),
             "species_keypoints": lambda: mouse_morphed.measure_keypoints(folder),
             "species_arm": lambda: species_arm.measure(folder),
+            "species_arm_signs": lambda: species_arm.measure_arms(folder),
+            "species_arm_forces": lambda: species_arm.measure_architecture(folder),
         },
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import spearmanr
@@ -9,7 +11,14 @@ from scipy.stats import spearmanr
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
-from myomorph.morph.species.architecture import ArchitectureTable, MuscleRow, Size, architectures
+from myomorph.morph.species.architecture import (
+    ArchitectureTable,
+    MuscleRow,
+    ScalingLaw,
+    Size,
+    architectures,
+    scaled_architectures,
+)
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
 
@@ -37,6 +46,22 @@ def rows(factor: float, only: tuple[str, ...] = NAMES, noise: float = 0.0) -> tu
         MuscleRow(n.upper(), (n,), factor * 0.01 * (1 + i), factor**3 * 0.02 * np.exp(noise * rng.normal()))
         for i, n in enumerate(only)
     )
+
+
+def test_without_a_table_the_law_of_scaling_gives_all():
+    """Fibers with the length, forces with its square, both by the law's factors and within its intervals."""
+    law = ScalingLaw("legs", ("humerus",), 1.5, 0.4, (0.5, 2.0), (0.2, 5.0))
+    man = source()
+    found = scaled_architectures(man, law, 0.05, NAMES[:3])
+    assert tuple(found) == NAMES[:3]
+    for name, one in found.items():
+        assert one.fiber == pytest.approx(0.05 * 1.5 * man.muscle(name).optimal_fiber_length)
+        assert one.force == pytest.approx(0.05**2 * 0.4 * man.muscle(name).max_isometric_force)
+        assert (one.fiber_interval, one.force_interval) == ((0.5, 2.0), (0.2, 5.0))
+        assert "legs" in one.basis
+    for wrong in ({"fiber": 0.0}, {"force_interval": (1.2, 5.0)}):
+        with pytest.raises(BadData, match="scaling of"):
+            replace(law, **wrong)
 
 
 def test_bones_and_body_give_fibers_and_strength():

@@ -77,6 +77,23 @@ def test_the_other_sides_muscle_moves_as_this_one_does():
         with_other_muscles(model, "x")
 
 
+def test_a_muscle_whose_name_tells_no_side_is_mirrored_by_its_bodies():
+    """The muscle of the right thigh is called without its side, one of the pelvis has none."""
+    one = animal()
+    (muscle,) = one.muscles
+    wrap = replace(one.wrap_objects[0], name="round")
+    path = replace(muscle.path, wraps=(replace(muscle.path.wraps[0], wrap_object="round"),))
+    middle = replace(muscle, name="belly", path=Path((path.points[0], replace(path.points[0], name="P3"))))
+    nameless = replace(one, muscles=(replace(muscle, name="front", path=path), middle), wrap_objects=(wrap,))
+    model, _ = with_other_muscles(nameless, "x")
+    assert model.muscle_names == ("front", "belly", "front_l")
+    assert {name.name for name in model.wrap_objects} == {"round", "round_l"}
+    wanted, _ = with_other_muscles(one, "x")
+    motion = Motion(np.arange(3.0), ("hip_l",), np.array([[-0.5], [0.0], [0.5]]))
+    ours, theirs = (muscle_kinematics(each, motion, velocities=False).lengths[:, -1] for each in (model, wanted))
+    assert ours == pytest.approx(theirs, abs=1e-12)
+
+
 def test_inertias_no_bone_can_have_are_replaced():
     """A file's placeholders go; inertias within the bone, and bodies it says nothing about, stay."""
     corners = 0.5 * np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * [0.2, 0.4, 1.0]

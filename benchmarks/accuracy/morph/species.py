@@ -275,25 +275,27 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
         return
     for word in on_skeleton(data).coordinates:
         for method in ("scaling", "SSD", "RBF", "joints alone"):
-            rows = compared(data, method)
-            arms = np.array([one.arms[word] for one in rows])
-            # A mean over the range tells the muscle's place among the others, whatever its sign does at the ends.
-            ours, theirs = arms[:, 0].mean(axis=1), arms[:, 1].mean(axis=1)
-            counts = np.abs(theirs) >= COUNTS * np.abs(theirs).max()
-            same = ours * theirs > 0
-            always = np.mean(arms[counts, 0] * arms[counts, 1] > 0)
-            wrong = other_signs(rows, word)
-            spanning = np.abs(arms).max(axis=(1, 2)) > 0
-            yield {
-                "coordinate": word,
-                "map": method,
-                "muscles that count": int(counts.sum()),
-                "same sign": f"{int((counts & same).sum())} of {int(counts.sum())}",
-                "same sign over the range [%]": f"{100 * always:.0f}",
-                "rank correlation": float(spearmanr(ours[spanning], theirs[spanning]).statistic),
-                "slope (ours over theirs)": float(ours[counts] @ theirs[counts] / (theirs[counts] @ theirs[counts])),
-                "other sign": ", ".join(wrong) or "none",
-            }
+            yield arms_row(word, method, compared(data, method))
+
+
+def arms_row(word: str, method: str, rows: tuple[Compared, ...]) -> dict[str, object]:
+    """Do moment arms about one coordinate have the truth's sign and order."""
+    arms = np.array([one.arms[word] for one in rows])
+    # A mean over the range tells the muscle's place among the others, whatever its sign does at the ends.
+    ours, theirs = arms[:, 0].mean(axis=1), arms[:, 1].mean(axis=1)
+    counts = np.abs(theirs) >= COUNTS * np.abs(theirs).max()
+    always = np.mean(arms[counts, 0] * arms[counts, 1] > 0)
+    spanning = np.abs(arms).max(axis=(1, 2)) > 0
+    return {
+        "coordinate": word,
+        "map": method,
+        "muscles that count": int(counts.sum()),
+        "same sign": f"{int((counts & (ours * theirs > 0)).sum())} of {int(counts.sum())}",
+        "same sign over the range [%]": f"{100 * always:.0f}",
+        "rank correlation": float(spearmanr(ours[spanning], theirs[spanning]).statistic),
+        "slope (ours over theirs)": float(ours[counts] @ theirs[counts] / (theirs[counts] @ theirs[counts])),
+        "other sign": ", ".join(other_signs(rows, word)) or "none",
+    }
 
 
 def measure_signs(data: Path) -> Iterator[dict[str, object]]:

@@ -5,28 +5,26 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, compare, percent
-from benchmarks.species_cases import Bodies, given_map, mouse, scaling_table, segment_frame
+from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, arms_row, compare, percent
+from benchmarks.species_cases import MAN, from_arm, given_map, man, mouse, segment_frame
 from myomorph.model.model import Model
-from myomorph.morph.maps.fields import MapOptions
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.morph.species.architecture import QUANTILE, Size, architectures
 from myomorph.morph.species.counterparts import Posed
-from myomorph.morph.species.maps import species_morph
+from myomorph.morph.species.maps import joint_distances
 from myomorph.morph.transfer.model import graft_muscles
-from myomorph.simulate.shoulder import arm_model
-from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import open_model
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
-METHODS = {"scaling": ("affine", "box"), "SSD": ("ssd", "dense"), "RBF": ("rbf", "dense")}
+METHODS = ("scaling", "SSD", "RBF")
 RIGHT = np.array([1.0, 0.0, 0.0])
 SHOULDER, ELBOW, WRIST = "mouse__RHumerus", "mouse__RUlna", "mouse__RCarpus"
 
@@ -69,23 +67,6 @@ def _joint(posed: Posed, body: str, other: str) -> np.ndarray:
     return posed.within(other, body).translation
 
 
-@cache
-def from_arm(data: Path, method: str) -> Morph:
-    """The man's arm muscles on the mouse's skeleton."""
-    kind, features = METHODS[method]
-    table, target, source = read_species("human-mouse-arm"), mouse(data), arm_model()
-    man = Bodies(source, source_bones(source, None, []))
-    return species_morph(
-        man.model,
-        man.surfaces,
-        target.model,
-        target.surfaces,
-        scaling_table(table) if features == "box" else table,
-        map_options=MapOptions(kind),  # type: ignore[arg-type]
-        match=MatchOptions(),
-    )
-
-
 def ground(data: Path) -> Ground:
     """The skeleton with its elbow at a right angle."""
     skeleton = mouse(data)
@@ -95,7 +76,13 @@ def ground(data: Path) -> Ground:
         SHOULDER: float(np.linalg.norm(_joint(posed, SHOULDER, ELBOW))),
         ELBOW: float(np.linalg.norm(_joint(posed, ELBOW, WRIST))),
     }
-    return Ground({"mouse__RElbow_flexion": 0.5 * np.pi}, {"elbow": "mouse__RElbow_flexion"}, lengths)
+    coordinates = {
+        "shoulder flexion": "mouse__RShoulder_flexion",
+        "shoulder adduction": "mouse__RShoulder_adduction",
+        "shoulder rotation": "mouse__RShoulder_rotation",
+        "elbow": "mouse__RElbow_flexion",
+    }
+    return Ground({"mouse__RElbow_flexion": 0.5 * np.pi}, coordinates, lengths)
 
 
 @cache
@@ -108,9 +95,13 @@ def compared(data: Path, method: str) -> tuple[Compared, ...]:
     return tuple(compare(found, truth, one, where) for one in pairs)
 
 
+def _there(data: Path) -> bool:
+    return (data / FORELIMB).exists() and (data / "mouse-skeleton-keypoints").exists()
+
+
 def measure(data: Path) -> Iterator[dict[str, object]]:
     """A row a muscle."""
-    if not (data / FORELIMB).exists() or not (data / "mouse-skeleton-keypoints").exists():
+    if not _there(data):
         return
     by_method = {method: compared(data, method) for method in METHODS}
     for i, one in enumerate(by_method["SSD"]):
@@ -119,13 +110,81 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
             row[f"{method}: origin, insertion, path [%]"] = (
                 f"{100 * rows[i].origin:.0f}, {100 * rows[i].insertion:.0f}, {100 * rows[i].path:.0f}"
             )
-        ours, theirs = one.arms["elbow"].mean(axis=1)
-        row["moment arm at the elbow, SSD / theirs [mm]"] = f"{1e3 * ours:.2f} / {1e3 * theirs:.2f}"
         yield row
     total: dict[str, object] = {"muscle": "both ends, median / worst"}
     for method, rows in by_method.items():
         total[f"{method}: origin, insertion, path [%]"] = percent(
             [e for one in rows for e in (one.origin, one.insertion)]
         )
-    total["moment arm at the elbow, SSD / theirs [mm]"] = ""
     yield total
+
+
+def measure_arms(data: Path) -> Iterator[dict[str, object]]:
+    """A row a coordinate and method: do moment arms have the other model's sign and order."""
+    if not _there(data):
+        return
+    for word in ground(data).coordinates:
+        for method in METHODS:
+            yield arms_row(word, method, compared(data, method))
+
+
+def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
+    """Forces and fibers by the leg's scaling: what the leg's tables give for it, and the forelimb's model beside it."""
+    if not _there(data) or not (data / MAN).exists():
+        return
+    law = read_species("human-mouse-arm").scaling
+    assert law is not None
+    fiber, force = leg_ratios(data)
+    yield {
+        "what": "the leg's muscles, the mouse's over the man's in the bones' size",
+        "muscles": len(fiber),
+        **_spread("fiber", fiber),
+        **_spread("force", force),
+    }
+    yield {
+        "what": "`human-mouse-arm` has",
+        "fiber, median": law.fiber,
+        "fiber, 90 % of the spread": _factors(law.fiber_interval),
+        "force, median": law.force,
+        "force, 90 % of the spread": _factors(law.force_interval),
+    }
+    ours, theirs = from_arm(data, "SSD").model, forelimb_on_skeleton(data).model
+    pairs = [one for one in read_species("human-mouse-arm").muscles if set(one.sources) <= set(ours.muscle_names)]
+    both = [(ours.muscle(one.sources[0]), theirs.muscle(one.targets[0])) for one in pairs]
+    inside: dict[str, object] = {}
+    for name, key, limits in (
+        ("fiber", "optimal_fiber_length", law.fiber_interval),
+        ("force", "max_isometric_force", law.force_interval),
+    ):
+        ratio = np.array([getattr(mine, key) / getattr(other, key) for mine, other in both])
+        inside[f"{name}, median"] = float(np.median(ratio))
+        inside[f"{name}, least and greatest"] = f"{ratio.min():.2f} to {ratio.max():.2f}"
+        inside[f"{name}, in its interval"] = (
+            f"{np.sum((limits[0] <= 1 / ratio) & (1 / ratio <= limits[1]))} of {len(ratio)}"
+        )
+    yield {"what": "the arm's muscles, ours over the forelimb's", "muscles": len(both), **inside}
+
+
+def leg_ratios(data: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(muscles,) of the leg: fiber length and force of the mouse's table over the man's, in the bones' size."""
+    table, source = read_species("human-mouse"), man(data).model
+    first = table.architecture[0]
+    length = sum(first.lengths.values()) / joint_distances(first.lengths, replace(table, posture={}), source, "source")
+    known = architectures(source, (first,), (Size(),), source.muscle_names)
+    pairs = [(one, source.muscle(name)) for name, one in known.items() if one.basis.startswith(first.species)]
+    fiber = np.array([one.fiber / own.optimal_fiber_length / length for one, own in pairs])
+    force = np.array([one.force / own.max_isometric_force / length**2 for one, own in pairs])
+    return fiber, force
+
+
+def _spread(name: str, ratio: np.ndarray) -> dict[str, object]:
+    most = float(np.exp(QUANTILE * np.log(ratio).std(ddof=1)))
+    return {
+        f"{name}, median": float(np.median(ratio)),
+        f"{name}, 90 % of the spread": _factors((1.0 / most, most)),
+        f"{name}, least and greatest": f"{ratio.min():.2f} to {ratio.max():.2f}",
+    }
+
+
+def _factors(interval: tuple[float, float]) -> str:
+    return f"times {interval[0]:.3f} to {interval[1]:.2f}"

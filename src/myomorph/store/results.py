@@ -49,7 +49,7 @@ def file_source(role: str, path: str | os.PathLike[str]) -> Source:
         where it cannot be read
     """
     if is_composed(path):
-        return value_source(role, str(path), version("myo-sim"))
+        return value_source(role, str(path), str(path), version("myo-sim"))
     try:
         return Source(role, str(path), _hash_of(path))
     except OSError as error:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.simulate.shoulder import arm_model
+from myomorph.morph.species.counterparts import Posed
+from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables
 from myomorph.study.trial.inputs import open_model
@@ -44,7 +47,7 @@ def test_the_table_of_man_and_mouse_is_whole():
 def test_tables_name_what_the_models_have(data, name):
     pytest.importorskip("myo_sim")
     leg = data("rajagopal-walk-emg/subject_walk_scaled.osim")
-    source = arm_model() if name.endswith("arm") else open_model(leg)
+    source = read_model("myo-sim:myoarm") if name.endswith("arm") else open_model(leg)
     target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species(name)
     joints = [rule for bone in table.bones for rule in bone.landmarks if rule.rule == "joint"]
@@ -59,6 +62,34 @@ def test_tables_name_what_the_models_have(data, name):
         ends = [pair.factor * one + pair.offset for one in source.coordinate(pair.source).range]
         assert max(low, min(ends)) < min(high, max(ends)), pair.source
     assert {one for pair in table.muscles for one in pair.sources} <= set(source.muscle_names)
+
+
+def test_the_forearms_lie_alike_in_man_and_mouse(data):
+    """Right of the radius is the thumb's side: there it lies of the ulna's end, in the postures that the table has."""
+    pytest.importorskip("myo_sim")
+    source = read_model("myo-sim:myoarm")
+    target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
+    table = read_species("human-mouse-arm")
+    (bone,) = (one for one in table.bones if "radius_r" in one.sources)
+    for model, posture, frame, radius, ulna, up in (
+        (source, table.posture, table.frames(bone)[0], "radius_r", "ulna_r", table.source_frame.axes[0]),
+        (
+            target,
+            table.target_posture,
+            table.frames(bone)[1],
+            *(bone.targets),
+            "mouse__RUlna",
+            table.target_frame.axes[0],
+        ),
+    ):
+        bones, posed = source_bones(model, None, []), Posed(model, posture)
+        ends = []
+        for name in (radius, ulna):
+            vertices = bones[name].vertices
+            height = vertices @ np.array(up)
+            ends.append(posed.within(name, radius).apply(vertices[height < np.quantile(height, 0.05)].mean(axis=0)))
+        across = frame.axes @ (ends[0] - ends[1])
+        assert across[2] > 2.0 * np.abs(across[1]), radius
 
 
 def test_a_table_of_ones_own(tmp_path):
@@ -107,6 +138,33 @@ def test_the_tables_come_with_the_package():
 def table_bodies() -> list[str]:
     """Bodies of both hindlimbs."""
     return [name for one in read_species("human-mouse").masses for name in one.bodies]
+
+
+@pytest.mark.long
+def test_a_mouse_gets_a_mans_arms(data):
+    """Both arms' muscles, with forces by the leg's scaling; those of bones that the skeleton lacks are named."""
+    pytest.importorskip("myo_sim")
+    given = SpeciesFiles(
+        Path("myo-sim:myoarm"),
+        data("mouse-skeleton-keypoints/mouse_with_meshes.xml"),
+        "human-mouse-arm",
+        mirror=True,
+    )
+    assert given.sources()[0].name == "myo-sim:myoarm"
+    morphed, _ = species_files(given, MorphSettings.of({}))
+    model, law = morphed.morph.model, read_species("human-mouse-arm").scaling
+    ours = {name for name in model.muscle_names if not name.endswith("_l")}
+    assert ours >= {"DELT2", "DELT3", "TRIlong", "BIClong", "BRA", "SUBSC", "FCU", "PT"}
+    assert set(model.muscle_names) == ours | {f"{name}_l" for name in ours}
+    assert "DELT1" not in ours
+    man = read_model("myo-sim:myoarm")
+    lengths = {one: model.muscle(one).optimal_fiber_length / man.muscle(one).optimal_fiber_length for one in ours}
+    (size,) = {round(length / law.fiber, 9) for length in lengths.values()}
+    assert 0.03 < size < 0.08
+    for one in ours:
+        force = law.force * size**2 * man.muscle(one).max_isometric_force
+        assert model.muscle(one).max_isometric_force == pytest.approx(force, rel=1e-6)
+        assert model.muscle(f"{one}_l").max_isometric_force == model.muscle(one).max_isometric_force
 
 
 @pytest.mark.long
