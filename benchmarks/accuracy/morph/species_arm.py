@@ -183,6 +183,7 @@ def _spread(name: str, ratio: np.ndarray) -> dict[str, object]:
         f"{name}, median": float(np.median(ratio)),
         f"{name}, 90 % of the spread": _factors((1.0 / most, most)),
         f"{name}, least and greatest": f"{ratio.min():.2f} to {ratio.max():.2f}",
+        f"{name}, in its interval": "",
     }
 
 
