@@ -20,13 +20,13 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import MorphOptions, TransferredPoint
-from myomorph.morph.transfer.bodies import bones_around
 from myomorph.morph.transfer.carrier import Carrier, scaled_map
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.model import morph_model
 from myomorph.morph.transfer.moving_points import reparametrized, translated_path
 from myomorph.morph.transfer.paths import level, points_left_outside, surface_points, transferred_wrap
 from myomorph.morph.transfer.points import combined, put_on_surface
+from myomorph.morph.transfer.virtual_links import bones_around
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

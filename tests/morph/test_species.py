@@ -13,7 +13,7 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import MapOptions
+from myomorph.morph.maps.fields import MapOptions, PlacedMap
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.species.counterparts import (
@@ -21,7 +21,6 @@ from myomorph.morph.species.counterparts import (
     BoneHomology,
     CoordinateHomology,
     LandmarkRule,
-    PlacedMap,
     SpeciesTable,
 )
 from myomorph.morph.species.landmarks import landmarks_by_rules, section

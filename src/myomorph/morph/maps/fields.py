@@ -20,6 +20,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
 from myomorph.morph.maps.linear import AffineMap, Similarity, fit_affine, fit_whole, procrustes, unknown_directions
@@ -37,6 +38,24 @@ class PointMap(Protocol):
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the mapped points: row by target axis, column by source axis."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMap:
+    """A map with a rigid transform before it and an affine one after it: y = after(map(before(x)))."""
+
+    before: Transform
+    map: PointMap
+    after: AffineMap
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Points (..., 3) of the source's frame in the target's [m]."""
+        return self.after.apply(self.map.apply(self.before.apply(points)))
+
+    def jacobian(self, points: ArrayLike) -> Array:
+        """Derivatives (..., 3, 3) of the mapped points."""
+        inner = self.map.jacobian(self.before.apply(points))
+        return self.after.matrix @ inner @ self.before.rotation
 
 
 @read_only

@@ -17,10 +17,9 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.counterparts import PlacedMap
 from myomorph.morph.species.table_rows import Attachment, RelativeBone
 
 FEWEST = 4

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
@@ -23,7 +22,7 @@ from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.penetration import standing_poses
-from myomorph.morph.maps.fields import BoneMap, PointMap
+from myomorph.morph.maps.fields import BoneMap, PlacedMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable, ScalingLaw
@@ -233,24 +232,6 @@ class SpeciesTable:
 
 
 Surfaces = Mapping[str, Surface]
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedMap:
-    """A map with a rigid transform before it and an affine one after it: y = after(map(before(x)))."""
-
-    before: Transform
-    map: PointMap
-    after: AffineMap
-
-    def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
-        return self.after.apply(self.map.apply(self.before.apply(points)))
-
-    def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the mapped points."""
-        inner = self.map.jacobian(self.before.apply(points))
-        return self.after.matrix @ inner @ self.before.rotation
 
 
 class Posed:

@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import CoordinateTable
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
 from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.registration.map_bone import map_bone
@@ -23,7 +23,6 @@ from myomorph.morph.species.architecture import ArchitectureTable, Size, archite
 from myomorph.morph.species.attachments import straightened, with_attachments
 from myomorph.morph.species.counterparts import (
     BoneHomology,
-    PlacedMap,
     Posed,
     SpeciesTable,
     Surfaces,

@@ -1,24 +1,23 @@
-"""Bodies in other bones: with a bone of their own, scaled with their neighbors, or mapped by the bones around them.
+"""Bodies in other bones: with a bone of their own, or scaled with their neighbors.
 
-What is fixed to a body beside muscles goes with it: mass, meshes, markers, points of forces. Virtual links are bodies
-without a bone on which muscles branch ([D] chapter 2).
+What is fixed to a body beside muscles goes with it: mass, meshes, markers, points of forces.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, check_name
+from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
 from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map, neighbors_of
-from myomorph.morph.maps.linear import Similarity, procrustes
+from myomorph.morph.maps.fields import BoneMap, neighbors_of
+from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.transfer.carrier import Carrier, Carriers, few, nearest_rotation, scaled_map
 
 Tie = TypeVar("Tie", Loop, Bushing)
@@ -143,99 +142,3 @@ def neighbor_notes(bones: Mapping[str, BoneMap]) -> list[str]:
     low, high = min(scaled.values()), max(scaled.values())
     by = f"by {low:.3g}" if high - low < 5e-4 * high else f"by {low:.3g} to {high:.3g}"
     return [f"scaled with their neighbors {by}, as no bone is given: {few(scaled)}"]
-
-
-FEATURES = 60
-"""Of each bone around a virtual link count, spread over those it has."""
-
-
-def bones_around(
-    model: Model, bones: Mapping[str, BoneMap], given: Mapping[str, Sequence[str]] | None = None
-) -> dict[str, tuple[str, ...]]:
-    """The bones that surround each virtual link: those given, and those found in the tree.
-
-    A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies
-    between at least two bones.
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : a bone that has no map, or fewer than two of them
-    """
-    found: dict[str, tuple[str, ...]] = {}
-    for link, around in (given or {}).items():
-        for name in (link, *around):
-            check_name("body", name, model.body_names)
-        missing = [name for name in around if name not in bones]
-        if missing or len(around) < 2:
-            raise BadData(
-                f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
-                + (f", of which {missing} have no map" if missing else "")
-            )
-        found[link] = tuple(around)
-    used = {point.body for muscle in model.muscles for point in muscle.path.points}
-    for body in model.bodies:
-        if body.name in used and body.name not in bones and body.name not in found and not body.meshes:
-            around = _nearest_bones(model, body.name, bones)
-            if len(around) > 1:
-                found[body.name] = around
-    return found
-
-
-def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
-    """Bones that are reached from a body through the tree without passing another."""
-    ties = neighbors_of(model)
-    reached: list[str] = []
-    open_, seen = [body], {body, GROUND}
-    while open_:
-        for name in ties[open_.pop(0)]:
-            if name in seen:
-                continue
-            seen.add(name)
-            (reached if name in bones else open_).append(name)
-    return tuple(reached)
-
-
-def surrounded_map(
-    link: str,
-    there: str,
-    around: Sequence[str],
-    carriers: Carriers,
-    source: Mapping[str, Transform],
-    target: Mapping[str, Transform],
-) -> BoneMap:
-    """The map of a virtual link from the features of several bones, each where it lies in one posture.
-
-    Parameters
-    ----------
-    there : the target body that the link's points are fixed to
-    carriers : of the bones around it
-    source, target : poses of bodies in ground, of both models
-    """
-    names: list[str] = []
-    before, after = [], []
-    for bone in around:
-        features = _features(carriers, bone)
-        names += [f"{bone} {name}" for name in features.names]
-        before.append((source[link].inverse() @ source[bone]).apply(features.source))
-        after.append((target[there].inverse() @ target[carriers[bone].body]).apply(features.target))
-    features = FeaturePoints(tuple(names), np.concatenate(before), np.concatenate(after))
-    return BoneMap(
-        link,
-        there,
-        fit_map(features),
-        procrustes(features.source, features.target, True),
-        "surrounding",
-        features=features,
-        notes=(f"mapped by {len(features)} features of {', '.join(around)}",),
-    )
-
-
-def _features(carriers: Carriers, bone: str) -> FeaturePoints:
-    """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they go."""
-    given = carriers[bone].bone.features
-    if given is None or len(given) < 3:
-        places = carriers[bone].samples
-        given = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
-    chosen = np.unique(np.linspace(0, len(given) - 1, min(FEATURES, len(given))).round().astype(int))
-    return FeaturePoints(tuple(given.names[i] for i in chosen), given.source[chosen], given.target[chosen])

@@ -16,11 +16,9 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.morph.transfer.bodies import (
-    bones_around,
     neighbor_notes,
     not_transferred,
     of_mass,
-    surrounded_map,
     transferred_actuator,
     transferred_body,
     transferred_marker,
@@ -28,12 +26,13 @@ from myomorph.morph.transfer.bodies import (
     transferred_tie,
     with_neighbors,
 )
-from myomorph.morph.transfer.carrier import Carrier, few
+from myomorph.morph.transfer.carrier import Carrier, Carriers, few
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
-from myomorph.morph.transfer.paths import transferred_lines
+from myomorph.morph.transfer.paths import LinesOfAction, transferred_lines
 from myomorph.morph.transfer.sure_points import uncertain_notes
+from myomorph.morph.transfer.virtual_links import balanced_links, bones_around, link_carriers, link_notes
 from myomorph.muscles.scaling import default_path_lengths
 
 
@@ -91,20 +90,29 @@ def morph_model(
     _check(model, bones)
     carriers = {body: Carrier(bone, body) for body, bone in with_neighbors(model, bones).items()}
     joints = transferred_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
-    carriers |= _virtual_links(model, joints.skeleton, bones, carriers, surrounding)
-    strings = transferred_lines(
-        model, model.muscles, model.ligaments, carriers, model.coordinates, joints.travel, options.surface_within
-    )
-    bodies = of_mass(tuple(transferred_body(body, carriers[body.name]) for body in model.bodies), mass)
-    moved = replace(
-        _with_what_is_fixed(joints.skeleton, model, carriers),
-        name=name or model.name,
-        bodies=bodies,
-        muscles=strings.muscles,
-        ligaments=strings.ligaments,
-        wrap_objects=strings.wrap_objects,
-        warnings=(),
-    )
+    links = bones_around(model, bones, surrounding)
+    # Their joints stay where their neighbors' size puts them: the pose in which bones are compared hangs on them.
+    standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
+    carriers |= link_carriers(links, carriers, *standing, {link: link for link in links})
+
+    def carried(by: Carriers) -> tuple[Model, LinesOfAction]:
+        strings = transferred_lines(
+            model, model.muscles, model.ligaments, by, model.coordinates, joints.travel, options.surface_within
+        )
+        made = replace(
+            _with_what_is_fixed(joints.skeleton, model, by),
+            name=name or model.name,
+            bodies=of_mass(tuple(transferred_body(body, by[body.name]) for body in model.bodies), mass),
+            muscles=strings.muscles,
+            ligaments=strings.ligaments,
+            wrap_objects=strings.wrap_objects,
+            warnings=(),
+        )
+        return made, strings
+
+    if options.balance:
+        carriers = balanced_links(model, links, carriers, lambda by: carried(by)[0])
+    moved, strings = carried(carriers)
     solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
     moved, points, clearing = cleared(model, moved, solid, strings.points)
     lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
@@ -113,7 +121,7 @@ def morph_model(
     muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
     found = {body: carrier.bone for body, carrier in carriers.items()}
     doubted = uncertain_notes(points, carriers)
-    notes = (*doubted, *neighbor_notes(found), *_link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
+    notes = (*doubted, *neighbor_notes(found), *link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
@@ -146,27 +154,6 @@ def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
     for body in bones:
         if body not in (GROUND, *model.body_names):
             raise UnknownName("body", body, model.body_names)
-
-
-def _virtual_links(
-    model: Model,
-    skeleton: Model,
-    bones: Mapping[str, BoneMap],
-    carriers: Mapping[str, Carrier],
-    surrounding: Mapping[str, Sequence[str]] | None,
-) -> dict[str, Carrier]:
-    """Carriers of the virtual links, by the bones around them as they lie in both default poses.
-
-    Their joints stay where their neighbors' size puts them, for the pose in which the bones are compared hangs on them.
-    """
-    links = bones_around(model, bones, surrounding)
-    if not links:
-        return {}
-    before, after = standing_poses(model), standing_poses(skeleton)
-    return {
-        link: Carrier(surrounded_map(link, link, around, carriers, before, after), link)
-        for link, around in links.items()
-    }
 
 
 def graft_muscles(
@@ -209,24 +196,32 @@ def graft_muscles(
     options = options or MorphOptions()
     _check(source, bones)
     table = _same_coordinates(source, target) if coordinates is None else coordinates
-    carriers = _grafted(source, target, bones, postures, surrounding)
+    carriers, links = _grafted(source, target, bones, postures, surrounding)
     left_out = _left_out(source, carriers)
     muscles, notes = _translated(
         source, [one for one in source.muscles if one.name not in left_out], carriers, table, postures[0]
     )
     ligaments = _whole_ligaments(source, carriers)
     known = (*source.coordinates, *target.coordinates)
-    strings = transferred_lines(source, muscles, ligaments, carriers, known, {}, options.surface_within)
-    moved = replace(
-        target,
-        name=name or target.name,
-        muscles=strings.muscles,
-        ligaments=strings.ligaments,
-        kept=(*target.kept, *_kept_of(source, ligaments)),
-        wrap_objects=strings.wrap_objects,
-        markers=(*target.markers, *_markers(source, target, carriers)),
-        warnings=(),
-    )
+
+    def carried(by: Carriers) -> tuple[Model, LinesOfAction]:
+        strings = transferred_lines(source, muscles, ligaments, by, known, {}, options.surface_within)
+        made = replace(
+            target,
+            name=name or target.name,
+            muscles=strings.muscles,
+            ligaments=strings.ligaments,
+            kept=(*target.kept, *_kept_of(source, ligaments)),
+            wrap_objects=strings.wrap_objects,
+            markers=(*target.markers, *_markers(source, target, by)),
+            warnings=(),
+        )
+        return made, strings
+
+    if options.balance:
+        held = _in_posture(source, postures[0])
+        carriers = balanced_links(held, links, carriers, lambda by: _in_posture(carried(by)[0], postures[1]))
+    moved, strings = carried(carriers)
     donor = replace(source, muscles=tuple(source.muscle(one.name) for one in muscles), ligaments=ligaments)
     solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
     moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
@@ -247,7 +242,7 @@ def graft_muscles(
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*uncertain_notes(points, carriers), *_link_notes(found), *notes, *strings.notes, *clearing, *unsure),
+        notes=(*uncertain_notes(points, carriers), *link_notes(found), *notes, *strings.notes, *clearing, *unsure),
         left_out=FrozenMap(left_out),
     )
 
@@ -258,16 +253,15 @@ def _grafted(
     bones: Mapping[str, BoneMap],
     postures: tuple[Mapping[str, float], Mapping[str, float]],
     surrounding: Mapping[str, Sequence[str]] | None,
-) -> dict[str, Carrier]:
-    """Carriers of the bones, and of the virtual links by the bones around them in the postures given."""
+) -> tuple[dict[str, Carrier], dict[str, tuple[str, ...]]]:
+    """Carriers of the bones, and of the virtual links by the bones around them in the postures given; and the links."""
     carriers = {body: Carrier(bone, bone.target_body) for body, bone in bones.items()}
     for body in bones:
         index_of("body", carriers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
     before, after = standing_poses(source, postures[0]), standing_poses(target, postures[1])
-    for link, around in bones_around(source, bones, surrounding).items():
-        there = carriers[around[0]].body
-        carriers[link] = Carrier(surrounded_map(link, there, around, carriers, before, after), there)
-    return carriers
+    links = bones_around(source, bones, surrounding)
+    targets = {link: carriers[around[0]].body for link, around in links.items()}
+    return carriers | link_carriers(links, carriers, before, after, targets), links
 
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
@@ -347,12 +341,3 @@ def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> t
         for one in source.markers
         if one.body in carriers and one.name not in target.marker_names
     )
-
-
-def _link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
-    return [
-        f"virtual link '{body}': {note}"
-        for body, bone in bones.items()
-        if bone.basis == "surrounding"
-        for note in bone.notes
-    ]

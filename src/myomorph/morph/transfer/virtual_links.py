@@ -1,0 +1,231 @@
+"""Virtual links: bodies without a bone on which muscles branch, mapped by the bones around them ([D] chapter 2).
+
+Where the bones' maps put a branching point, its strands need not hold it: it is moved to where their tensions balance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, check_name
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import GROUND, Model
+from myomorph.model.spatial import Transform
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PlacedMap, fit_map, neighbors_of
+from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
+from myomorph.morph.transfer.branch_points import BranchLoad, Riders, branch_load, branch_places, riders_of
+from myomorph.morph.transfer.carrier import Carrier, Carriers
+from myomorph.muscles.scaling import default_path_lengths
+
+FEATURES = 60
+"""Of each bone around a virtual link count, spread over those it has."""
+
+
+def bones_around(
+    model: Model, bones: Mapping[str, BoneMap], given: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, tuple[str, ...]]:
+    """The bones that surround each virtual link: those given, and those found in the tree.
+
+    A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies
+    between at least two bones.
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
+    BadData : a bone that has no map, or fewer than two of them
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for link, around in (given or {}).items():
+        for name in (link, *around):
+            check_name("body", name, model.body_names)
+        missing = [name for name in around if name not in bones]
+        if missing or len(around) < 2:
+            raise BadData(
+                f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
+                + (f", of which {missing} have no map" if missing else "")
+            )
+        found[link] = tuple(around)
+    used = {point.body for muscle in model.muscles for point in muscle.path.points}
+    for body in model.bodies:
+        if body.name in used and body.name not in bones and body.name not in found and not body.meshes:
+            around = _nearest_bones(model, body.name, bones)
+            if len(around) > 1:
+                found[body.name] = around
+    return found
+
+
+def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
+    """Bones that are reached from a body through the tree without passing another."""
+    ties = neighbors_of(model)
+    reached: list[str] = []
+    open_, seen = [body], {body, GROUND}
+    while open_:
+        for name in ties[open_.pop(0)]:
+            if name in seen:
+                continue
+            seen.add(name)
+            (reached if name in bones else open_).append(name)
+    return tuple(reached)
+
+
+def surrounded_map(
+    link: str,
+    there: str,
+    around: Sequence[str],
+    carriers: Carriers,
+    source: Mapping[str, Transform],
+    target: Mapping[str, Transform],
+) -> BoneMap:
+    """The map of a virtual link from the features of several bones, each where it lies in one posture.
+
+    Parameters
+    ----------
+    there : the target body that the link's points are fixed to
+    carriers : of the bones around it
+    source, target : poses of bodies in ground, of both models
+    """
+    names: list[str] = []
+    before, after = [], []
+    for bone in around:
+        features = _features(carriers, bone)
+        names += [f"{bone} {name}" for name in features.names]
+        before.append((source[link].inverse() @ source[bone]).apply(features.source))
+        after.append((target[there].inverse() @ target[carriers[bone].body]).apply(features.target))
+    features = FeaturePoints(tuple(names), np.concatenate(before), np.concatenate(after))
+    return BoneMap(
+        link,
+        there,
+        fit_map(features),
+        procrustes(features.source, features.target, True),
+        "surrounding",
+        features=features,
+        notes=(f"mapped by {len(features)} features of {', '.join(around)}",),
+    )
+
+
+def _features(carriers: Carriers, bone: str) -> FeaturePoints:
+    """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they go."""
+    given = carriers[bone].bone.features
+    if given is None or len(given) < 3:
+        places = carriers[bone].samples
+        given = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
+    chosen = np.unique(np.linspace(0, len(given) - 1, min(FEATURES, len(given))).round().astype(int))
+    return FeaturePoints(tuple(given.names[i] for i in chosen), given.source[chosen], given.target[chosen])
+
+
+FURTHEST = 0.25
+"""A branching point is moved no further than by this share of its strands' mean length."""
+
+PASSES = 20
+"""Of moving several links, which may pull at each other."""
+
+SETTLED = 1e-7
+"""Links rest that move by less [m]."""
+
+
+def link_carriers(
+    links: Mapping[str, Sequence[str]],
+    carriers: Carriers,
+    source: Mapping[str, Transform],
+    target: Mapping[str, Transform],
+    targets: Mapping[str, str],
+) -> dict[str, Carrier]:
+    """Carriers of virtual links, by the bones around them as they lie in two poses.
+
+    Parameters
+    ----------
+    links : with the bones around each
+    source, target : poses of bodies in ground, of both models
+    targets : bodies of the target that the links' points are fixed to
+    """
+    return {
+        link: Carrier(surrounded_map(link, targets[link], around, carriers, source, target), targets[link])
+        for link, around in links.items()
+    }
+
+
+def balanced_links(
+    source: Model, links: Mapping[str, Sequence[str]], carriers: Carriers, carried: Callable[[Carriers], Model]
+) -> dict[str, Carrier]:
+    """The carriers, those of links moved to where their strands' tensions balance in the target as in the source.
+
+    Parameters
+    ----------
+    source : in the posture in which bones are compared
+    carried : the target with the source's muscles, by carriers, in that posture
+    """
+    found = dict(carriers)
+    loads = {link: branch_load(source, link) for link in links if _has_strands(source, link)}
+    moved = dict.fromkeys(loads, np.zeros(3))
+    rests = dict.fromkeys(loads, True)
+    for _ in range(PASSES):
+        target, furthest = carried(found), 0.0
+        for link, load in loads.items():
+            there = found[link]
+            shift, rests[link] = _to_balance(source, target, there, load)
+            moved[link] = moved[link] + shift
+            found[link] = _shifted(there, shift)
+            furthest = max(furthest, float(np.linalg.norm(shift)))
+        if furthest < SETTLED or len(loads) < 2:
+            break
+    lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
+    for link, load in loads.items():
+        size = carriers[link].size * float(np.mean([lengths[name] for name in load.muscles]))
+        away = float(np.linalg.norm(moved[link]))
+        kept = rests[link] and away <= FURTHEST * size
+        found[link] = _with_balance(found[link] if kept else carriers[link], load, away, kept)
+    return found
+
+
+def link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
+    """One line on each thing to know of a virtual link."""
+    return [
+        f"virtual link '{body}': {note}"
+        for body, bone in bones.items()
+        if bone.basis == "surrounding"
+        for note in bone.notes
+    ]
+
+
+def _has_strands(model: Model, link: str) -> bool:
+    names = riders_of(model, link).points
+    return bool(names) and all(model.muscle(name).max_isometric_force > 0.0 for name in names)
+
+
+def _to_balance(source: Model, target: Model, there: Carrier, load: BranchLoad) -> tuple[Array, bool]:
+    """(3,) how far the link's points have to move in the target body's frame [m], and whether they can rest there."""
+    given = riders_of(source, load.link)
+    known = frozenset(one.name for one in target.wrap_objects)
+    # On a body of its own everything rides that the body has; on another's only what came from the link.
+    riders = riders_of(target, there.body) if there.body == load.link else Riders(given.points, given.wraps & known, {})
+    if not set(load.muscles) <= set(target.muscle_names):
+        return np.zeros(3), False
+    turned = replace(load, link=there.body, rest=there.rotation @ load.rest)
+    places, balanced = branch_places(target, turned, riders=riders)
+    return (places[0], True) if balanced[0] else (np.zeros(3), False)
+
+
+def _shifted(carrier: Carrier, shift: Array) -> Carrier:
+    bone = carrier.bone
+    moved = PlacedMap(Transform.identity(), bone.map, AffineMap(np.eye(3), shift))
+    whole = Similarity(bone.whole.rotation, bone.whole.translation + shift, bone.whole.scale)
+    return Carrier(replace(bone, map=moved, whole=whole), carrier.body)
+
+
+def _with_balance(carrier: Carrier, load: BranchLoad, away: float, kept: bool) -> Carrier:
+    """The carrier with what is to be known of its balance in measures and notes."""
+    strands = f"the tensions of its {len(load.muscles)} strands"
+    rest = f"{100.0 * load.share:.0f} % of them is held by no strand, in the source too"
+    if kept:
+        note = f"moved by {1e3 * away:.2g} mm to where {strands} balance ({rest})"
+    else:
+        note = f"left where its bones put it, as {strands} balance nowhere near ({rest})"
+    measures = {"moved to balance [m]": away if kept else 0.0, "held by no strand": load.share}
+    bone = carrier.bone
+    return Carrier(
+        replace(bone, measures=FrozenMap({**bone.measures, **measures}), notes=(*bone.notes, note)), carrier.body
+    )

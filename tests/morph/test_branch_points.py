@@ -1,0 +1,185 @@
+"""Branching points: balance against MuJoCo and scipy, virtual work, and how they follow a model into other bones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.model.series import Motion
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints
+from myomorph.morph.maps.linear import AffineMap, Similarity
+from myomorph.morph.morphed import MorphOptions
+from myomorph.morph.transfer.branch_points import BranchLoad, branch_load, branch_places
+from myomorph.morph.transfer.model import graft_muscles, morph_model
+
+ENDS = {
+    "upper": ("upper", (0.02, 0.05, 0.01), (0.003, 0.004, 0.0), 40.0),
+    "left": ("lower", (-0.06, 0.01, 0.03), (-0.004, 0.0, 0.002), 25.0),
+    "right": ("lower", (0.07, -0.02, 0.02), (0.005, -0.001, 0.0), 30.0),
+    "back": ("lower", (0.01, 0.0, -0.08), (0.0, 0.0, -0.004), 20.0),
+}
+"""By strand: the body it comes from, its ends there and on the link [m], its maximum isometric force [N]."""
+AROUND = {"link": ("lower", "upper")}
+AT = np.array([0.0, 0.06, 0.0])
+"""Where the link is on the lower body [m]."""
+
+
+def branched(places: dict[str, tuple[float, float, float]] | None = None) -> Model:
+    """A lower body, an upper one that turns on it, and between them a point at which four strands meet."""
+    still = Transform.identity()
+    turn = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("bend",))
+    joints = (
+        Joint("base", "WeldJoint", "ground", "lower", still, still),
+        Joint("branch", "WeldJoint", "lower", "link", Transform(np.eye(3), AT), still),
+        Joint("bend", "PinJoint", "lower", "upper", Transform(np.eye(3), np.array([0.0, 0.1, -0.02])), still, (turn,),
+              ("bend",)),
+    )  # fmt: skip
+    muscles = tuple(
+        Muscle(name, "RigidTendonMuscle", Path((PathPoint("a", body, np.array((places or {}).get(name, start))),
+               PathPoint("b", "link", np.array(end)))), force, 0.05, 0.02)
+        for name, (body, start, end, force) in ENDS.items()
+    )  # fmt: skip
+    bodies = tuple(Body(name, mass, np.zeros(3), 0.01 * np.eye(3)) for name, mass in
+                   (("lower", 1.0), ("link", 0.0), ("upper", 1.0)))  # fmt: skip
+    return Model("branched", bodies, joints, (Coordinate("bend", range=(-0.6, 0.6)),), np.array([0.0, -9.81, 0.0]),
+                 muscles=muscles)  # fmt: skip
+
+
+def in_mujoco(load: BranchLoad) -> np.ndarray:
+    """Where MuJoCo's massless slider comes to rest between tendons of constant tension, the upper body straight."""
+    worlds, sites, tendons, pulls = [], [], [], []
+    for name, (body, start, end, _) in ENDS.items():
+        offset = np.array([0.0, 0.1, -0.02]) if body == "upper" else np.zeros(3)
+        worlds.append(f'<site name="{name}0" pos="{" ".join(map(str, np.array(start) + offset))}"/>')
+        sites.append(f'<site name="{name}1" pos="{" ".join(map(str, end))}"/>')
+        tendons.append(f'<spatial name="{name}"><site site="{name}0"/><site site="{name}1"/></spatial>')
+        pulls.append(f'<motor name="{name}" tendon="{name}"/>')
+    sliders = "".join(f'<joint type="slide" axis="{axis}" damping="200"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="0.002" integrator="implicitfast"/><worldbody>{"".join(worlds)}
+        <body pos="{" ".join(map(str, AT))}">{sliders}<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        {"".join(sites)}</body></worldbody><tendon>{"".join(tendons)}</tendon><actuator>{"".join(pulls)}</actuator></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    data.ctrl[:] = -load.tensions
+    data.qfrc_applied[:] = load.rest
+    for _ in range(5_000):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qvel).max() < 1e-9
+    return data.qpos.copy()
+
+
+def test_it_rests_where_mujoco_and_scipy_let_it_rest():
+    model = branched()
+    load = BranchLoad("link", tuple(ENDS), np.array([31.0, 24.0, 36.0, 18.0]), np.array([1.0, -2.0, 0.5]))
+    (place,), (balanced,) = branch_places(model, load)
+    assert balanced
+    assert np.linalg.norm(place) > 0.005
+    np.testing.assert_allclose(place, in_mujoco(load), atol=2e-8)
+    offsets = {"upper": np.array([0.0, 0.1, -0.02])}
+    starts = np.array([np.array(start) + offsets.get(body, 0.0) - AT for body, start, _, _ in ENDS.values()])
+    ends = np.array([end for _, _, end, _ in ENDS.values()])
+
+    def energy(x: np.ndarray) -> float:
+        return float(load.tensions @ np.linalg.norm(ends + x - starts, axis=1) - load.rest @ x)
+
+    found = minimize(energy, np.zeros(3), method="BFGS", options={"gtol": 1e-7})
+    np.testing.assert_allclose(place, found.x, atol=1e-6)
+
+
+def test_the_sources_own_tensions_hold_it_where_it_is():
+    """In every frame the balance is that of virtual work, and the pose of the file is its rest."""
+    model = branched()
+    load = branch_load(model, "link")
+    assert load.muscles == tuple(ENDS)
+    place, balanced = branch_places(model, load)
+    assert balanced.all()
+    np.testing.assert_allclose(place, 0.0, atol=1e-12)
+    motion = Motion(np.arange(5.0), ("bend",), np.linspace(-0.5, 0.5, 5)[:, None])
+    places, balanced = branch_places(model, load, motion)
+    assert balanced.all()
+    np.testing.assert_allclose(places[2], 0.0, atol=1e-9)
+    for angle, shift in zip(motion.values[:, 0], places, strict=True):
+        upper = Transform(rotation_from_euler_xyz((0.0, 0.0, angle)), np.array([0.0, 0.1, -0.02]))
+        pull = np.zeros(3)
+        for tension, (body, start, end, _) in zip(load.tensions, ENDS.values(), strict=True):
+            away = (upper.apply(np.array(start)) if body == "upper" else np.array(start)) - AT - end - shift
+            pull += tension * away / np.linalg.norm(away)
+        np.testing.assert_allclose(pull, -load.rest, atol=1e-6)
+
+
+def test_strands_in_one_line_hold_nothing_across():
+    """No place is given, and a link without strands or forces is refused by name."""
+    line = {name: (0.0, 0.2 * k, 0.0) for k, name in enumerate(ENDS)}
+    model = branched(line)
+    ends = {one.name: replace(one.path.points[1], location=np.zeros(3)) for one in model.muscles}
+    lower = tuple(
+        replace(one, path=Path((replace(one.path.points[0], body="lower"), ends[one.name]))) for one in model.muscles
+    )
+    load = BranchLoad("link", tuple(ENDS), np.ones(4), np.zeros(3))
+    place, balanced = branch_places(replace(model, muscles=lower), load)
+    assert not balanced.any()
+    assert np.isnan(place).all()
+    with pytest.raises(BadData, match="'upper'"):
+        branch_load(replace(model, muscles=()), "upper")
+    with pytest.raises(UnknownName, match="nowhere"):
+        branch_load(model, "nowhere")
+
+
+def bone(body: str, matrix: np.ndarray) -> BoneMap:
+    corners = 0.04 * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    turn, scale = np.linalg.qr(matrix)[0] * np.sign(np.diag(np.linalg.qr(matrix)[1])), np.cbrt(np.linalg.det(matrix))
+    features = FeaturePoints(tuple(map(str, range(8))), corners, corners @ matrix.T)
+    return BoneMap(
+        body, body, AffineMap(matrix, np.zeros(3)), Similarity(turn, np.zeros(3), scale), "bone", features=features
+    )
+
+
+def test_a_twin_has_it_where_the_bones_put_it():
+    """Larger bones, turned frames: the balance is there already."""
+    turn = rotation_from_euler_xyz((0.3, -0.8, 0.5))
+    model = branched()
+    bones = {name: bone(name, 1.3 * turn) for name in ("lower", "upper")}
+    morph = morph_model(model, bones, surrounding=AROUND)
+    measures = morph.bones["link"].measures
+    assert measures["moved to balance [m]"] < 1e-9
+    assert measures["held by no strand"] == pytest.approx(branch_load(model, "link").share)
+    left = morph_model(model, bones, MorphOptions(balance=False), surrounding=AROUND)
+    for ours, theirs in zip(morph.points, left.points, strict=True):
+        np.testing.assert_allclose(ours.target, theirs.target, atol=1e-9)
+
+
+@pytest.mark.parametrize("grafted", [False, True])
+def test_in_stretched_bones_the_same_tensions_balance(grafted):
+    """The map alone leaves a force over; moved there is none but the source's, and the points tell how far."""
+    model = branched()
+    wide = np.diag([1.5, 1.0, 0.8])
+    bones = {"lower": bone("lower", wide), "upper": bone("upper", np.diag([1.2, 1.1, 1.0]))}
+    morphs = []
+    for options in (MorphOptions(clear=False), MorphOptions(balance=False, clear=False)):
+        if grafted:
+            skeleton = replace(model, muscles=())
+            morphs.append(graft_muscles(model, skeleton, bones, options, surrounding=AROUND))
+        else:
+            morphs.append(morph_model(model, bones, options, surrounding=AROUND))
+    load, measures = branch_load(model, "link"), morphs[0].bones["link"].measures
+    away = measures["moved to balance [m]"]
+    assert away > 1e-3
+    for ours, theirs in zip(morphs[0].points, morphs[1].points, strict=True):
+        apart = np.linalg.norm(ours.target - theirs.target)
+        assert apart == pytest.approx(away if ours.body == "link" else 0.0, abs=1e-9)
+    assert any(f"moved by {1e3 * away:.2g} mm" in note for note in morphs[0].notes)
+    if not grafted:
+        turned = replace(load, rest=morphs[0].bones["link"].whole.rotation @ load.rest)
+        for morph, rests in zip(morphs, (True, False), strict=True):
+            (shift,), _ = branch_places(morph.model, turned)
+            assert (np.linalg.norm(shift) < 1e-9) == rests
