@@ -70,6 +70,7 @@ from benchmarks.accuracy import (
 )
 from benchmarks.accuracy.morph import (
     articular,
+    branches,
     clearing,
     correspondence,
     deformed_legs,
@@ -471,6 +472,7 @@ def _bone_maps(folder: Path) -> Page:
             "deformed_legs": deformed_legs.measure,
             "persons_held_out": held_out.measure,
             "morph_laws": lambda: laws.measure(folder),
+            "morph_branches": lambda: branches.measure(folder),
             "morph_shapes": shapes.measure,
             "morph_shapes_bones": shapes.measure_bones,
             "morph_shapes_beside": shapes.measure_beside,
