@@ -35,7 +35,7 @@ def test_no_rotation_is_far_from_the_grid():
 
 @pytest.mark.parametrize("body", ["tibia_r", "patella_r", "pelvis"])
 def test_an_affine_copy_is_found_from_its_shape_alone(body):
-    surface, points = bone(body)
+    surface, points, _ = bone(body)
     change = Deformation(surface, 20, 0.0)
     size = 1.0 / change.length
     ours, goal = (Shape(type(surface)(size * one.vertices, one.faces)) for one in (surface, deformed(surface, change)))
@@ -45,7 +45,7 @@ def test_an_affine_copy_is_found_from_its_shape_alone(body):
 
 
 def test_attachments_on_a_bent_bone_lie_within_their_intervals():
-    surface, points = bone("femur_r")
+    surface, points, _ = bone("femur_r")
     change = Deformation(surface, 21, BEND)
     places, within = carried("femur_r", surface, deformed(surface, change), points)
     apart = np.linalg.norm(places - change(points), axis=1)
@@ -56,7 +56,7 @@ def test_attachments_on_a_bent_bone_lie_within_their_intervals():
 
 
 def test_a_shaft_slides_to_its_place():
-    surface, points = bone("tibia_r")
+    surface, points, _ = bone("tibia_r")
     change = Deformation(surface, 101, BEND)
     places, _ = carried("tibia_r", surface, deformed(surface, change), points)
     assert np.linalg.norm(places - change(points), axis=1).max() < 8e-3

@@ -40,7 +40,7 @@ def legs(seed: int) -> tuple[Morph, Morph]:
     true: dict[str, BoneMap] = {}
     found: dict[str, BoneMap] = {}
     for body in BONES:
-        surface, _ = bone(body)
+        surface, *_ = bone(body)
         change = Deformation(surface, seed)
         found[body] = map_bone(body, surface, deformed(surface, change))
         target, features = found[body].target, found[body].features

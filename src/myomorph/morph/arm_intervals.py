@@ -81,7 +81,7 @@ class _Displacement:
         """Places (..., 3) of the body displaced in space, by what is known of the matched points around them [m]."""
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         # What a map adds beside a bone is left out: joint centers and wrap objects lie in it or around it.
-        within = radii_around(self.known.features.target, self.known.features.radii, places, 0.0)
+        within = radii_around(self.known.features.target, self.known.features.radii, places)
         moved = places + within[:, None] / IN_SPACE * self._steps(places)
         return np.asarray(moved.reshape(np.shape(points)))
 

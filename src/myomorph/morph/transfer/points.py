@@ -198,7 +198,7 @@ def _transferred_points(
         if put.beyond.any():
             shown = few(owners[here[k]][0] for k in np.flatnonzero(put.beyond))
             notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
-        sure = carriers[body].bone.within(places[here])
+        sure = carriers[body].within(places[here])
         for k, i in enumerate(here):
             known = float(put.lifted[k]), float(put.depth_source[k]), float(put.depth_target[k]), float(sure[k])
             found[i] = TransferredPoint(*owners[i], body, carriers[body].body, places[i], put.points[k], *known)
