@@ -23,8 +23,8 @@ from myomorph.model.sides import split_side
 from myomorph.muscles.fiber_equations import Fibers, fibers_of
 from myomorph.muscles.fiber_equilibrium import equilibrium
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import joint_forces
-from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.personal.personalize import PersonalTrial

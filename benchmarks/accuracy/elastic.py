@@ -23,7 +23,7 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 

@@ -20,7 +20,8 @@ from myomorph.model.paths import MovingPathPoint
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.couplers import couple_frames

@@ -29,7 +29,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.subject.species_morphing import read_species

@@ -18,7 +18,8 @@ from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.muscles.path import MuscleKinematics, Paths, compile_paths, muscle_kinematics
+from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics
+from myomorph.muscles.path import Paths, compile_paths
 
 SAME = 1e-4
 STEP = 1e-5

@@ -20,7 +20,7 @@ from myomorph.model.model import Model
 from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree

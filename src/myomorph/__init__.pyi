@@ -36,7 +36,7 @@ from .motion.filters import differentiate as differentiate
 from .motion.ik import InverseKinematicsOptions as InverseKinematicsOptions
 from .motion.ik import inverse_kinematics as inverse_kinematics
 from .motion.sync import resample_wrenches as resample_wrenches
-from .muscles.path import muscle_kinematics as muscle_kinematics
+from .muscles.kinematics import muscle_kinematics as muscle_kinematics
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
 from .study.plan.plan import read_plan as read_plan
 from .study.run.run import run_study as run_study

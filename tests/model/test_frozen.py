@@ -36,7 +36,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.muscles.fiber_equations.Fibers": KERNELS,
     "myomorph.muscles.fiber_states.FiberStates": KERNELS,
     "myomorph.muscles.hill.HillForces": KERNELS,
-    "myomorph.muscles.path.MuscleKinematics": KERNELS,
+    "myomorph.muscles.kinematics.MuscleKinematics": KERNELS,
     "myomorph.motion.steady_pose.SteadyFrame": KERNELS,
     "myomorph.rigid.joint_wrenches.JointWrenches": KERNELS,
     "myomorph.rigid.kinematics.Poses": KERNELS,

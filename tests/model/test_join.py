@@ -28,7 +28,7 @@ from myomorph.model.join import (
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.sides import mirror_names
 from myomorph.motion.clocks import on_one_clock
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -18,7 +18,7 @@ from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.morph.transfer.model import graft_muscles, morph_model
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 
 GAIT = "ceinms-emg-walk/model/gait2392.osim"
 KNEE = "lenhart-knee-contact-walk/lenhart2015.osim"

@@ -19,7 +19,7 @@ from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.morph.mirror.model import mirrored, mirrored_motion, with_other_side
 from myomorph.morph.mirror.sides import Reflection, backwards, flip, other_side_of
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

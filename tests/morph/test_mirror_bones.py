@@ -12,7 +12,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.mirror.model import with_mirrored_bones
 from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 
 FLIP = np.diag([1.0, 1.0, -1.0])
 MATRIX = rotation_from_euler_xyz((0.3, -0.2, 0.5)) @ np.diag([1.1, 0.9, 1.05])

@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from osim_models import body_poses, point_place
 
 pytest.importorskip("opensim")

@@ -19,7 +19,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.markers import MarkerTable, with_markers_of
 from myomorph.morph.species.masses import SegmentShare, with_possible_inertias, with_segment_shares
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 
 TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
 """The left thigh's frame lies in another way than the right one's."""

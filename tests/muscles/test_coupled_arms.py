@@ -15,7 +15,8 @@ from myomorph.model.model import Coordinate, Coupler
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import arms_as_reported, crossings
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian

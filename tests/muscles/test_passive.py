@@ -8,8 +8,8 @@ import numpy as np
 
 from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.paths import Muscle, Path, PathPoint
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, swinging

@@ -13,7 +13,8 @@ from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint,
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.path import compile_paths
 
 STEP = 1e-6
 HERE = Transform.identity()

@@ -11,7 +11,7 @@ from myomorph.cli.program import main
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadFile
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.opensim_tools.bodies import FIBERS
 from myomorph.opensim_tools.outputs import write_outputs
 from myomorph.opensim_tools.run import run_tool

@@ -17,7 +17,7 @@ from myomorph.model.inertia import inertia_matrices, pseudo_inertias
 from myomorph.model.paths import Path as MusclePath
 from myomorph.model.paths import PathWrap
 from myomorph.model.series import Motion
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.simulate.laboratory import Noise, Sampled, write_recording
 from myomorph.simulate.limb import HeldLimb, specimen_mjcf, tendon_wraps, with_scaled_muscles
 from myomorph.simulate.shoulder import (

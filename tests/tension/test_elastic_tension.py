@@ -19,7 +19,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.muscles.fiber_equations import degroote_stretch, degroote_velocity_factor, length_factors
 from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
 from myomorph.muscles.hill_arrays import compile_hill
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import joint_load_term

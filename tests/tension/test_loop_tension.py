@@ -15,8 +15,8 @@ from myomorph.model.paths import MovingPathPoint
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.muscles.path import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.solve import TensionOptions, solve_tension

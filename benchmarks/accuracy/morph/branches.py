@@ -16,7 +16,7 @@ from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.branch_points import branch_load
 from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 
 MODEL = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 LINK = "Abdomen"

@@ -25,7 +25,7 @@ from myomorph.morph.maps.fields import BoneMap  # noqa: E402
 from myomorph.morph.mirror.model import mirrored_motion  # noqa: E402
 from myomorph.morph.morphed import TransferredPoint  # noqa: E402
 from myomorph.morph.transfer.model import morph_model  # noqa: E402
-from myomorph.muscles.path import muscle_kinematics  # noqa: E402
+from myomorph.muscles.kinematics import muscle_kinematics  # noqa: E402
 
 OPENSIM = (
     "ceinms-emg-walk/model/gait2392.osim",

@@ -19,7 +19,7 @@ from myomorph.model.series import Motion  # noqa: E402
 from myomorph.model.sides import mirror_names  # noqa: E402
 from myomorph.morph.mirror.model import mirrored, mirrored_motion  # noqa: E402
 from myomorph.morph.mirror.sides import other_side_of  # noqa: E402
-from myomorph.muscles.path import MuscleKinematics, muscle_kinematics  # noqa: E402
+from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics  # noqa: E402
 
 Row = dict[str, object]
 FRAMES = 20

@@ -25,7 +25,8 @@ from benchmarks.species_cases import (
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.morph.species.counterparts import MuscleHomology, Posed
-from myomorph.muscles.path import compile_paths, muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"

@@ -10,7 +10,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.hill import viscosities
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.bushings import bushing_forces
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import Tree, compile_tree

@@ -7,7 +7,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 
 
 def default_path_lengths(model: Model) -> Array:

@@ -21,7 +21,7 @@ from myomorph.motion.filters import differentiate, natural_spline
 from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers
-from myomorph.muscles.path import MuscleKinematics, muscle_kinematics
+from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics
 from myomorph.opensim_tools.outputs import needed
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import motion_arrays

@@ -9,7 +9,7 @@ from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.model.series import Motion
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from opensim_oracle import ask

@@ -13,7 +13,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.report.page.parts import PageHead
 from myomorph.report.trial.fiber_section import _lines, fiber_section
 from myomorph.report.trial.given import Kinematics, ReportInput, ShownTension

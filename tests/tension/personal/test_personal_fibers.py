@@ -12,7 +12,7 @@ from myomorph.io.formats import read_model
 from myomorph.muscles.fiber_equations import length_factors
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.hill_arrays import compile_hill
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
 from myomorph.tension.personal.fibers import follow
 from myomorph.tension.personal.prior import sizes_of

@@ -209,7 +209,7 @@ def compile_curves() -> None:
 def compile_muscles(wraps: frozenset[str] = frozenset()) -> None:
     """Run every muscle and tension kernel once, paths first."""
     # As above; tensions bring SciPy, too.
-    from myomorph.muscles.path import muscle_kinematics
+    from myomorph.muscles.kinematics import muscle_kinematics
     from myomorph.tension.solve import solve_tension
 
     model = two_links(wraps)

@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.hill_arrays import compile_hill
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.problem import tension_problem
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.path import muscle_kinematics
+from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import compile_tree

@@ -1,0 +1,201 @@
+"""Lengths, lengthening velocities and moment arms of a model's muscles in a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.model.labelled import Labelled, Variable
+from myomorph.model.model import Model, index_of
+from myomorph.model.series import Motion
+from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
+from myomorph.muscles.path import Paths, compile_paths
+from myomorph.muscles.path_arrays import ARMS
+from myomorph.muscles.path_kernels import coupler_slopes
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kernels import kernel
+
+
+@kernel
+def _slopes(P, c, slopes):
+    for frame in range(c.shape[0]):
+        coupler_slopes(P, c[frame], slopes[frame])
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleKinematics(Labelled):
+    """Lengths, velocities and moment arms of muscles over time.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    muscles, coordinates : names
+    lengths : (frames, muscles) of the muscle-tendon units [m]
+    velocities : (frames, muscles) or None where not asked for [m/s]
+    arms : (frames, moment arms) as `Paths.evaluate` gives them, or None where not asked for
+    coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
+    paths : the compiled paths, which hold the pattern of `arms`
+    loops : of each group of coordinates that closed loops tie together, `loop_couplings`
+    """
+
+    time: Array
+    muscles: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    lengths: Array
+    velocities: Array | None
+    arms: Array | None
+    coupler_slopes: Array
+    paths: Paths = field(repr=False)
+    loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, and velocities and moment arms [m/rad or m/m] where they were asked for."""
+        found = {"length": Variable(("time", "muscle"), self.lengths, "m")}
+        if self.velocities is not None:
+            found["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
+        if self.arms is not None:
+            found["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
+        return found
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], muscles, coordinates."""
+        return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
+
+    @property
+    def moment_arms(self) -> Array:
+        """(frames, muscles, coordinates) all moment arms; see `dense`."""
+        return self.dense()
+
+    def dense(self, frames: slice = slice(None)) -> Array:
+        """Moment arms as OpenSim reports them, (frames, muscles, coordinates) [m/rad or m/m].
+
+        A coordinate that others follow has what reaches the muscle through them included. One that
+        follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
+        slope g, r_d = r_q / g; where g is 0, its own share. Coordinates of a closed loop have what the
+        others of the loop add while they follow; see `coupled_arms`.
+
+        Parameters
+        ----------
+        frames : the frames wanted; big models are asked for in parts
+        """
+        return self._dense(frames, np.arange(len(self.muscles)))
+
+    def moment_arm(self, muscle: str, coordinate: str) -> Array:
+        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises `UnknownName`."""
+        i = index_of("muscle", muscle, self.muscles)
+        j = index_of("coordinate", coordinate, self.coordinates)
+        return self._dense(slice(None), np.array([i]))[:, 0, j]
+
+    def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
+        """Moment arms about the coordinates that no coupler drives, each moved alone (loops opened), in sparse form.
+
+        Returns
+        -------
+        values : (frames, pairs) [m/rad or m/m]
+        muscle, coordinate : (pairs,) indices
+        """
+        free = self.paths.arm_free
+        return self._arms()[frames][:, free], self.paths.arm_muscle[free], self.paths.arm_coordinate[free]
+
+    def _arms(self) -> Array:
+        if self.arms is None:
+            raise BadData("these muscle kinematics were made without moment arms: ask for moment_arms=True")
+        return self.arms
+
+    def _dense(self, frames: slice, muscles: Ints) -> Array:
+        arms, starts = self._arms()[frames], self.paths.arrays.start[:, ARMS]
+        table = np.zeros((len(arms), len(muscles), len(self.coordinates)))
+        for row, m in enumerate(muscles):
+            pairs = slice(starts[m], starts[m + 1])
+            table[:, row, self.paths.arm_coordinate[pairs]] = arms[:, pairs]
+        tree = self.paths.tree.arrays
+        for k, dependent in enumerate(tree.coupler_coordinate):
+            slopes = self.coupler_slopes[frames, k]
+            reached = np.zeros(table.shape[:2])
+            for slope, source in zip(slopes.T, tree.coupler_source[k], strict=True):
+                if source >= 0:
+                    reached += slope[:, None] * table[:, :, source]
+            square = (slopes**2).sum(axis=1)
+            moves = square > 0.0
+            table[moves, :, dependent] = reached[moves] / square[moves, None]
+        for group, couplings in self.loops:
+            own = table[:, :, group.coordinates[group.leading]]
+            table[:, :, group.coordinates] = np.einsum("fml,flk->fmk", own, couplings[frames])
+        return table
+
+
+def muscle_kinematics(
+    model: Model,
+    motion: Motion,
+    velocities: bool = True,
+    moment_arms: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> MuscleKinematics:
+    """Lengths, lengthening velocities and moment arms of a model's muscles in a motion.
+
+    Source: Delp and Loan 1995, paths; Seth et al. 2018, moment arms.
+
+    Parameters
+    ----------
+    model : with muscles
+    motion : coordinates over time; what it lacks stands at the model's default, at rest
+    velocities : also lengthening velocities, for which the motion must have velocities
+    moment_arms : also moment arms, (frames, pairs of a muscle and a coordinate that moves it)
+    progress : called with the number of frames just done
+
+    Returns
+    -------
+    lengths (frames, muscles) [m], velocities (frames, muscles) [m/s] and moment arms (frames, muscles, coordinates) [m]
+
+    Raises
+    ------
+    BadData
+        velocities are asked for and the motion has none, or a value is not finite
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> found = mm.muscle_kinematics(model, mm.read_motion("reach.mot", model), velocities=False)
+    >>> found.muscles, found.lengths.shape
+    (('flexor', 'extensor'), (61, 2))
+    >>> found.moment_arm("flexor", "elbow_flexion").shape
+    (61,)
+    """
+    paths = compile_paths(model)
+    if velocities and motion.velocities is None:
+        raise BadData("lengthening velocities need the velocities of the coordinates: differentiate the motion first")
+    coordinates = paths.tree.coordinates_of(motion)
+    speeds = _speeds(model, motion) if velocities else None
+    if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
+        raise BadData("the motion has values that are not finite")
+    lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
+    slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
+    _slopes(paths.arrays, coordinates, slopes)
+    loops = tuple((one, loop_couplings(paths.tree, one, coordinates)) for one in loop_groups(paths.tree) if moment_arms)
+    return MuscleKinematics(
+        motion.time,
+        model.muscle_names,
+        model.coordinate_names,
+        lengths,
+        rates if velocities else None,
+        arms if moment_arms else None,
+        slopes,
+        paths,
+        loops,
+    )
+
+
+def _speeds(model: Model, motion: Motion) -> Array:
+    """(frames, coordinates) speeds in the model's order, 0 for what the motion does not have."""
+    assert motion.velocities is not None
+    speeds = np.zeros((len(motion), len(model.coordinates)))
+    columns = {name: i for i, name in enumerate(motion.names)}
+    for j, name in enumerate(model.coordinate_names):
+        if name in columns:
+            speeds[:, j] = motion.velocities[:, columns[name]]
+    return speeds
