@@ -31,7 +31,8 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import read_result
-from myomorph.study.trial.trial_files import TrialFiles, open_motion_trial
+from myomorph.study.trial.open_trial import open_motion_trial
+from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solve import TensionOptions, solve_tension
 from myomorph.uncertainty.bodies import Draw, drawn_subject

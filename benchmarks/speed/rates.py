@@ -19,8 +19,9 @@ from myomorph.study.run.expected_time import COLUMNS, RATES
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.trial_files import TrialFiles, open_trial
+from myomorph.study.trial.trial_files import TrialFiles
 
 STEPS = ("ik", "id", "muscles", "tension", "report")
 OWN = ("calibrate", "identify")

@@ -12,8 +12,9 @@ from myomorph.motion.envelope import envelopes
 from myomorph.study.trial.emg_files import open_emg
 from myomorph.study.trial.emg_names import muscles_of_channels
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.step import step_of, step_provenance
-from myomorph.study.trial.trial_files import TrialFiles, open_trial
+from myomorph.study.trial.trial_files import TrialFiles
 
 WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"

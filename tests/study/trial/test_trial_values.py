@@ -20,6 +20,7 @@ from myomorph.store.results import value_source
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import reporting
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.tidy import (
@@ -34,7 +35,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
-from myomorph.study.trial.trial_files import TrialFiles, open_trial
+from myomorph.study.trial.trial_files import TrialFiles
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 

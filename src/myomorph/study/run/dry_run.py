@@ -20,10 +20,11 @@ from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import reused_subject_steps
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reuse import NEVER
 from myomorph.study.trial.run_trial import PARTS, reused_steps
 from myomorph.study.trial.together import TOGETHER_STEPS
-from myomorph.study.trial.trial_files import TrialFiles, open_trial
+from myomorph.study.trial.trial_files import TrialFiles
 
 FRESH = "everything is asked for anew"
 NEW_MODEL = "its model is made anew"

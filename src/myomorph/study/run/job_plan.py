@@ -24,12 +24,13 @@ from myomorph.study.run.jobs import Job
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel, SubjectFiles, made_model
 from myomorph.study.subject.subjects import reused_subject_steps, subject_notes
 from myomorph.study.summary.page_key import groups_key, made_of
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reuse import KEY, PAGE, report_key
 from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
 from myomorph.study.trial.step import StepResults, step_of, step_provenance
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.together import Together
-from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 

@@ -17,11 +17,12 @@ from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject, subject_notes
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import StepResults, large_variables
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.together import TOGETHER_STEPS, Part, Together, join_trials, object_part
-from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles
 
 
 def _alone(outcome: Outcome, mark: RunMark | None, work: Callable[[Outcome], Outcome]) -> Outcome:

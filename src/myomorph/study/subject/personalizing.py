@@ -30,9 +30,10 @@ from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial import inputs
 from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.external_forces import NEAREST, NamedBodies
+from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_motion_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS

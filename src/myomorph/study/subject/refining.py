@@ -30,8 +30,9 @@ from myomorph.study.subject.subject_files import Prepared, SubjectFiles, Subject
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.inputs import open_model
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables, open_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 Rows = Sequence[Mapping[str, object]]

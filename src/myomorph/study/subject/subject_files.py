@@ -16,8 +16,9 @@ from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.error_sizes import TABLE as ERROR_SIZES
 from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.step import StepHead
-from myomorph.study.trial.trial_files import Settings, TrialFiles, open_trial
+from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 WEIGHTS = ("bone", "cog", "nearest")

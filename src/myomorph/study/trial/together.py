@@ -22,9 +22,10 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.trial import inputs
+from myomorph.study.trial.open_trial import contact_plan, options_of
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_plan, contact_sources, options_of
+from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_sources
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
