@@ -17,7 +17,8 @@ from myomorph.motion.clocks import Clock
 from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.swings.recording import REACH, SwingRecording, swing_numbers, touched_frames, whole_frames
 from myomorph.viscosity.tracking.rows import swing_recordings
-from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial, TrackingOptions, track
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0

@@ -19,7 +19,8 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.limb import with_clusters
 from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
-from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackingOptions, track
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackingOptions
 
 MARKERS_ONLY = TrackingOptions(clock=False, find_contact=False, center="model")
 SPECIMEN = arm_specimen()

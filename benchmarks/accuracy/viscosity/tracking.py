@@ -72,7 +72,8 @@ def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.nd
 def measure_noise() -> Iterable[Row]:
     """A row a size of cluster: errors of a frame by itself and through the filter; root mean squares."""
     from myomorph.simulate.shoulder import HELD
-    from myomorph.viscosity.tracking.track import TrackingOptions, track
+    from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.tracking.tracked import TrackingOptions
 
     for arm in ARMS:
         specimen, trials, exact = _trials(arm, NOISE)
@@ -129,7 +130,8 @@ FAULTS: dict[str, Callable[[np.ndarray, dict[str, int], np.ndarray], None] | Non
 
 def measure_faults() -> Iterable[Row]:
     """A row a fault, made in the first of three trials: the worst frame's error, and what is said."""
-    from myomorph.viscosity.tracking.track import TrackingOptions, track
+    from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.tracking.tracked import TrackingOptions
 
     specimen, trials, exact = _trials(0.04, NOISE)
     slipped = _trials(0.04, NOISE, SLIP)[1][0].markers.values

@@ -15,7 +15,7 @@ from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
 from myomorph.viscosity.study.results import NOTES
 from myomorph.viscosity.study.run import SpecimenOutcome
-from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.tracking.tracked import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 
 BAD_INPUT, OUR_FAULT = 2, 1

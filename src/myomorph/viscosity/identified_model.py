@@ -31,7 +31,7 @@ from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.viscosity.identification.identify import SpecimenViscosity
-from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
 STARTS = 6
 """Frames the search begins from; several, because it ends in the nearest minimum."""

@@ -19,7 +19,7 @@ from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
-from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.checks import Finding, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws

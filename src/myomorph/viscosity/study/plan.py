@@ -29,7 +29,7 @@ from myomorph.viscosity.cohort import QUANTITIES
 from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
-from myomorph.viscosity.tracking.track import TrackingOptions
+from myomorph.viscosity.tracking.tracked import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 from myomorph.viscosity.trust.models import PassiveOptions
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions

@@ -41,7 +41,8 @@ from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.tracking.rows import swing_recordings
-from myomorph.viscosity.tracking.track import TrackedSpecimen, track
+from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.checks import condition_findings
 from myomorph.viscosity.trust.cutoff import SCANNED, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws

@@ -15,7 +15,7 @@ from myomorph.viscosity.swings.motion import LimbMotion, differentiate_joint, le
 from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs
 from myomorph.viscosity.swings.recording import REACH, SwingRecording, near, swing_numbers, whole_frames
 from myomorph.viscosity.tracking.held import mean_rotation
-from myomorph.viscosity.tracking.track import TrackedSpecimen, TrackedTrial
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial
 
 MIN_ROTATION = 0.005
 """Angle between two turns under which the limb counts as still [rad]."""

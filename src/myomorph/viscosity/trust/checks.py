@@ -14,7 +14,7 @@ from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condi
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
-from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.forward import sense
 
 Kind = Literal["tare", "zero", "few swings", "small swing", "axis", "misfit", "lost frames", "clock", "slip"]

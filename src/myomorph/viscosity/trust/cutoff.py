@@ -17,7 +17,7 @@ from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inert
 from myomorph.viscosity.identification.torque import joint_viscosity, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
-from myomorph.viscosity.tracking.track import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
 SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)
 """Cutoffs whose results are compared [Hz]."""
