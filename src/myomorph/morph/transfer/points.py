@@ -89,7 +89,8 @@ def _lifted(carrier: Carrier, target: Shape, mapped: Array, feet: Array, facing:
     above = mapped - ground
     # The map may fold or stretch what is between foot and point; then the height is the bone's size times the old one.
     kept = carrier.size * depth
-    height = np.einsum("ij,ij->i", above, normals)
+    # Which side of the surface a point is on is asked of the surface: at an edge the normal of either face tells little.
+    height = target.signed(place + above)
     slack = 1e-9 * carrier.length
     wrong = (np.sign(height) * np.sign(depth) < 0) & (np.abs(height) > slack)
     wrong |= np.linalg.norm(above, axis=1) > DEEPER * np.abs(kept) + slack
