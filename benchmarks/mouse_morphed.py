@@ -31,11 +31,14 @@ from myomorph.morph.species.masses import with_possible_inertias, with_segment_s
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.lengths import length_unit
+from myomorph.motion.marker_checks import checked_kinematics, mended_in_time
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.inputs import fitted_to, read_recording
 from myomorph.tension.solve import Tension, solve_tension
@@ -121,16 +124,17 @@ def with_arms(folder: Path, legs: Model) -> Model:
 
 @lru_cache(maxsize=8)
 def followed(folder: Path, path: Path) -> Followed:
-    """A recording through calibration and inverse kinematics."""
+    """A recording through calibration and inverse kinematics, markers checked as the commands check them."""
     table = "mouse-treadmill" if path == folder / TREADMILL else "mouse-gait"
     model, _ = with_markers_of(whole_mouse(folder), read_species("human-mouse").markers, table)
     trial = fitted_to(model, read_recording(path))
     assert trial.markers is not None
     used = within_crossings(trial.markers, crossings(trial.markers, model))
+    used, _ = mended_in_time(model, used, length_unit(compile_tree(model)))
     weights = {name: KNEE for name in model.marker_names if "knee" in name.lower()}
     options = CalibrationOptions(marker_weights=weights, mass=MASS)
     found = calibrate(model, [used], options, path_lengths=default_path_lengths)
-    fit = inverse_kinematics(found.model, used, InverseKinematicsOptions(marker_weights=weights))
+    fit = checked_kinematics(found.model, used, InverseKinematicsOptions(marker_weights=weights)).fit
     name = "treadmill" if table == "mouse-treadmill" else path.stem.split("_trial")[0].removeprefix("Cage6_")
     return Followed(name, trial, used, found, fit)
 

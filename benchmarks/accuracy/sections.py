@@ -83,6 +83,7 @@ from benchmarks.accuracy.morph import (
     shapes,
     species,
     species_arm,
+    species_intervals,
     species_relative,
 )
 from benchmarks.accuracy.viscosity import calibrations, cohort, limbs, pendulum, scans, steps, tracking, trust, virtual
@@ -522,6 +523,7 @@ def _species(folder: Path) -> Page:
             "species_arm": lambda: species_arm.measure(folder),
             "species_arm_signs": lambda: species_arm.measure_arms(folder),
             "species_arm_forces": lambda: species_arm.measure_architecture(folder),
+            "species_intervals": lambda: species_intervals.measure(folder),
         },
     )
 

@@ -121,8 +121,8 @@ class _Displacement:
 def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None) -> MorphChecks:
     """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects.
 
-    Muscles with a point whose interval is not known have none, as where a bone was scaled with its neighbors or
-    mapped by landmarks alone.
+    Muscles with a point whose interval is not known, or on a bone that was not matched, have none, as where a bone was
+    scaled with its neighbors or mapped by landmarks alone.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[in
         sizes += [(moved[one.name].size[0] - one.size[0]) ** 2 for one in wraps]
         if progress is not None:
             progress(1)
-    unknown = {one.owner for one in morph.points if not np.isfinite(one.within)}
+    unknown = {one.owner for one in morph.points if not np.isfinite(one.within) or one.target_body not in known}
     found: list[MomentArms] = []
     for sums, one in zip(squares, checks.arms, strict=True):
         within = NINETY * np.sqrt(sums / DRAWS)

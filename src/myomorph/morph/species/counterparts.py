@@ -192,6 +192,8 @@ class SpeciesTable:
     relatives : where muscles begin or end on bones of relatives of the target, see `RelativeBone`
     straight : muscles of the source whose paths run from end to end in the target, without points or wraps between
     markers : tables of labels of recordings of the target, see `MarkerTable`
+    unlike : where muscles of other orders attach, 90 % lie within this share of the bone's length; 0 where nothing is
+        known of that
     warnings : of its file, one line each
     """
 
@@ -211,9 +213,12 @@ class SpeciesTable:
     markers: tuple[MarkerTable, ...] = ()
     relatives: tuple[RelativeBone, ...] = ()
     straight: tuple[str, ...] = ()
+    unlike: float = 0.0
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.unlike <= 1.0:
+            raise BadData(f"species table '{self.name}': unlike is {self.unlike:g}: expected a share from 0 to 1")
         named = [body for bone in self.bones for body in (*bone.sources, *bone.transferred)]
         twice = next((body for body in named if named.count(body) > 1), "")
         if twice:

@@ -16,7 +16,7 @@ from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import CoordinateTable
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
 from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
-from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures, scaled_architectures
@@ -272,7 +272,21 @@ def species_morph(
         name=name,
         architecture=known,
     )
-    return replace(morph, notes=(*bones.notes, *morph.notes))
+    points = _less_sure(morph.points, table.unlike, target_surfaces)
+    return replace(morph, points=points, notes=(*bones.notes, *morph.notes))
+
+
+def _less_sure(points: tuple[TransferredPoint, ...], unlike: float, surfaces: Surfaces) -> tuple[TransferredPoint, ...]:
+    """Points with intervals that hold how differently species attach their muscles, not only how bones were matched."""
+    if not unlike:
+        return points
+    lengths = {body: float(np.ptp(surface.vertices, axis=0).max()) for body, surface in surfaces.items()}
+    return tuple(
+        replace(one, within=float(np.hypot(np.nan_to_num(one.within), unlike * lengths[one.target_body])))
+        if one.target_body in lengths
+        else one
+        for one in points
+    )
 
 
 def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surfaces: Surfaces) -> Size:

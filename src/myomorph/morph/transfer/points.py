@@ -89,7 +89,7 @@ def _lifted(carrier: Carrier, target: Shape, mapped: Array, feet: Array, facing:
     above = mapped - ground
     # The map may fold or stretch what is between foot and point; then the height is the bone's size times the old one.
     kept = carrier.size * depth
-    # Which side of the surface a point is on is asked of the surface: at an edge the normal of either face tells little.
+    # The surface knows on which side of it a point is: at an edge the normal of either face tells little.
     height = target.signed(place + above)
     slack = 1e-9 * carrier.length
     wrong = (np.sign(height) * np.sign(depth) < 0) & (np.abs(height) > slack)

@@ -16,6 +16,7 @@ from myomorph.model.deprecated import current_keys
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
+from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.morphed import Morph
@@ -68,6 +69,7 @@ KEYS = frozenset(
         "markers",
         "relative",
         "straight",
+        "unlike",
     ),
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
@@ -146,6 +148,7 @@ def _table(given: Table, name: str) -> SpeciesTable:
         tuple(_markers(one) for one in given.get("markers", ())),
         tuple(_relative(one) for one in given.get("relative", ())),
         tuple(given.get("straight", {}).get("muscles", ())),
+        float(given.get("unlike", {}).get("attachments", 0.0)),
     )
 
 
@@ -334,6 +337,8 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
     fields |= {"mass": files.mass, "protocol": files.protocol}
     made = provenance_of("morph", files.sources(), settings.plain() | fields)
     checks = check_morph(morph, coordinates=coordinate_table(table, source, target))
+    with progress("intervals", DRAWS, "models") as advance:
+        checks = with_arm_intervals(morph, checks, advance)
     morph = _whole_animal(morph, files, table)
     return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings))), bones[1]
 

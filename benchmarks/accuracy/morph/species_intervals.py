@@ -1,0 +1,94 @@
+"""Whether intervals of attachments and moment arms on another species hold, through the command's own way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.morph import species_arm
+from benchmarks.accuracy.morph.species import ANATOMIST, Ground, Muscles, on_skeleton
+from benchmarks.species_cases import BONES, MAN, MOUSE, anatomist_on_skeleton
+from myomorph.model.model import Model
+from myomorph.morph.morphed import Morph
+from myomorph.morph.species.counterparts import MuscleHomology
+from myomorph.study.subject.morphing import Morphed, MorphSettings
+from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files
+
+LEG, ARM = "human-mouse", "human-mouse-arm"
+
+
+@cache
+def morphed(data: Path, table: str) -> Morphed:
+    """What `myomorph morph --target` makes."""
+    source, geometry = (data / MAN, data / BONES) if table == LEG else (Path("myo-sim:myoarm"), None)
+    return species_files(SpeciesFiles(source, data / MOUSE, table, geometry), MorphSettings.of({}))[0]
+
+
+def measure(data: Path) -> Iterator[dict[str, object]]:
+    """A row for the ends of each limb's muscles, and one for moment arms about each coordinate."""
+    if not all((data / one).exists() for one in (ANATOMIST, MOUSE, species_arm.FORELIMB, MAN)):
+        return
+    legs, arms = on_skeleton(data), species_arm.ground(data)
+    limbs = (
+        ("leg, by which the interval was set", LEG, legs, anatomist_on_skeleton(data).model),
+        ("arm, which was not used", ARM, arms, species_arm.forelimb_on_skeleton(data).model),
+    )
+    for limb, table, ground, truth in limbs:
+        found = morphed(data, table)
+        pairs = [one for one in read_species(table).muscles if set(one.sources) <= set(found.morph.model.muscle_names)]
+        away, within = _ends(found.morph, truth, pairs, ground)
+        yield {"of": f"ends of muscles of the {limb}"} | _row(away, within)
+        standing = replace(ground, posture={})
+        for word, name in ground.coordinates.items():
+            apart, sure = _arms(found, truth, pairs, standing, word, name)
+            if len(apart):
+                yield {"of": f"moment arms about the {word}"} | _row(apart, sure)
+
+
+def _ends(morph: Morph, truth: Model, pairs: list[MuscleHomology], ground: Ground) -> tuple[np.ndarray, np.ndarray]:
+    """(ends,) distances from the truth and intervals [m]; of several parts of a muscle the middle and the mean."""
+    ours, theirs = Muscles(morph.model, ground), Muscles(truth, ground)
+    away, within = [], []
+    for pair in pairs:
+        for which in (0, -1):
+            away.append(float(np.linalg.norm(ours.ends(pair.sources, which) - theirs.ends(pair.targets, which))))
+            body = ours.body(pair.sources[0], which)
+            own = [p.within for p in morph.points if p.owner in pair.sources and p.target_body == body]
+            within.append(float(np.mean(own)))
+    return np.array(away), np.array(within)
+
+
+def _arms(
+    found: Morphed, truth: Model, pairs: list[MuscleHomology], ground: Ground, word: str, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """(muscles,) mean moment arms over the range, how far from the truth's, and the mean of their intervals [m]."""
+    ours, theirs = Muscles(found.morph.model, ground), Muscles(truth, ground)
+    own = next((one for one in found.checks.arms if one.pair.target == name), None)
+    if own is None or own.within is None:
+        return np.zeros(0), np.zeros(0)
+    apart, within = [], []
+    for pair in pairs:
+        if not set(pair.sources) <= set(own.muscles):
+            continue
+        columns = [own.muscles.index(one) for one in pair.sources]
+        sure = float(np.mean(own.within[:, columns]))
+        mine, other = float(ours.arm(pair.sources, word).mean()), float(theirs.arm(pair.targets, word).mean())
+        if np.isfinite(sure) and (mine or other):
+            apart.append(abs(mine - other))
+            within.append(sure)
+    return np.array(apart), np.array(within)
+
+
+def _row(away: np.ndarray, within: np.ndarray) -> dict[str, object]:
+    known = np.isfinite(within)
+    return {
+        "number": int(known.sum()),
+        "off, median [mm]": 1e3 * float(np.median(away[known])),
+        "off, 90 % [mm]": 1e3 * float(np.quantile(away[known], 0.9)),
+        "interval, median [mm]": 1e3 * float(np.median(within[known])),
+        "intervals hold [%]": 100.0 * float(np.mean(away[known] <= within[known])),
+    }
