@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.morph.correspondence import BEND, Deformation, bone, carried, deformed
 
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.affine import affine_ways, hull_moments, rotation_grid
 from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.points import put_on_surface
+
+
+class Exact:
+    """A deformation as a map."""
+
+    def __init__(self, change: Deformation):
+        self.apply = change
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +64,20 @@ def test_attachments_on_a_bent_bone_lie_within_their_intervals():
     assert apart.max() < 4e-3
     assert np.mean(apart <= within) > 0.7
     assert np.median(apart) < np.median(within) < 3e-3
+
+
+@pytest.mark.parametrize("body", ["tibia_r", "pelvis", "calcn_r"])
+def test_where_the_map_is_right_no_point_is_moved(body):
+    """Through the true deformation every point goes to its place, beside edges of the bone too."""
+    surface, points, _ = bone(body)
+    for seed in (20, 22, 24):
+        change = Deformation(surface, seed, BEND)
+        target = deformed(surface, change)
+        whole = procrustes(surface.vertices, change(surface.vertices), True)
+        true = BoneMap(body, body, Exact(change), whole, "given", source=surface, target=target)
+        put = put_on_surface(Carrier(true, body), points, 0.02)
+        # Flat triangles of the target are cut off from what they were bent from.
+        assert np.linalg.norm(put.points - change(points), axis=1).max() < 0.003 * change.length
 
 
 def test_a_shaft_slides_to_its_place():

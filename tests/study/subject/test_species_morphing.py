@@ -109,6 +109,8 @@ def test_a_table_of_ones_own(tmp_path):
         (("sources =", "bones ="), "'bones'"),
         (("proximal = 1 }", "upward = 1 }"), "no direction 'upward'"),
         (("[frames]", "[frame]"), "'frame'"),
+        (("[frames]", "[unlike]\nattachments = 4\n[frames]"), "share from 0 to 1"),
+        (("[frames]", "[scaling]\nfactor = 1\n[frames]"), "the scaling has 'factor'"),
     ],
 )
 def test_a_bad_table_is_named(tmp_path, change, told):
@@ -157,6 +159,9 @@ def test_a_mouse_gets_a_mans_arms(data):
     assert ours >= {"DELT2", "DELT3", "TRIlong", "BIClong", "BRA", "SUBSC", "FCU", "PT"}
     assert set(model.muscle_names) == ours | {f"{name}_l" for name in ours}
     assert "DELT1" not in ours
+    # As unsure as species are unlike: of a humerus of 13 mm more than 5.
+    assert all(one.within > 5e-3 for one in morphed.morph.points if one.target_body == "mouse__RHumerus")
+    assert any(one.within is not None and np.isfinite(one.within).all() for one in morphed.checks.arms)
     man = read_model("myo-sim:myoarm")
     lengths = {one: model.muscle(one).optimal_fiber_length / man.muscle(one).optimal_fiber_length for one in ours}
     (size,) = {round(length / law.fiber, 9) for length in lengths.values()}
