@@ -133,6 +133,8 @@ def test_strands_in_one_line_hold_nothing_across():
         branch_load(replace(model, muscles=()), "upper")
     with pytest.raises(UnknownName, match="nowhere"):
         branch_load(model, "nowhere")
+    with pytest.raises(UnknownName, match="tendon"):
+        branch_places(model, replace(load, muscles=(*tuple(ENDS)[:3], "tendon")))
 
 
 def bone(body: str, matrix: np.ndarray) -> BoneMap:

@@ -151,7 +151,11 @@ def branch_places(
     ------
     UnknownName : the model lacks the body, or a strand
     """
-    freed = _FreeLink(model, load.link, riders or riders_of(model, load.link), motion)
+    for name in load.muscles:
+        check_name("muscle", name, model.muscle_names)
+    riding = riders or riders_of(model, load.link)
+    strands = {name: numbers for name, numbers in riding.points.items() if name in load.muscles}
+    freed = _FreeLink(model, load.link, replace(riding, points=FrozenMap(strands)), motion)
     order = [load.muscles.index(name) for name in freed.muscles]
     tensions = load.tensions[order]
     moved = np.zeros((freed.frames, 3))

@@ -1,4 +1,4 @@
-"""What following a specimen's bones is told, and what it gives: motion, wrench and doubts of every trial."""
+"""Options of following a specimen's bones, and the result: motion, wrench and doubts of every trial."""
 
 from __future__ import annotations
 
