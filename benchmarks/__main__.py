@@ -1,8 +1,9 @@
-"""`python -m benchmarks NAME [--json FILE]`: run one comparison and print its medians and ratios."""
+"""`python -m benchmarks NAME [--csv FILE] [--json FILE]`: run one comparison and print its medians and ratios."""
 
 from __future__ import annotations
 
 import argparse
+import csv
 import importlib
 import json
 from pathlib import Path
@@ -37,6 +38,7 @@ COMPARISONS = {
     "results": ("benchmarks.speed.results", "writing the file of a trial, beside h5netcdf"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
+    "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
     "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),
@@ -50,21 +52,32 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    given, rest = parser.parse_known_args()
-    comparison = importlib.import_module(COMPARISONS[given.name][0])
-    own = argparse.ArgumentParser(prog=f"python -m benchmarks {given.name}", add_help=False)
+    parser.add_argument("--csv", type=Path, help="write the rows to this table too")
+    options, rest = parser.parse_known_args()
+    comparison = importlib.import_module(COMPARISONS[options.name][0])
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks {options.name}", add_help=False)
     if hasattr(comparison, "add_options"):
-        comparison.add_options(own)
-    rows = comparison.run(**vars(own.parse_args(rest)))
+        comparison.add_options(parser)
+    rows = comparison.run(**vars(parser.parse_args(rest)))
     print_rows(rows)
-    if given.json:
-        given.json.write_text(json.dumps(rows, indent=1, default=float))
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1, default=float))
+    if options.csv:
+        write_csv(options.csv, rows)
 
 
 def print_rows(rows: list[dict[str, object]]) -> None:
     """Rows as text, one line each."""
     for row in rows:
         print("; ".join(f"{key}: {_short(value)}" for key, value in row.items()))
+
+
+def write_csv(path: Path, rows: list[dict[str, object]]) -> None:
+    """Rows as a table with a column for each key; floats with four digits."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in rows for key in row)))
+        writer.writeheader()
+        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
 
 
 def _short(value: object) -> str:
