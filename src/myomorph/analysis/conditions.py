@@ -76,20 +76,20 @@ def compare_conditions(conditions: Sequence[Condition], options: GroupOptions | 
     compared in numbers only.
     """
     options = options or GroupOptions()
-    pairs = list(itertools.combinations([one for one in conditions if one.subjects], 2))
+    pairs = list(itertools.combinations([condition for condition in conditions if condition.subjects], 2))
     own = replace(options, alpha=options.alpha / max(len(pairs), 1))
-    found = []
+    result = []
     for one, other in pairs:
         first, second = (Group(each.name, each.subjects) for each in (one, other))
         if one.cycle != other.cycle:
             first, second = _without_curves(first), _without_curves(second)
-        found.append(_compared(first, second, own))
-    return found
+        result.append(_compared(first, second, own))
+    return result
 
 
 def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     """Within subjects where some have both, else as groups; a few with both are left out of large groups."""
-    shared = {one.name for one in first.animals} & {one.name for one in second.animals}
+    shared = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if not shared:
         return compare_groups(first, second, options)
     alone = [Group(one.name, tuple(each for each in one.animals if each.name not in shared)) for one in (first, second)]
@@ -101,7 +101,7 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
 
 
 def _without_curves(group: Group) -> Group:
-    return Group(group.name, tuple(replace(one, curves={}) for one in group.animals))
+    return Group(group.name, tuple(replace(animal, curves={}) for animal in group.animals))
 
 
 FAR = 3.5

@@ -94,36 +94,38 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
 def solved_contacts(forces: ContactForces) -> Contacts:
     """Contacts that estimated forces were allowed at: runs of a strength above 0."""
     touches = []
-    for k, site in enumerate(forces.sites):
-        for start, stop in runs(forces.strengths[:, k] > 0.0):
-            sure = float(forces.strengths[start:stop, k].max())
+    for index, site in enumerate(forces.sites):
+        for start, stop in runs(forces.strengths[:, index] > 0.0):
+            sure = float(forces.strengths[start:stop, index].max())
             touches.append(
                 Touch(site.name, float(forces.time[start]), float(forces.time[stop - 1]), site.against, min(sure, 1.0))
             )
     return Contacts(forces.names, tuple(touches))
 
 
-def graph_rows(given: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
+def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
     """One row a site that touches the ground, one a surface that is struck, feet and hands of a side together."""
     rows: dict[tuple[str, str], list[Touch]] = {}
-    for touch in given.intervals:
+    for touch in contacts.intervals:
         struck = touch.surface != GROUND and is_stroke(touch)
         key = ("", touch.surface) if struck else (touch.site, touch.surface)
         rows.setdefault(key, []).append(touch)
-    for site in given.sites:
-        if not any(key[0] == site for key in rows) and not any(one.site == site for one in given.intervals):
+    for site in contacts.sites:
+        if not any(key[0] == site for key in rows) and not any(
+            interval.site == site for interval in contacts.intervals
+        ):
             rows[(site, GROUND)] = []
-    found: list[tuple[Limb, int, Row]] = []
+    limb_rows: list[tuple[Limb, int, Row]] = []
     for (site, surface), touches in rows.items():
         limb = limb_of(site, who) if site else Limb("", "", "")
         label = row_label(site, who) if site else printed(surface)
         if site and surface != GROUND:
             label += f" on {row_label(surface, who).lower()}"
-        place = given.sites.index(site) if site else len(found)
-        found.append((limb, place, Row(label, limb.side, tuple(touches))))
+        place = contacts.sites.index(site) if site else len(limb_rows)
+        limb_rows.append((limb, place, Row(label, limb.side, tuple(touches))))
     order = {"right": 0, "left": 1, "": 2}
-    found.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side], one[1]))
-    return tuple(row for _, _, row in found)
+    limb_rows.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side], one[1]))
+    return tuple(row for _, _, row in limb_rows)
 
 
 def row_label(site: str, who: Sequence[Subject] = ()) -> str:
@@ -140,12 +142,12 @@ def is_stroke(touch: Touch) -> bool:
     return touch.source == "sound" or touch.stop - touch.start < SHORTEST_LINE
 
 
-def limb_states(given: Contacts, time: Array, who: Sequence[Subject] = ()) -> tuple[tuple[Limb, ...], np.ndarray]:
+def limb_states(contacts: Contacts, time: Array, who: Sequence[Subject] = ()) -> tuple[tuple[Limb, ...], np.ndarray]:
     """Limbs, and whether any site of each touches anything, (frames, limbs)."""
-    states = given.states(time)
-    homes = [limb_of(site, who) for site in given.sites]
+    states = contacts.states(time)
+    homes = [limb_of(site, who) for site in contacts.sites]
     limbs = tuple(dict.fromkeys(homes))
     touching = np.zeros((len(time), len(limbs)), dtype=bool)
-    for k, home in enumerate(homes):
-        touching[:, limbs.index(home)] |= states.values[:, k] >= 0.5
+    for index, home in enumerate(homes):
+        touching[:, limbs.index(home)] |= states.values[:, index] >= 0.5
     return limbs, touching

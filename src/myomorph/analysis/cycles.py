@@ -265,11 +265,11 @@ def _between(time: Array, values: Array, at: Array, step: float) -> Array:
     span = time[after] - time[after - 1]
     share = ((at - time[after - 1]) / span)[..., None]
     before = values[after - 1]
-    found: Array = before + share * (values[after] - before)
+    result: Array = before + share * (values[after] - before)
     apart = np.where(time[after] == at, 0.0, span)
     longest = np.maximum(LONGEST_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
-    found[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
-    return found
+    result[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
+    return result
 
 
 def band(curves: ArrayLike, confidence: float = 0.95) -> Band:

@@ -191,7 +191,7 @@ def on_plates(
     options: StrideOptions,
 ) -> FootTrack:
     """Events that plates show in place of the nearest ones of the points, those within the points' span of time [s]."""
-    columns = [k for k, body in enumerate(wrenches.bodies) if body in limb.bodies]
+    columns = [index for index, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:
         return track
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else float(np.ptp(wrenches.time))
@@ -217,7 +217,7 @@ STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact
 def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events") -> FootTrack:
     """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
     side = split_side(limb.name)[1]
-    own = [one for one in events if side and one.side.lower() == side]
+    own = [event for event in events if side and event.side.lower() == side]
     strikes, lifts = (
         [one.time for one in own if one.label.lower().replace("_", " ").strip() in names] for names in (STRIKES, LIFTS)
     )
@@ -241,7 +241,7 @@ def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
 
     A stride from an event of one kind to one of the other would be too long or too short by that.
     """
-    kept = [one for one in events if all(abs(one - other) > near for other in better)]
+    kept = [event for event in events if all(abs(event - other) > near for other in better)]
     off = [other - events[int(np.argmin(np.abs(events - other)))] for other in better] if len(events) else []
     off = [one for one in off if abs(one) <= near]
     shift = float(np.median(off)) if off else 0.0

@@ -178,12 +178,12 @@ class Comparison:
 
     def family(self, name: str) -> tuple[CurveDifference, ...]:
         """Curves of one family."""
-        return tuple(one for one in self.curves if one.family == name)
+        return tuple(curve for curve in self.curves if curve.family == name)
 
     @property
     def families(self) -> tuple[str, ...]:
         """Names of the families of curves."""
-        return tuple(dict.fromkeys(one.family for one in self.curves))
+        return tuple(dict.fromkeys(curve.family for curve in self.curves))
 
 
 def compare_groups(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
@@ -201,7 +201,7 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     for group in (first, second):
         if not group.animals:
             raise BadData(f"group '{group.name}' has no animals")
-    both = {one.name for one in first.animals} & {one.name for one in second.animals}
+    both = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if both:
         raise BadData(f"'{min(both)}' is in both groups")
     n, m = len(first.animals), len(second.animals)
@@ -225,12 +225,12 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     BadData : no subject has both
     """
     options = options or GroupOptions()
-    own = {one.name: one for one in second.animals}
-    pairs = [(one, own[one.name]) for one in first.animals if one.name in own]
+    own = {animal.name: animal for animal in second.animals}
+    pairs = [(animal, own[animal.name]) for animal in first.animals if animal.name in own]
     if not pairs:
         raise BadData(f"no subject has both '{first.name}' and '{second.name}'")
     both = {one.name for one, _ in pairs}
-    alone = [one.name for one in (*first.animals, *second.animals) if one.name not in both]
+    alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
     notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
     n = len(pairs)
     few = f"{n} subjects with both are described, not tested: a test needs {FEWEST} or more"
@@ -251,7 +251,7 @@ def _compared(
         *([] if tested else words[:1]),
         *([words[1].format(floor)] if floor > options.alpha else []),
     ]
-    members = [tuple((one.name, one.strides) for one in group.animals) for group in (first, second)]
+    members = [tuple((animal.name, animal.strides) for animal in group.animals) for group in (first, second)]
     return Comparison(
         (first.name, second.name),
         (members[0], members[1]),
@@ -310,15 +310,15 @@ def _described(values: Array) -> tuple[float, float, int]:
 def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, Array, Array]:
     """Difference of two groups' means, with spreads of their own (Welch 1947), or mean of one sample; its interval."""
     nothing = np.full(samples[0].shape[1:], np.nan)
-    if not all(len(one) for one in samples):
+    if not all(len(sample) for sample in samples):
         return nothing, nothing, nothing
-    means = [one.mean(axis=0) for one in samples]
+    means = [sample.mean(axis=0) for sample in samples]
     difference = means[0] - means[1] if len(means) > 1 else means[0]
-    if min(len(one) for one in samples) < 2:
+    if min(len(sample) for sample in samples) < 2:
         return difference, nothing, nothing
-    errors = [one.var(axis=0, ddof=1) / len(one) for one in samples]
+    errors = [sample.var(axis=0, ddof=1) / len(sample) for sample in samples]
     with np.errstate(divide="ignore", invalid="ignore"):
-        parts = sum(error**2 / (len(one) - 1) for one, error in zip(samples, errors, strict=True))
+        parts = sum(error**2 / (len(sample) - 1) for sample, error in zip(samples, errors, strict=True))
         freedom = sum(errors) ** 2 / parts
     half = student_quantile(np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence) * np.sqrt(sum(errors))
     return difference, difference - half, difference + half
@@ -328,7 +328,7 @@ def _curves(
     first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
-    found: list[CurveDifference] = []
+    curve_differences: list[CurveDifference] = []
     for family in _common_names([tuple(one.curves) for one in animals], "kinds of curves", notes):
         names = _common_names([one.curves[family].names for one in animals], f"{family}: curves", notes)
         if not names:
@@ -344,15 +344,16 @@ def _curves(
         g, sizes = hedges_g(*samples), [len(part) for part in samples]
         difference, low, high = _mean_interval(samples, options.confidence)
         g_low, g_high = g_curve_interval(g, *sizes, confidence=options.confidence)
-        for k, name in enumerate(names):
-            first_band, second_band = (band(part[:, k], options.confidence) for part in (one, other))
-            found.append(
+        for index, name in enumerate(names):
+            first_band, second_band = (band(part[:, index], options.confidence) for part in (one, other))
+            curve_differences.append(
                 CurveDifference(
-                    family, name, first_band, second_band, (one[:, k], other[:, k]), difference[k], low[k], high[k],
-                    g[k], g_low[k], g_high[k], p[k], regions(p[k] < options.alpha),
+                    family, name, first_band, second_band, (one[:, index], other[:, index]),
+                    difference[index], low[index], high[index],
+                    g[index], g_low[index], g_high[index], p[index], regions(p[index] < options.alpha),
                 )
             )  # fmt: skip
-    return tuple(found)
+    return tuple(curve_differences)
 
 
 def regions(differs: np.ndarray) -> tuple[tuple[float, float], ...]:

@@ -63,7 +63,7 @@ def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ..
         return ()
     found = []
     for name, force in zip(loads.names, loads.values.T, strict=True):
-        own = [(k, one.start, one.stop) for k, one in enumerate(own_strides(name, strides), 1)]
+        own = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
         for number, start, stop in own or [(0, float(loads.time[0]), float(loads.time[-1]))]:
             one = _between(name, number, loads.time, force, start, stop)
             found += [one] if one is not None else []

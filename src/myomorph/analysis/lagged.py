@@ -99,15 +99,15 @@ def correlate(rows: Series, columns: Series, options: LagOptions | None = None) 
 
 def _standard(series: Series, even: Array) -> Array:
     """Columns at even times, of mean 0 and variance 1; NaN where one does not vary or is unknown somewhere."""
-    found = np.full((len(even), len(series.names)), np.nan)
-    for k, column in enumerate(series.values.T):
+    result = np.full((len(even), len(series.names)), np.nan)
+    for index, column in enumerate(series.values.T):
         known = np.isfinite(column)
         if known.mean() > 0.8 and known.sum() > 1:
             values = np.interp(even, series.time[known], column[known])
             spread = float(values.std())
             if spread > 1e-9 * float(np.abs(values).max()):
-                found[:, k] = (values - values.mean()) / spread
-    return found
+                result[:, index] = (values - values.mean()) / spread
+    return result
 
 
 def _strongest(x: Array, y: Array, reach: int) -> tuple[Array, Array]:
@@ -130,8 +130,8 @@ def _freedom(x: Array, y: Array) -> Array:
     count = len(x)
     powers = [np.abs(np.fft.rfft(np.nan_to_num(one), axis=0)[1:]) ** 2 for one in (x, y)]
     if count % 2 == 0:
-        for one in powers:
-            one[-1] *= 0.5
+        for power in powers:
+            power[-1] *= 0.5
     totals = [one.sum(axis=0) for one in powers]
     shared = powers[0].T @ powers[1]
     return np.clip(2.0 * np.outer(*totals) / np.maximum(shared, 1e-300), 1.0, count - 1.0)
@@ -223,9 +223,9 @@ def _waves(series: Series, start: float, period: float, count: int) -> NDArray[n
     turn = np.exp(-2.0j * np.pi * phase) * 2.0 / samples
     line = np.stack([np.ones(samples), phase], axis=1)
     off = np.eye(samples) - line @ np.linalg.pinv(line)
-    found = np.empty((count, len(series.names)), dtype=np.complex128)
-    for k in range(count):
-        time = start + (k + phase) * period
+    result = np.empty((count, len(series.names)), dtype=np.complex128)
+    for index in range(count):
+        time = start + (index + phase) * period
         values = np.stack([np.interp(time, series.time, column) for column in series.values.T], axis=1)
-        found[k] = turn @ off @ values
-    return found
+        result[index] = turn @ off @ values
+    return result

@@ -92,7 +92,7 @@ class LengthAnalysis:
     @property
     def ranges(self) -> tuple[MuscleRange, ...]:
         """What each muscle does in a stride; those without a whole stride are left out."""
-        found = (self._range(k) for k in range(len(self.muscles)))
+        found = (self._range(index) for index in range(len(self.muscles)))
         return tuple(one for one in found if one is not None)
 
     def _range(self, k: int) -> MuscleRange | None:
@@ -178,7 +178,7 @@ def curves_table(analysis: LengthAnalysis) -> str:
     for limb, cycles in analysis.lengths.items():
         for stride, curves in zip(analysis.strides[limb], cycles.values, strict=True):
             for j, muscle in enumerate(cycles.names):
-                values = ("" if np.isnan(one) else f"{1e3 * one:.5g}" for one in curves[:, j])
+                values = ("" if np.isnan(curve) else f"{1e3 * curve:.5g}" for curve in curves[:, j])
                 rows.append((limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values))
     return _csv(head, rows)
 
@@ -195,13 +195,24 @@ RANGE_HEAD = (
 )  # fmt: skip
 
 
-def range_row(one: MuscleRange) -> tuple[str, ...]:
+def range_row(muscle_range: MuscleRange) -> tuple[str, ...]:
     """A muscle's line, under `RANGE_HEAD`."""
-    numbers = (1e3 * one.shortest, one.shortest_at, 1e3 * one.longest, one.longest_at, 1e3 * one.standing)
-    shares = (one.excursion, one.shortening, one.lengthening)
-    return (one.muscle, one.limb, str(one.strides), *(f"{value:.4g}" for value in (*numbers, *shares)))
+    numbers = (
+        1e3 * muscle_range.shortest,
+        muscle_range.shortest_at,
+        1e3 * muscle_range.longest,
+        muscle_range.longest_at,
+        1e3 * muscle_range.standing,
+    )
+    shares = (muscle_range.excursion, muscle_range.shortening, muscle_range.lengthening)
+    return (
+        muscle_range.muscle,
+        muscle_range.limb,
+        str(muscle_range.strides),
+        *(f"{value:.4g}" for value in (*numbers, *shares)),
+    )
 
 
 def ranges_table(analysis: LengthAnalysis) -> str:
     """What every muscle does in a stride, as CSV."""
-    return _csv(RANGE_HEAD, [range_row(one) for one in analysis.ranges])
+    return _csv(RANGE_HEAD, [range_row(span) for span in analysis.ranges])

@@ -28,14 +28,14 @@ class Stage:
     @property
     def duration(self) -> float:
         """Of all together [s]."""
-        return sum(one.stop - one.start for one in self.phases)
+        return sum(phase.stop - phase.start for phase in self.phases)
 
     def inside(self, time: Array) -> np.ndarray:
         """(frames,) which times belong to it; a border belongs to the later one."""
-        found = np.zeros(len(time), dtype=bool)
-        for one in self.phases:
-            found |= (time >= one.start - 1e-9) & (time < one.stop - 1e-9)
-        return found
+        result = np.zeros(len(time), dtype=bool)
+        for phase in self.phases:
+            result |= (time >= phase.start - 1e-9) & (time < phase.stop - 1e-9)
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Cutting:
     @property
     def phases(self) -> tuple[Phase, ...]:
         """All phases in order of time."""
-        return tuple(sorted((one for stage in self.stages for one in stage.phases), key=lambda one: one.start))
+        return tuple(sorted((phase for stage in self.stages for phase in stage.phases), key=lambda one: one.start))
 
 
 @read_only
@@ -73,10 +73,12 @@ class Cuttable:
     period: float = float("nan")
 
 
-def cut(what: Cuttable, cuts: Sequence[Cut], given: Sequence[Phase] = ()) -> Cutting:
+def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cutting:
     """Phases as given; else by the first of the cuts that makes at least two and not too many of them."""
-    if given:
-        return Cutting(tuple(Stage(one.name, (one,)) for one in sorted(given, key=lambda one: one.start)), "given")
+    if phases:
+        return Cutting(
+            tuple(Stage(phase.name, (phase,)) for phase in sorted(phases, key=lambda one: one.start)), "given"
+        )
     makers: dict[Cut, Callable[[Cuttable], tuple[Stage, ...]]] = {
         "events": _between_events,
         "contacts": _by_contacts,
@@ -100,7 +102,7 @@ def _single(borders: Sequence[float], names: Sequence[str]) -> tuple[Stage, ...]
 
 def _between_events(what: Cuttable) -> tuple[Stage, ...]:
     """From one event to the next, named after both; what lies before the first and after the last too."""
-    inside = [one for one in what.events if what.span[0] < one.time < what.span[1]]
+    inside = [event for event in what.events if what.span[0] < event.time < what.span[1]]
     if not inside:
         return ()
     labels = [f"{one.side[:1]} {one.label.replace('Foot ', '').lower()}".strip() for one in inside]
@@ -224,7 +226,7 @@ def measure(
     unknown = np.full(3, np.nan)
     mean, reach, variance = unknown, unknown, unknown
     if center is not None:
-        own = [center.values[Stage("", (one,)).inside(center.time)] for one in stage.phases]
+        own = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
         own = [kept for one in own if len(kept := one[np.isfinite(one).all(axis=1)])]
         if own:
             share = np.array([len(one) for one in own]) / sum(len(one) for one in own)

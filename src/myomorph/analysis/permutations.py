@@ -97,7 +97,7 @@ def permutation_test(
     BadData : shapes that differ, or fewer than three in a group, or pairs
     """
     groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
-    sizes, shape = [len(one) for one in groups], groups[0].shape[1:]
+    sizes, shape = [len(group) for group in groups], groups[0].shape[1:]
     if groups[-1].shape[1:] != shape:
         raise BadData(f"groups of shapes {groups[0].shape} and {groups[1].shape}: expected the same but for members")
     if min(sizes) < FEWEST:
@@ -180,11 +180,11 @@ def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
     (...), NaN with fewer than two members in a group, fewer than three pairs, or without any spread
     """
     groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
-    freedom = sum(len(one) - 1 for one in groups)
+    freedom = sum(len(group) - 1 for group in groups)
     # One degree of freedom has no unbiased estimate.
-    if min(len(one) for one in groups) < 2 or freedom < 2:
+    if min(len(group) for group in groups) < 2 or freedom < 2:
         return np.full(groups[0].shape[1:], np.nan)
-    spread = np.sqrt(sum((len(one) - 1) * one.var(axis=0, ddof=1) for one in groups) / freedom)
+    spread = np.sqrt(sum((len(group) - 1) * group.var(axis=0, ddof=1) for group in groups) / freedom)
     difference = groups[0].mean(axis=0) - (groups[1].mean(axis=0) if second is not None else 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         d = np.where(spread > 0.0, difference / spread, np.nan)
@@ -207,7 +207,7 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
     """
     if not np.isfinite(g) or min(sizes) < 2:
         return float("nan"), float("nan")
-    freedom, scale = sum(sizes) - len(sizes), float(np.sqrt(1.0 / sum(1.0 / one for one in sizes)))
+    freedom, scale = sum(sizes) - len(sizes), float(np.sqrt(1.0 / sum(1.0 / size for size in sizes)))
     t = g / _unbiased(freedom) * scale
     tail = 0.5 - 0.5 * confidence
     reach = 8.0 * np.sqrt(1.0 + t**2 / (2.0 * freedom))
@@ -231,7 +231,7 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
     """
     if min(sizes) < 2:
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
-    error = np.sqrt(sum(1.0 / one for one in sizes) + g**2 / (2.0 * sum(sizes)))
+    error = np.sqrt(sum(1.0 / size for size in sizes) + g**2 / (2.0 * sum(sizes)))
     half = student_quantile(sum(sizes) - len(sizes), 0.5 + 0.5 * confidence) * error
     return g - half, g + half
 
@@ -239,20 +239,20 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
 def holm(p: ArrayLike) -> Array:
     """Several p corrected for their number by Holm (1979), in the given order; NaN stays out."""
     given = np.asarray(p, dtype=np.float64)
-    found = np.full(given.shape, np.nan)
+    result = np.full(given.shape, np.nan)
     known = np.flatnonzero(np.isfinite(given))
     order = known[np.argsort(given[known])]
     steps = given[order] * (len(order) - np.arange(len(order)))
-    found[order] = np.minimum(np.maximum.accumulate(steps), 1.0) if len(order) else steps
-    return found
+    result[order] = np.minimum(np.maximum.accumulate(steps), 1.0) if len(order) else steps
+    return result
 
 
 def benjamini_hochberg(p: ArrayLike) -> Array:
     """Several q: share of false calls among all with a q as small (Benjamini and Hochberg 1995)."""
     given = np.asarray(p, dtype=np.float64)
-    found = np.full(given.shape, np.nan)
+    result = np.full(given.shape, np.nan)
     known = np.flatnonzero(np.isfinite(given))
     order = known[np.argsort(given[known])]
     steps = given[order] * len(order) / np.arange(1, len(order) + 1)
-    found[order] = np.minimum(np.minimum.accumulate(steps[::-1])[::-1], 1.0) if len(order) else steps
-    return found
+    result[order] = np.minimum(np.minimum.accumulate(steps[::-1])[::-1], 1.0) if len(order) else steps
+    return result

@@ -101,8 +101,8 @@ class Preset:
             ("muscle", self.muscles, tuple(MUSCLES)),
             ("cut", self.cuts, CUTS),
         ):
-            for one in names:
-                check_name(kind, one, known, f"the preset '{self.name}': the report")
+            for name in names:
+                check_name(kind, name, known, f"the preset '{self.name}': the report")
 
 
 _ARM = ("Deltoid, anterior", "Deltoid, posterior", "Biceps brachii, long head", "Triceps brachii, lateral head")

@@ -99,7 +99,7 @@ class Strides:
     def of(self, limb: str) -> tuple[Stride, ...]:
         """Strides of one limb; raises `UnknownName`."""
         index_of("limb", limb, tuple(self.strikes), "the strides")
-        return tuple(one for one in self.strides if one.limb == limb)
+        return tuple(stride for stride in self.strides if stride.limb == limb)
 
 
 def find_strides(
@@ -198,9 +198,9 @@ def find_strides(
                 f"the ground moves at {ground:.3g} m/s as standing feet do; give the belt's speed if it is known"
             )
     strides = [
-        one
+        stride
         for name, track in tracks.items()
-        for one in _strides(points.time, name, tracks, along, np.cross(up, along), ground, options)
+        for stride in _strides(points.time, name, tracks, along, np.cross(up, along), ground, options)
     ]
     strikes, lifts = (
         {limb.name: getattr(tracks[limb.name], what) if limb.name in tracks else np.zeros(0) for limb in limbs}
@@ -208,7 +208,7 @@ def find_strides(
     )
     first = strikes[limbs[0].name]
     return Strides(
-        tuple(sorted(strides, key=lambda one: one.start)),
+        tuple(sorted(strides, key=lambda stride: stride.start)),
         FrozenMap(strikes),
         FrozenMap(lifts),
         FrozenMap({name: _phases(first, track.strikes) for name, track in tracks.items()}),
@@ -249,7 +249,7 @@ def _strides(
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
     base, side = split_side(name)
     other = next((one for key, one in tracks.items() if side and split_side(key)[0] == base and key != name), None)
-    found = []
+    result = []
     for start, stop in itertools.pairwise(track.strikes):
         inside = (time >= start) & (time <= stop)
         seen = float(track.seen[inside].mean()) if inside.any() else 0.0
@@ -260,8 +260,8 @@ def _strides(
         way = (_at(time, track.place, stop) - _at(time, track.place, start)) @ along - ground * (stop - start)
         width = np.nan if other is None else _width(time, track, other, start, stop, across)
         lift = float(lifts[0]) if len(lifts) else np.nan
-        found.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source))
-    return found
+        result.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source))
+    return result
 
 
 def _at(time: Array, place: Array, at: float) -> Array:
@@ -281,9 +281,9 @@ def _width(time: Array, track: FootTrack, other: FootTrack, start: float, stop: 
 
 def _phases(first: Array, strikes: Array) -> Array:
     """Share of each stride of the first limb at which the other strikes, NaN where it does not."""
-    found = np.full(max(len(first) - 1, 0), np.nan)
-    for k, (start, stop) in enumerate(itertools.pairwise(first)):
+    result = np.full(max(len(first) - 1, 0), np.nan)
+    for index, (start, stop) in enumerate(itertools.pairwise(first)):
         inside = strikes[(strikes >= start) & (strikes < stop)]
         if len(inside):
-            found[k] = (inside[0] - start) / (stop - start)
-    return found
+            result[index] = (inside[0] - start) / (stop - start)
+    return result

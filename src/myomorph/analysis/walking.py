@@ -113,7 +113,7 @@ def walking_strides(
     feet = {body for limb in limbs for body in limb.bodies}
     plates = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
     try:
-        found = find_strides(
+        strides = find_strides(
             points,
             limbs,
             model.body_names[:1],
@@ -128,15 +128,15 @@ def walking_strides(
         )
     except BadData:
         return None
-    lasting: Array = np.array([one.duration for one in found.strides])
+    lasting: Array = np.array([stride.duration for stride in strides.strides])
     if not len(lasting):
         return None
     if len(lasting) == 1:
-        only = found.strides[0]
-        return found if LEAST_DUTY < only.duty < 1.0 - LEAST_DUTY and only.length > 0.0 else None
+        only = strides.strides[0]
+        return strides if LEAST_DUTY < only.duty < 1.0 - LEAST_DUTY and only.length > 0.0 else None
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
-    return found if unlike < STEADY else None
+    return strides if unlike < STEADY else None
 
 
 def ground_speed(points: Series) -> float | None:
@@ -170,12 +170,12 @@ def facing_of(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | No
 def feet_move(points: Series) -> bool:
     """Whether a foot goes about as far over the ground or the belt as beside the root."""
     beside = _ways_beside(points)
-    return any(_way(points.values[:, k]) > STANDS * way for k, way in enumerate(beside))
+    return any(_way(points.values[:, index]) > STANDS * way for index, way in enumerate(beside))
 
 
 def _ways_beside(points: Series) -> list[float]:
     """How far every foot goes as the root sees it [m]."""
-    return [_way(points.values[:, k] - points.values[:, -1]) for k in range(len(points.names) - 1)]
+    return [_way(points.values[:, index] - points.values[:, -1]) for index in range(len(points.names) - 1)]
 
 
 def _way(places: Array) -> float:

@@ -86,7 +86,7 @@ def identify_command(
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
     named = bodies_of(bodies, plates)
-    force_settings = {one.name: settings.pop(one.name) for one in fields(ForceOptions) if one.name in settings}
+    force_settings = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
     forces = with_settings(ForceOptions(), force_settings)
     if live:
         motions = live_motions(scaled, motion, loads, mass, time, settings)

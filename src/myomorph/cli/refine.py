@@ -63,7 +63,7 @@ def refine_command(
             "recording, in the same order"
         )
     settings = settings_dict(options)
-    forces = {one.name: settings.pop(one.name) for one in fields(ForceOptions) if one.name in settings}
+    forces = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
     named = bodies_of(bodies, plates)
     names = [path.stem for path in markers]
     if len(set(names)) < len(names):

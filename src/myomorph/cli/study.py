@@ -206,21 +206,21 @@ def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     from myomorph.study.run.run import FULL
     from myomorph.study.summary.study_tables import PAGE, PARQUET, has_parquet
 
-    trials = [one for one in outcomes if one.trial]
-    failed = [one for one in outcomes if one.error]
-    said(f"{sum(1 for one in trials if not one.error)} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    trials = [outcome for outcome in outcomes if outcome.trial]
+    failed = [outcome for outcome in outcomes if outcome.error]
+    said(f"{sum(1 for trial in trials if not trial.error)} of {len(trials)} trials done; table: {out / 'results.csv'}")
     if not has_parquet():
         said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' brings what writes it")
-    full = sum(1 for one in trials if one.error.startswith("not run:") and FULL in one.error)
+    full = sum(1 for trial in trials if trial.error.startswith("not run:") and FULL in trial.error)
     if full:
         said(f"{full} trials were not run: {FULL}")
     if failed:
         names = [_named(one) for one in failed[:MAX_REMARKS]]
         more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
         said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
-    if (out / PAGE).is_file() and not any(one.error for one in outcomes if not one.subject):
+    if (out / PAGE).is_file() and not any(outcome.error for outcome in outcomes if not outcome.subject):
         said(f"page: {(out / PAGE).resolve()}")
-    if any(one.fault for one in outcomes):
+    if any(outcome.fault for outcome in outcomes):
         return OUR_FAULT
     return BAD_INPUT if failed else 0
 

@@ -100,7 +100,7 @@ def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.results import REPORT
 
-    failed = [one for one in outcomes if one.report.failure]
+    failed = [outcome for outcome in outcomes if outcome.report.failure]
     said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")
     said(f"report: {(out / REPORT).resolve()}")
     if any(one.fault for one in failed):
@@ -112,7 +112,7 @@ def changed(options: Any) -> list[str]:
     """Names of the options that are not as by default."""
     if options is None:
         return []
-    return [one.name for one in fields(options) if getattr(options, one.name) != one.default]
+    return [field.name for field in fields(options) if getattr(options, field.name) != field.default]
 
 
 def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: Sequence[str]) -> None:
@@ -140,7 +140,7 @@ def print_outcome(outcome: SpecimenOutcome) -> None:
             one = row[key]
             parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
     said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
-    notes = [one for one in outcome.report.notes if not one.endswith(": corrected")]
+    notes = [note for note in outcome.report.notes if not note.endswith(": corrected")]
     warn(notes[:MAX_NOTES])
     if len(notes) > MAX_NOTES:
         warn([f"and {len(notes) - MAX_NOTES} notes more, in the report and in {NOTES}"])

@@ -241,7 +241,7 @@ class OnlineFeet:
 
     def __init__(self, model: Model, plates: Sequence[str], bodies: Sequence[str]):
         self.plates = tuple(plates)
-        named = [one for one in bodies if one]
+        named = [body for body in bodies if body]
         feet = feet_of(model) if len(named) < len(bodies) else ()
         if len(named) < len(bodies) and not feet:
             raise BadData(
@@ -249,9 +249,9 @@ class OnlineFeet:
                 "bodies on the plates"
             )
         self.bodies = tuple(dict.fromkeys([*named, *feet]))
-        self._owner = np.array([self.bodies.index(one) if one else -1 for one in bodies], np.int64)
+        self._owner = np.array([self.bodies.index(body) if body else -1 for body in bodies], np.int64)
         self._sure = np.zeros(len(bodies), np.bool_)
-        self._sought = np.array([not one for one in bodies], np.bool_)
+        self._sought = np.array([not body for body in bodies], np.bool_)
         self._tree = compile_tree(model)
         self._feet = [self.bodies.index(one) for one in feet]
         self._numbers = [self._tree.body_index[one] for one in feet]
@@ -275,10 +275,10 @@ class OnlineFeet:
         -------
         (samples, bodies, 6)
         """
-        found = np.zeros((len(wrenches), len(self.bodies), 6))
+        result = np.zeros((len(wrenches), len(self.bodies), 6))
         for plate in range(len(self.plates)):
             if not self._sought[plate]:
-                found[:, self._owner[plate]] += wrenches[:, plate]
+                result[:, self._owner[plate]] += wrenches[:, plate]
                 continue
             force = np.linalg.norm(wrenches[:, plate, 3:], axis=1)
             loaded = force > LOADED
@@ -297,10 +297,10 @@ class OnlineFeet:
                 if self._owner[plate] < 0:
                     self.nobody[plate] += stop - first
                 else:
-                    found[first:stop, self._owner[plate]] += wrenches[first:stop, plate]
+                    result[first:stop, self._owner[plate]] += wrenches[first:stop, plate]
         unknown = np.isnan(wrenches).any(axis=(1, 2))
-        found[unknown] = np.nan
-        return found
+        result[unknown] = np.nan
+        return result
 
     def _nearest(self, wrench: Array, coordinates: Array) -> int:
         """Number of the body whose heel or ball is nearest to where the force meets the floor, -1 for none."""

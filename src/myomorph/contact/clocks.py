@@ -60,7 +60,7 @@ def sound_clock(
     BadData
         where fewer than `FEWEST` strokes are on instruments with sites
     """
-    by_name = {one.name: one for one in sites}
+    by_name = {site.name: site for site in sites}
     changes: dict[str, Array] = {}
     for instrument in strokes.instruments:
         for name in instrument.sites:
@@ -141,7 +141,7 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
 def on_clock(contacts: Contacts, clock: CameraClock) -> Contacts:
     """The same contacts on the motion's clock."""
-    return replace(contacts, intervals=tuple(_moved(one, clock) for one in contacts.intervals))
+    return replace(contacts, intervals=tuple(_moved(interval, clock) for interval in contacts.intervals))
 
 
 def _moved(touch: Touch, clock: CameraClock) -> Touch:

@@ -106,15 +106,15 @@ def feet_on_steps(
 def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
     """Who stands on each step through the whole of a loading: frames with nobody take those of the nearest with one."""
     filled = standing.copy()
-    for k in range(loaded.shape[1]):
-        for start, stop in runs(loaded[:, k]):
-            known = np.flatnonzero(standing[start:stop, k].any(axis=1)) + start
+    for index in range(loaded.shape[1]):
+        for start, stop in runs(loaded[:, index]):
+            known = np.flatnonzero(standing[start:stop, index].any(axis=1)) + start
             if len(known):
                 frames = np.arange(start, stop)
                 after = np.clip(np.searchsorted(known, frames), 0, len(known) - 1)
                 before = np.clip(after - 1, 0, None)
                 nearest = np.where(np.abs(known[before] - frames) < np.abs(known[after] - frames), before, after)
-                filled[start:stop, k] = standing[known[nearest], k]
+                filled[start:stop, index] = standing[known[nearest], index]
     return filled
 
 
@@ -135,7 +135,7 @@ def _interpolated(time: Array, values: Array, at: Array) -> Array:
 def _doubts(
     time: Array, steps: Sequence[Step], sites: Sequence[Site], loaded: np.ndarray, standing: np.ndarray
 ) -> list[str]:
-    found = []
+    result = []
     step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     for k, step in enumerate(steps):
         bodies = np.stack(
@@ -144,18 +144,18 @@ def _doubts(
         )
         alone = loaded[:, k] & ~bodies.any(axis=1)
         if alone.any():
-            found.append(
+            result.append(
                 f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at {time[alone][0]:.3f} s, "
                 "with no foot near it: its force is on nobody"
             )
         several = bodies.sum(axis=1) > 1
         if several.any():
             who = [body for body, any_ in zip(_bodies(sites), bodies[several].any(axis=0), strict=True) if any_]
-            found.append(
+            result.append(
                 f"step '{step.name}' carries {' and '.join(who)} together for {several.sum() * step_time:.3g} s: its "
                 "force is shared"
             )
-    return found
+    return result
 
 
 def _bodies(sites: Sequence[Site]) -> list[str]:
@@ -208,13 +208,13 @@ def _parts(feet: FeetOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
     here = {body: np.asarray(feet.standing[:, k, _of(feet, body)].any(axis=1)) for body in bodies}
     center, torque = _center_of_pressure(step, force, feet.moments[:, k])
     shares = _shares(bodies, here, where, center)
-    found = {}
+    result = {}
     for body in bodies:
         alone = shares[body] == 1.0
         point = np.where((alone & np.isfinite(center).all(axis=1))[:, None], center, where[body])
         point = np.where(here[body][:, None], point, step.pose.translation)
-        found[body] = (force * shares[body][:, None], point, np.where(alone[:, None], torque, 0.0))
-    return found
+        result[body] = (force * shares[body][:, None], point, np.where(alone[:, None], torque, 0.0))
+    return result
 
 
 def _of(feet: FeetOnSteps, body: str) -> list[int]:

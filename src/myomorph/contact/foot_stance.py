@@ -77,23 +77,23 @@ def supported(inspection: Inspection) -> NDArray[np.bool_]:
 def _carries(inspection: Inspection) -> NDArray[np.bool_]:
     """(frames, feet) whether a plate carries each foot."""
     feet = inspection.feet
-    found = np.zeros((len(feet.time), len(feet.feet)), bool)
+    result = np.zeros((len(feet.time), len(feet.feet)), bool)
     distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
     nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=2)
     for column, k in enumerate(map(int, inspection.numbers)):
         own = feet.owners.get(inspection.wrenches.bodies[k])
         loaded = inspection.samples.loaded[:, k]
         for foot in range(len(feet.feet)):
-            found[:, foot] |= loaded & (nearest[:, column] == foot if own is None else own == foot)
-    return found
+            result[:, foot] |= loaded & (nearest[:, column] == foot if own is None else own == foot)
+    return result
 
 
 def _joined(parts: list[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
     """Runs with short gaps between them closed."""
-    found: list[tuple[int, int]] = []
+    result: list[tuple[int, int]] = []
     for start, stop in parts:
-        if found and start - found[-1][1] <= pause:
-            found[-1] = (found[-1][0], stop)
+        if result and start - result[-1][1] <= pause:
+            result[-1] = (result[-1][0], stop)
         else:
-            found.append((start, stop))
-    return found
+            result.append((start, stop))
+    return result

@@ -102,7 +102,7 @@ def check_directions(inspection: Inspection) -> None:
         inspection.change(k, _changed(choices[forces].matrix, choices[points].matrix))
     inspection.found(
         turn.kind,
-        ", ".join(inspection.name(int(k)) for k in inspection.numbers),
+        ", ".join(inspection.name(int(number)) for number in inspection.numbers),
         f"{what} of the plates are {turn.text} against the motion",
         "they were put right",
         "give them in the axes of the motion",
@@ -132,7 +132,7 @@ def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
     measured, needed = measured[here] @ level, needed[here] @ level
     if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
         return None
-    turned = [measured @ one.matrix.T for one in choices]
+    turned = [measured @ choice.matrix.T for choice in choices]
     return np.array([float(np.mean(np.sum((one - needed) ** 2, axis=1))) for one in (*turned, 0.0 * needed)])
 
 
@@ -143,7 +143,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
     best = int(np.argmin(errors[:-1]))
     if best:
         # Forces to one side only may not distinguish a turn from a reflection: the points do.
-        alike = [k for k in range(1, len(choices)) if errors[k] < 1.5 * errors[best]]
+        alike = [index for index in range(1, len(choices)) if errors[index] < 1.5 * errors[best]]
         best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
     # No turn makes sense of forces that the center of mass does not feel.
     return best if best and errors[best] < min(0.35 * errors[0], 0.5 * errors[-1]) else 0
@@ -152,7 +152,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
 def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
     """Which turn brings the centers of pressure under the feet; 0 for none."""
     unit = inspection.feet.unit
-    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
     if not used:
         return 0
 
@@ -165,7 +165,7 @@ def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) ->
         return forces if misfit(forces) < max(before, NEAR * unit) else 0
     if before < NEAR * unit or any(inspection.misfit(k) < NEAR * unit for k in used):
         return 0
-    left = [misfit(one) for one in range(len(choices))]
+    left = [misfit(index) for index in range(len(choices))]
     best, second = np.argsort(left)[:2]
     clear = left[best] < min(FITS * unit, MARKED * before) and left[second] > 1.5 * left[best]
     return int(best) if clear else 0
@@ -173,7 +173,7 @@ def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) ->
 
 def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, points: int) -> float:
     """Mean distance of all centers of pressure to their feet with forces and points turned [m]."""
-    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
     samples = inspection.samples
     for k in used:
         samples = samples.changed(k, _changed(choices[forces].matrix, choices[points].matrix))

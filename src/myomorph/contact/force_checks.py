@@ -96,7 +96,7 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     ):
         check(inspection)
     findings = tuple(inspection.findings)
-    changed = any(one.mended for one in findings)
+    changed = any(finding.mended for finding in findings)
     return CheckedForces(inspection.wrenches if changed else wrenches, findings)
 
 
@@ -139,7 +139,7 @@ def check_signs(inspection: Inspection) -> None:
     """Forces that pull to the ground: of a foot with the wrong sign, or, under no foot, a load in the hands."""
     up, weight = inspection.feet.up, inspection.feet.model.weight
     lifts = inspection.samples.forces @ up
-    used = [int(k) for k in inspection.numbers if inspection.weights(int(k)).any()]
+    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
     pulling = [k for k in used if _lift(inspection, k) <= -0.5]
     if not pulling:
         return

@@ -75,7 +75,7 @@ def _late(inspection: Inspection, lag: float, sure: str, how: str) -> None:
     word = "late" if lag > 0 else "early"
     inspection.found(
         "clock",
-        ", ".join(inspection.name(int(k)) for k in inspection.numbers),
+        ", ".join(inspection.name(int(number)) for number in inspection.numbers),
         f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}",
         advice=f"shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings",
     )
@@ -95,7 +95,7 @@ def lag_of_mass(inspection: Inspection) -> Lag | None:
     # On treadmills and in flight all frames count, though stances of fast runners hardly show in the feet's motion.
     parts = (supported(inspection) & core, _between_steps(inspection, found[0]), core)
     lags = (_lag(inspection, *found, frames) for frames in parts)
-    known = [one for one in lags if one is not None and one.explained > EXPLAINED]
+    known = [lag for lag in lags if lag is not None and lag.explained > EXPLAINED]
     return min(known, key=lambda one: one.sd, default=None)
 
 

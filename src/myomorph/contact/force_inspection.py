@@ -40,7 +40,7 @@ class Inspection:
     def _sample(self) -> None:
         """Sample the wrenches anew."""
         self.numbers = np.array(
-            [k for k, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners], np.int64
+            [index for index, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners], np.int64
         )
         samples = sampled(self.wrenches, self.feet.time, LOADED * self.feet.model.weight)
         known = np.asarray(np.isfinite(self.feet.center).all(axis=1))

@@ -79,9 +79,9 @@ def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
     """Feet (frames, feet) that may carry a force: the one it is put on, else those that stand."""
     if own is None:
         return stands
-    found = np.zeros_like(stands)
-    found[:, own] = True
-    return found
+    result = np.zeros_like(stands)
+    result[:, own] = True
+    return result
 
 
 def _stands(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
@@ -134,33 +134,33 @@ def _reflected(centers: Array, axes: Array, middle: Array) -> Array:
 
 
 def _named(axes: Array) -> str:
-    return " and ".join("xyz"[int(np.argmax(np.abs(one)))] for one in axes)
+    return " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in axes)
 
 
-def _about(found: Mirror) -> str:
-    return ", ".join(f"{one:.2f}" for one in found.middle)
+def _about(mirror: Mirror) -> str:
+    return ", ".join(f"{one:.2f}" for one in mirror.middle)
 
 
-def _mirrored(inspection: Inspection, number: int, found: Mirror, before: float) -> None:
+def _mirrored(inspection: Inspection, number: int, mirror: Mirror, before: float) -> None:
     inspection.kept_as_measured.add(inspection.name(number))
     inspection.found(
         "mirrored plate",
         inspection.name(number),
         f"the center of pressure of force '{inspection.name(number)}' lies {100.0 * before:.0f} cm from the foot that "
-        f"the belt carries, {100.0 * found.distance:.0f} cm when mirrored along {_named(found.axes)} (about "
-        f"{_about(found)} m)",
+        f"the belt carries, {100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about "
+        f"{_about(mirror)} m)",
         advice="its plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners "
         "or the sign of its moments",
     )
 
 
-def _doubtful(inspection: Inspection, number: int, found: Mirror, exchanged: float) -> None:
+def _doubtful(inspection: Inspection, number: int, mirror: Mirror, exchanged: float) -> None:
     inspection.kept_as_measured.add(inspection.name(number))
     inspection.found(
         DOUBTFUL,
         inspection.name(number),
         f"force '{inspection.name(number)}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), "
-        f"or its plate is mirrored along {_named(found.axes)} ({100.0 * found.distance:.0f} cm from its own then): "
+        f"or its plate is mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): "
         "the recording does not say which",
         advice="nothing was changed; check the plate's corners, or name its body (--bodies, --plates)",
     )

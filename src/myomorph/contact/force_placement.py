@@ -85,13 +85,13 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     arm = float(np.median(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)))
     large = float(np.percentile(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1), 90))
     worst = float(np.linalg.norm(torque, axis=1).max())
-    found = []
+    result = []
     if away > 5.0:
         for factor, word in ((1e-3, "mm"), (1e-2, "cm")):
             text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
             # A free moment is at most a few centimetres of a foot's force; one of metres is in the same unit.
             scaled, also = (factor, " and moments") if large > LARGE * inspection.feet.unit else (1.0, "")
-            found.append(
+            result.append(
                 Remedy(
                     f"{word} for m",
                     text,
@@ -101,9 +101,9 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
                 )
             )
     if arm < 0.05 * inspection.feet.unit:
-        return found
+        return result
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
-    found.append(
+    result.append(
         Remedy(
             "moments about another origin",
             text,
@@ -114,7 +114,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     )
     origin = _origin(force, point, torque)
     where = ", ".join(f"{one:.3f}" for one in origin)
-    found.append(
+    result.append(
         Remedy(
             "moments about another origin",
             text,
@@ -124,7 +124,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
         )
     )
     if arm > MILLI * inspection.feet.unit:
-        found.append(
+        result.append(
             Remedy(
                 "N mm for N m",
                 text,
@@ -133,7 +133,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
                 lambda f, p, t: (f, p, 1e-3 * t),
             )
         )
-    return found
+    return result
 
 
 def _scaled(points: float, moments: float) -> Change:
@@ -192,7 +192,9 @@ def check_feet(inspection: Inspection) -> None:
         if lost:
             _lost(inspection, k, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan))
     changed = {
-        k: spans for k, spans in owners.items() if any(body != inspection.wrenches.bodies[k] for _, body in spans)
+        name: spans
+        for name, spans in owners.items()
+        if any(body != inspection.wrenches.bodies[name] for _, body in spans)
     }
     if changed:
         inspection.put(_given(inspection.wrenches, changed, feet.time))
@@ -200,7 +202,9 @@ def check_feet(inspection: Inspection) -> None:
 
 def _looked_at(inspection: Inspection) -> list[int]:
     """Numbers of the forces whose foot is looked for."""
-    return [int(k) for k in inspection.numbers if inspection.name(int(k)) not in inspection.kept_as_measured]
+    return [
+        int(number) for number in inspection.numbers if inspection.name(int(number)) not in inspection.kept_as_measured
+    ]
 
 
 def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
@@ -213,7 +217,7 @@ def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: lis
     feet = inspection.feet
     body = inspection.wrenches.bodies[number]
     own = feet.owners[body]
-    here = np.concatenate([np.arange(one.start, one.stop) for one in spans])
+    here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
     other = feet.feet[to[0]]
     count = f"in {len(spans)} of {len(inspection.episodes(number))} steps "
     text = (
@@ -233,7 +237,7 @@ def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: lis
 
 def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> None:
     """Note a force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
-    here = np.concatenate([np.arange(one.start, one.stop) for one in spans])
+    here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
     near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
     first = inspection.feet.time[spans[0].start]
     inspection.found(
@@ -249,8 +253,8 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
 def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time: Array) -> Wrenches:
     """Wrenches with each step of some of them on a body of its own; what lies between goes half and half."""
     names, bodies, parts = [], [], []
-    for k, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
-        steps = owners.get(k, [])
+    for index, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
+        steps = owners.get(index, [])
         met = tuple(dict.fromkeys(one for _, one in steps)) or (body,)
         edges = [0.5 * (time[a.stop - 1] + time[b.start]) for (a, _), (b, _) in pairwise(steps)]
         number = np.searchsorted(edges, wrenches.time) if edges else np.zeros(len(wrenches), np.int64)
@@ -261,9 +265,9 @@ def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time:
             mine = own[:, None]
             parts.append(
                 (
-                    np.where(mine, wrenches.forces[:, k], 0.0),
-                    wrenches.points[:, k],
-                    np.where(mine, wrenches.torques[:, k], 0.0),
+                    np.where(mine, wrenches.forces[:, index], 0.0),
+                    wrenches.points[:, index],
+                    np.where(mine, wrenches.torques[:, index], 0.0),
                 )
             )
     forces, points, torques = (np.stack(one, axis=1) for one in zip(*parts, strict=True))
@@ -292,12 +296,12 @@ def check_shared_plates(inspection: Inspection) -> None:
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
         shared = _between(inspection, distances) & (inspection.weights(k) > FIRM * feet.model.weight)
         spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]
-        total = sum(float(feet.time[one.stop - 1] - feet.time[one.start]) for one in spans)
+        total = sum(float(feet.time[span.stop - 1] - feet.time[span.start]) for span in spans)
         if total < SHARED or any(
-            one.kind == "under no foot" and one.place == inspection.name(k) for one in inspection.findings
+            finding.kind == "under no foot" and finding.place == inspection.name(k) for finding in inspection.findings
         ):
             continue
-        near = float(np.median(np.concatenate([distances[one].min(axis=1) for one in spans])))
+        near = float(np.median(np.concatenate([distances[span].min(axis=1) for span in spans])))
         inspection.found(
             "two feet on one plate",
             inspection.name(k),

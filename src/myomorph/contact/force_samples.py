@@ -73,6 +73,6 @@ def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> di
     """Forces, points and torques with those of one wrench changed."""
     parts = {name: np.array(getattr(forces, name)) for name in ("forces", "points", "torques")}
     changed = change(*(one[:, number] for one in parts.values()))
-    for one, other in zip(parts.values(), changed, strict=True):
-        one[:, number] = other
+    for part, other in zip(parts.values(), changed, strict=True):
+        part[:, number] = other
     return parts

@@ -98,7 +98,7 @@ def heard_contacts(
         )
     strokes = hear_strokes(sound, plan.instruments, options, np.asarray(recorded.time))
     struck = striking_sites(strokes, model, recorded, sites)
-    own = tuple(dict.fromkeys(name for one in plan.instruments for name in one.sites))
+    own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
     inside = Strokes(strokes.instruments, tuple(strokes.strokes[k] for k in struck), strokes.warnings)
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
     warned: tuple[str, ...] = ()

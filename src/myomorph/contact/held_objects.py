@@ -128,9 +128,9 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     number = tree.body_index[body]
     bodies, forces, points, torques = external_arrays(tree, motion, known)
     applied = np.zeros((len(motion), len(tree.arrays.parent), 6))
-    for k, one in enumerate(bodies):
-        applied[:, one, :3] += forces[:, k]
-        applied[:, one, 3:] += torques[:, k] + np.cross(points[:, k], forces[:, k])
+    for index, one in enumerate(bodies):
+        applied[:, one, :3] += forces[:, index]
+        applied[:, one, 3:] += torques[:, index] + np.cross(points[:, index], forces[:, index])
     found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
     center = model.joints[number - 1].child_frame.translation
     at = found.rotations[:, number] @ center + found.origins[:, number]
@@ -161,8 +161,8 @@ def raised_contacts(
     """
     height = resting_height(model, motion, site) if height is None else height
     tree = compile_tree(model)
-    part = {one.name: tree.roots[tree.body_index[one.body]] for one in (site, *soles)}
-    sites = (site, *(one for one in soles if part[one.name] == part[site.name]))
-    found = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
-    ready = strengths(model, motion, sites, found, StrengthOptions(floor=height))
-    return Contacts((site.name,), found.of(site.name)), ready.values[:, 0]
+    part = {sole.name: tree.roots[tree.body_index[sole.body]] for sole in (site, *soles)}
+    sites = (site, *(sole for sole in soles if part[sole.name] == part[site.name]))
+    contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
+    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
+    return Contacts((site.name,), contacts.of(site.name)), ready.values[:, 0]

@@ -182,8 +182,8 @@ def _foreseen(past: Array, count: int) -> Array:
         return np.zeros(count)
     weights = _prediction(past)
     found: Array = np.concatenate([past[-ORDER:], np.zeros(count)])
-    for k in range(ORDER, len(found)):
-        found[k] = weights @ found[k - ORDER : k]
+    for index in range(ORDER, len(found)):
+        found[index] = weights @ found[index - ORDER : index]
     return found[ORDER:]
 
 
@@ -224,7 +224,7 @@ def _innovation(signal: Array, rate: float) -> Array:
     block, learnt = max(int(BLOCK * rate), 1), max(int(LEARNT * rate), 8 * ORDER)
     count = len(signal) // block
     padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
-    found = np.zeros(len(signal))
+    result = np.zeros(len(signal))
     lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
     size, window = next_fast_len(learnt + ORDER + 1, real=True), np.hanning(learnt)
     pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
@@ -236,8 +236,8 @@ def _innovation(signal: Array, rate: float) -> Array:
         weights = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
         rows = np.lib.stride_tricks.sliding_window_view(reaches[chunk], ORDER + 1, axis=1)
         rest = rows[..., -1] - np.einsum("kbo,ko->kb", rows[..., :-1], weights)
-        found[chunk.start * block : chunk.stop * block] = rest.reshape(-1)
-    return found
+        result[chunk.start * block : chunk.stop * block] = rest.reshape(-1)
+    return result
 
 
 def _first_arrival(signal: Array, near: int, rate: float) -> int:

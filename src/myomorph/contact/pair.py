@@ -148,20 +148,27 @@ def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured
     owners = np.array([[own_name(body.name, part) is not None for body in model.bodies] for part in parts])
     for part, owned in zip(parts, owners, strict=True):
         if not owned.any():
-            raise UnknownName("part", part, tuple(dict.fromkeys(one.partition("_")[0] for one in model.body_names)))
+            raise UnknownName(
+                "part", part, tuple(dict.fromkeys(body_name.partition("_")[0] for body_name in model.body_names))
+            )
     parameters = inertial_parameters(model) * owners[:, :, None]
     passed = np.empty((len(motion), len(parts), 6))
     for block in regressor_blocks(model, motion, np.zeros(3)):
         passed[block.frames] = np.einsum("fik,pk->fpi", block.rows, parameters.reshape(len(parts), -1))
-    for k, part in enumerate(parts):
+    for index, part in enumerate(parts):
         own = [w for w, body in enumerate(measured.bodies) if own_name(body, part) is not None]
-        passed[:, k] -= sum_of_wrenches(model, motion, _some(measured, own), origin)
+        passed[:, index] -= sum_of_wrenches(model, motion, _some(measured, own), origin)
     return ActionReaction(frozen_array(motion.time), tuple(parts), frozen_array(passed))
 
 
-def _some(given: Wrenches, columns: Sequence[int]) -> Wrenches:
-    names, bodies = (tuple(one[k] for k in columns) for one in (given.names, given.bodies))
+def _some(wrenches: Wrenches, columns: Sequence[int]) -> Wrenches:
+    names, bodies = (tuple(one[column] for column in columns) for one in (wrenches.names, wrenches.bodies))
     chosen = list(columns)
     return Wrenches(
-        given.time, names, bodies, given.forces[:, chosen], given.points[:, chosen], given.torques[:, chosen]
+        wrenches.time,
+        names,
+        bodies,
+        wrenches.forces[:, chosen],
+        wrenches.points[:, chosen],
+        wrenches.torques[:, chosen],
     )

@@ -165,7 +165,10 @@ def calibrate_plate(
     kept, notes = believed(placements, options)
     start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
     pose = best_pose(kept, start, options)
-    left_out = [solve_pose([*kept[:k], *kept[k + 1 :]], pose.rotation, pose.center, options) for k in range(len(kept))]
+    left_out = [
+        solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center, options)
+        for index in range(len(kept))
+    ]
     apart = np.concatenate(
         [residuals([one], other.rotation, other.center) for one, other in zip(kept, left_out, strict=True)]
     )

@@ -102,13 +102,13 @@ def _middle(markers: Markers, time: Array) -> Array:
     count = seen.sum(axis=1)
     total = np.where(seen[:, :, None], markers.values, 0.0).sum(axis=1)
     known = count > 0
-    found = np.full((len(time), 3), np.nan)
+    result = np.full((len(time), 3), np.nan)
     if known.sum() < 2:
-        return found
+        return result
     mean = total[known] / count[known, None]
     clock = markers.time[known]
     at = np.clip(np.searchsorted(clock, time), 1, len(clock) - 1)
     near = np.minimum(np.abs(clock[at] - time), np.abs(clock[at - 1] - time)) < 1.5 / markers.rate
     for axis in range(3):
-        found[:, axis] = np.where(near, np.interp(time, clock, mean[:, axis]), np.nan)
-    return found
+        result[:, axis] = np.where(near, np.interp(time, clock, mean[:, axis]), np.nan)
+    return result

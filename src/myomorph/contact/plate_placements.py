@@ -205,13 +205,13 @@ def _intervals(
     plate_time: Array, loaded: np.ndarray, markers: Markers, weight: MarkedWeight, options: PlacementOptions
 ) -> list[tuple[float, float]]:
     """Start and end [s] of rests, or of the pieces of a push."""
-    found: list[tuple[float, float]] = []
+    result: list[tuple[float, float]] = []
     still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < options.still)
     for start, stop in runs(loaded):
         first, last = float(plate_time[start]), float(plate_time[stop - 1])
         if weight.axis is not None:
             cuts = np.arange(first + options.settle, last - options.settle - options.window, options.window)
-            found += [(float(cut), float(cut) + options.window) for cut in cuts]
+            result += [(float(cut), float(cut) + options.window) for cut in cuts]
             continue
         if last - first < options.shortest:
             continue
@@ -220,8 +220,8 @@ def _intervals(
             for a, b in runs(still[start:stop])
             if plate_time[start + b - 1] - plate_time[start + a] >= options.shortest
         ]
-        found += rests or [(first + options.settle, last - options.settle)]
-    return found
+        result += rests or [(first + options.settle, last - options.settle)]
+    return result
 
 
 def _speed(markers: Markers, weight: MarkedWeight) -> Array:
@@ -250,7 +250,7 @@ def _placement(
     frames: np.ndarray,
     gravity: Array,
 ) -> Placement:
-    values = np.stack([markers[one][frames] for one in weight.markers], axis=1)
+    values = np.stack([markers[marker][frames] for marker in weight.markers], axis=1)
     seen = np.isfinite(values).all(axis=2)
     if not seen.any(axis=0).all():
         hidden = weight.markers[int(np.flatnonzero(~seen.any(axis=0))[0])]

@@ -105,19 +105,21 @@ class _Lines:
 
     @classmethod
     def of(cls, placements: Sequence[Placement], options: PlateFitOptions) -> _Lines:
-        nearest, forces = (np.array(part) for part in zip(*(one.line for one in placements), strict=True))
-        sizes = np.array([one.size for one in placements])
-        directions = np.array([one.direction for one in placements])
+        nearest, forces = (np.array(part) for part in zip(*(placement.line for placement in placements), strict=True))
+        sizes = np.array([placement.size for placement in placements])
+        directions = np.array([placement.direction for placement in placements])
         angle = np.hypot(options.direction_noise, options.force_noise / sizes)
         distance = np.hypot(options.point_noise, options.moment_noise / sizes)
         return cls(
             nearest=nearest,
             forces=forces,
-            points=np.array([one.point for one in placements]),
+            points=np.array([placement.point for placement in placements]),
             directions=directions,
             beside=across(directions),
             noise=np.stack([angle, angle, distance, distance], axis=1),
-            contacts=np.array([one.contact for one in placements if one.contact is not None]).reshape(-1, 3),
+            contacts=np.array([placement.contact for placement in placements if placement.contact is not None]).reshape(
+                -1, 3
+            ),
             contact_noise=options.point_noise,
         )
 
@@ -196,8 +198,8 @@ def best_pose(
     up = up / np.linalg.norm(up)
     level = _turning(force / np.linalg.norm(force), up)
     starts = [] if start is None else [start]
-    for k in range(TURNS):
-        rotation = axis_rotation(up, 2.0 * np.pi * k / TURNS) @ level
+    for index in range(TURNS):
+        rotation = axis_rotation(up, 2.0 * np.pi * index / TURNS) @ level
         middle = lines.points.mean(axis=0) - rotation @ lines.nearest.mean(axis=0)
         starts.append((rotation, middle if start is None else start[1]))
     found = [_solved(lines, *one, options, ROUGHLY) for one in starts]

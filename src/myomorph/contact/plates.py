@@ -230,7 +230,7 @@ def loaded_samples(
     """
     options = options or PlateOptions()
     normals = [_pressing(plate) for plate in plates]
-    peaks = [float(np.nanpercentile(np.abs(one), 99.5)) if np.isfinite(one).any() else 0.0 for one in normals]
+    peaks = [float(np.nanpercentile(np.abs(normal), 99.5)) if np.isfinite(normal).any() else 0.0 for normal in normals]
     largest = max(peaks, default=0.0)
     states = []
     for pressing, peak in zip(normals, peaks, strict=True):
@@ -273,11 +273,11 @@ def _steady(state: NDArray[np.bool_], rate: float, options: PlateOptions) -> NDA
 
 def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], options: PlateOptions) -> list[str]:
     """What looks wrong with one plate."""
-    found = []
+    result = []
     if recording.kind == 3 and not recording.origin[:2].any():
-        found.append(f"{plate.name} is of type 3, but its sensor distances are zero: no center of pressure")
+        result.append(f"{plate.name} is of type 3, but its sensor distances are zero: no center of pressure")
     if not state.any():
-        return found
+        return result
     axes = plate_axes(recording.corners)
     pressing = np.abs(plate.forces @ axes[:, 2])
     # Near the threshold the center of pressure is noise; only well loaded samples are judged.
@@ -286,7 +286,7 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
     half = 0.5 * np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
     share = float(np.mean(np.any(np.abs(local[:, :2]) > 1.1 * half, axis=1))) if len(local) else 0.0
     if share > 0.1:
-        found.append(
+        result.append(
             f"the center of pressure of {plate.name} lies outside the plate in {100 * share:.0f} % of loaded samples: "
             "its origin, corners or channels may be wrong"
         )
@@ -294,8 +294,8 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
     if len(idle) > 10 and options.tare == "none":
         rest, peak = abs(float(np.median(idle))), float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
         if rest > 0.01 * peak:
-            found.append(f"{plate.name} reads {rest:.3g} N with nobody on it: tare 'quiet' subtracts that")
-    return found
+            result.append(f"{plate.name} reads {rest:.3g} N with nobody on it: tare 'quiet' subtracts that")
+    return result
 
 
 def wrenches_from_plates(plates: Sequence[ForcePlate], plate_time: Array, time: Array | None = None) -> Wrenches:

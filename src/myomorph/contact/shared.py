@@ -70,7 +70,7 @@ def shared_wrenches(
     options = options or SharedOptions()
     moving = site_motion(model, motion, sites)
     wrenches, outlines = _on_motion(plates, plate_time, motion)
-    touching = contacts.states(motion.time).values[:, [contacts.sites.index(one.name) for one in sites]] > 0.0
+    touching = contacts.states(motion.time).values[:, [contacts.sites.index(site.name) for site in sites]] > 0.0
     weight = model.weight
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
     state = hysteresis(pressing > options.loaded * weight, pressing < options.unloaded * weight)
@@ -94,7 +94,7 @@ def _on_motion(
     if not isinstance(plates, Wrenches):
         if plate_time is None:
             raise BadData("plates with outlines need their clock: give plate_time")
-        return wrenches_from_plates(plates, plate_time, motion.time), [one.corners for one in plates]
+        return wrenches_from_plates(plates, plate_time, motion.time), [plate.corners for plate in plates]
     refuse_other_times("forces of plates", plates.time, motion.time)
     return plates, None
 
@@ -105,11 +105,11 @@ def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.nd
     for corners in outlines:
         inside = np.ones(moving.places.shape[:2], np.bool_)
         middle = corners.mean(axis=0)
-        for one, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            normal = np.cross(other - one, moving.up)
+        for corner, other in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            normal = np.cross(other - corner, moving.up)
             normal = normal / np.linalg.norm(normal)
-            outwards = normal if (one - middle) @ normal > 0.0 else -normal
-            inside &= (moving.places - one) @ outwards < margin
+            outwards = normal if (corner - middle) @ normal > 0.0 else -normal
+            inside &= (moving.places - corner) @ outwards < margin
         found.append(inside)
     return np.stack(found, axis=1)
 
@@ -130,19 +130,19 @@ def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequenc
 
 
 def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:
-    return {one.group: [k for k, other in enumerate(sites) if other.group == one.group] for one in sites}
+    return {site.group: [index for index, other in enumerate(sites) if other.group == site.group] for site in sites}
 
 
 def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
     """Bodies of each group's sites, and those a joint away from them: plates' forces are put on the talus too."""
-    found = {}
+    result = {}
     for group, members in _groups(sites).items():
-        own = {sites[k].body for k in members}
-        near = {one.parent for one in model.joints if one.child in own} | {
-            one.child for one in model.joints if one.parent in own
+        own = {sites[member].body for member in members}
+        near = {joint.parent for joint in model.joints if joint.child in own} | {
+            joint.child for joint in model.joints if joint.parent in own
         }
-        found[group] = own | near
-    return found
+        result[group] = own | near
+    return result
 
 
 def without_measured(
@@ -171,7 +171,7 @@ def without_measured(
 
 def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]]:
     """Frames in which some plates, taken together, carry some sites: ((plates), (sites)) to frames."""
-    found: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]] = {}
+    result: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]] = {}
     for frame in range(len(standing)):
         parts: list[tuple[set[int], set[int]]] = []
         for plate in np.flatnonzero(loaded[frame]):
@@ -185,8 +185,8 @@ def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int,
             parts = [*apart, (plates, members)]
         for plates, members in parts:
             if members:
-                found.setdefault((tuple(sorted(plates)), tuple(sorted(members))), []).append(frame)
-    return found
+                result.setdefault((tuple(sorted(plates)), tuple(sorted(members))), []).append(frame)
+    return result
 
 
 def _wrenches(
@@ -208,7 +208,7 @@ def _wrenches(
         force[frames] = forces[frames][:, list(plates)].sum(axis=1)
         moment[frames] = moments[frames][:, list(plates)].sum(axis=1)
         label = name if counts[name] == 1 else f"{name} ({counts[name]})"
-        on_it = tuple(sites[k].name for k in members)
+        on_it = tuple(sites[member].name for member in members)
         shared.append(SharedWrench(label, on_it, force, moment, options.force_sd * weight, options.moment_sd * lever))
     return tuple(shared)
 
@@ -227,8 +227,8 @@ def assign_feet(
     """
     places = site_motion(model, motion, sites).places
     positions = {}
-    for one in sites:
-        members = [k for k, other in enumerate(sites) if other.group == one.group]
+    for site in sites:
+        members = [index for index, other in enumerate(sites) if other.group == site.group]
         positions[sites[members[0]].body] = places[:, members]
     return assign_bodies(wrenches, positions, options)
 
@@ -246,16 +246,18 @@ def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrench
     places, bodies = site_motion(model, motion, sites).places, group_bodies(model, sites)
     members = _groups(sites)
     notes = []
-    for k, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
-        size = np.linalg.norm(np.nan_to_num(wrenches.forces[:, k]), axis=1)
+    for index, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
+        size = np.linalg.norm(np.nan_to_num(wrenches.forces[:, index]), axis=1)
         size = np.where(
-            np.isfinite(wrenches.points[:, k]).all(axis=1) & (size > 0.1 * size.max(initial=0.0)), size, 0.0
+            np.isfinite(wrenches.points[:, index]).all(axis=1) & (size > 0.1 * size.max(initial=0.0)), size, 0.0
         )
         own = [group for group in members if body in bodies[group]]
         if not own or not size.any():
             continue
-        apart = np.linalg.norm(places - np.nan_to_num(wrenches.points[:, k, None]), axis=2)
-        mean = {group: float(np.average(apart[:, one].min(axis=1), weights=size)) for group, one in members.items()}
+        apart = np.linalg.norm(places - np.nan_to_num(wrenches.points[:, index, None]), axis=2)
+        mean = {
+            group: float(np.average(apart[:, member].min(axis=1), weights=size)) for group, member in members.items()
+        }
         nearest = min(mean, key=lambda group: mean[group])
         if nearest not in own and 2.0 * mean[nearest] < min(mean[group] for group in own):
             notes.append(

@@ -88,11 +88,11 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
         raise BadData("no frame of the motion is without gaps: contacts cannot be found")
     tree, up = compile_tree(model), model.up
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    owner = np.repeat(np.arange(len(sites)), [len(one.points) for one in sites])
+    owner = np.repeat(np.arange(len(sites)), [len(site.points) for site in sites])
     bodies = np.array([tree.body_index[sites[int(k)].body] for k in owner], np.int64)
-    points = poses.points(bodies, np.concatenate([one.points for one in sites]))
-    places = np.stack([points[:, owner == k].mean(axis=1) for k in range(len(sites))], axis=1)
-    lowest = np.stack([(points[:, owner == k] @ up).min(axis=1) for k in range(len(sites))], axis=1)
+    points = poses.points(bodies, np.concatenate([site.points for site in sites]))
+    places = np.stack([points[:, owner == index].mean(axis=1) for index in range(len(sites))], axis=1)
+    lowest = np.stack([(points[:, owner == index] @ up).min(axis=1) for index in range(len(sites))], axis=1)
     center = center_of(tree, poses, np.isin(tree.roots, tree.roots[bodies])) @ up
     rises = _slope(motion.time, _slope(motion.time, center))
     gravity = float(np.linalg.norm(model.gravity)) or STANDARD_GRAVITY
@@ -184,8 +184,8 @@ def rest_on_floor(
     gap = moving.lowest - floor.height
     speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2)
     rests, shifts = [], np.full(len(sites), np.nan)
-    for k, one in enumerate(sites):
-        members = [j for j, other in enumerate(sites) if other.group == one.group]
+    for k, site in enumerate(sites):
+        members = [j for j, other in enumerate(sites) if other.group == site.group]
         pace = speed[:, members].mean(axis=1)
         rests.append(_resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace))
         if len(rests[k]) and pace[rests[k]].min() < RESTS * moving.pace:
@@ -194,11 +194,11 @@ def rest_on_floor(
     known = np.isfinite(shifts)
     shifts[~known] = shifts[known].mean() if known.any() else 0.0
     moved = []
-    for k, one in enumerate(sites):
-        rotations = poses.rotations[rests[k], tree.body_index[one.body]]
+    for k, site in enumerate(sites):
+        rotations = poses.rotations[rests[k], tree.body_index[site.body]]
         down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
         size = float(np.linalg.norm(down))
-        moved.append(replace(one, points=one.points + shifts[k] * down / size) if size > 0.0 else one)
+        moved.append(replace(site, points=site.points + shifts[k] * down / size) if size > 0.0 else site)
     return tuple(moved), floor
 
 

@@ -129,13 +129,15 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
     segments, poses = segments_of(model), body_poses(model)
     found: dict[str, Foot] = {}
     for side, ending in (("right", "_r"), ("left", "_l")):
-        bodies = [one for one in model.bodies if segments[one.name].name == "foot" and segments[one.name].side == side]
+        bodies = [
+            body for body in model.bodies if segments[body.name].name == "foot" and segments[body.name].side == side
+        ]
         for pattern in HEEL:
             for heel in bodies:
                 match = re.search(pattern, heel.name, re.IGNORECASE)
                 part = "" if match is None else heel.name[: match.start()]
                 if match is not None and f"{part}foot{ending}" not in found:
-                    toes = [one for one in bodies if one.name.startswith(part) and "toe" in one.name.lower()]
+                    toes = [body for body in bodies if body.name.startswith(part) and "toe" in body.name.lower()]
                     outwards = 1.0 if side == "right" else -1.0
                     found[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
     if not found:
@@ -178,7 +180,7 @@ def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options:
     outline = {label: np.array(one) * foot.length for label, one in OUTLINE.items()}
     depth = BONE_DEPTH * foot.length
     bones = {name: _vertices(model.body(name), surfaces, foot, body_poses(model)) for name in (foot.heel, foot.toes)}
-    known = [one for one in bones.values() if len(one)]
+    known = [bone for bone in bones.values() if len(bone)]
     if len(known) == len(bones) and known:
         outline = _outline_of(np.concatenate(known), foot.length)
         depth = -float(min(one[:, 1].min() for one in known))

@@ -80,7 +80,7 @@ class Strokes:
     def of(self, instrument: str) -> tuple[Stroke, ...]:
         """Strokes on one instrument; raises `UnknownName`."""
         index_of("instrument", instrument, tuple(one.name for one in self.instruments), "the sound")
-        return tuple(one for one in self.strokes if one.instrument == instrument)
+        return tuple(stroke for stroke in self.strokes if stroke.instrument == instrument)
 
 
 def hear_strokes(
@@ -104,15 +104,15 @@ def hear_strokes(
     names = tuple(one.name for one in instruments)
     if not names or len(set(names)) != len(names):
         raise BadData(f"instruments are named {names}: expected one or more, each with a name of its own")
-    for one in instruments:
-        for channel in (one.channel, *one.others):
-            index_of("sound channel", channel, sound.names, f"the recording, for instrument '{one.name}',")
+    for instrument in instruments:
+        for channel in (instrument.channel, *instrument.others):
+            index_of("sound channel", channel, sound.names, f"the recording, for instrument '{instrument.name}',")
     warnings = [*sound.warnings, *sound_faults(sound, time)]
     channels = tuple(dict.fromkeys(one.channel for one in instruments))
     heard = {name: listen(sound, name, options) for name in channels}
     arrivals = {name: onsets(heard[name], options) for name in channels}
     strokes = _told_apart(instruments, arrivals, heard, options)
-    kept = [one for name in names for one in _without_echoes([s for s in strokes if s.instrument == name], options)]
+    kept = [echoe for name in names for echoe in _without_echoes([s for s in strokes if s.instrument == name], options)]
     for name in names:
         if not any(one.instrument == name for one in kept):
             warnings.append(f"no stroke on '{name}' was heard")
@@ -174,11 +174,13 @@ def contacts_heard(
     BadData
         where an instrument has no site, or several and nothing says which struck
     """
-    owners = {one.name: one for one in strokes.instruments}
-    known = tuple(dict.fromkeys([*(name for one in strokes.instruments for name in one.sites), *all_sites]))
+    owners = {instrument.name: instrument for instrument in strokes.instruments}
+    known = tuple(
+        dict.fromkeys([*(name for instrument in strokes.instruments for name in instrument.sites), *all_sites])
+    )
     touches = []
-    for k, stroke in enumerate(strokes.strokes):
-        site = (sites or {}).get(k)
+    for index, stroke in enumerate(strokes.strokes):
+        site = (sites or {}).get(index)
         if site is None:
             possible = owners[stroke.instrument].sites
             if len(possible) != 1:
@@ -199,12 +201,12 @@ def _told_apart(
     options: SoundOptions,
 ) -> list[Stroke]:
     """Arrivals of all channels as strokes: those that are close in time are explained together."""
-    ways = {one.name: one.distance / options.speed for one in instruments}
+    ways = {instrument.name: instrument.distance / options.speed for instrument in instruments}
     entries = sorted(
         (
-            (onset.time - ways[one.name], i, onset)
-            for i, one in enumerate(instruments)
-            for onset in arrivals[one.channel]
+            (onset.time - ways[instrument.name], i, onset)
+            for i, instrument in enumerate(instruments)
+            for onset in arrivals[instrument.channel]
         ),
         key=lambda entry: entry[:2],
     )
@@ -240,14 +242,14 @@ def _energies(
 ) -> Array:
     """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
     told = {i: onset.energy for _, i, onset in reversed(group)}
-    found = np.zeros(len(instruments))
-    for i, one in enumerate(instruments):
+    result = np.zeros(len(instruments))
+    for i, instrument in enumerate(instruments):
         if i in told:
-            found[i] = told[i]
+            result[i] = told[i]
             continue
-        arrival = group[0][0] + one.distance / options.speed
-        found[i] = max(energy_after(heard[one.channel], arrival, options)[0], 0.0)
-    return found
+        arrival = group[0][0] + instrument.distance / options.speed
+        result[i] = max(energy_after(heard[instrument.channel], arrival, options)[0], 0.0)
+    return result
 
 
 def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
@@ -258,21 +260,21 @@ def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
     """
     count = len(instruments)
     relative = energies / np.maximum(np.quantile(energies, 0.9, axis=0), 1e-300)
-    found = np.eye(count)
+    result = np.eye(count)
     for j, source in enumerate(instruments):
         loudest = (relative.argmax(axis=1) == j) & (energies[:, j] > 0.0)
         for i, other in enumerate(instruments):
             if i == j:
                 continue
             if other.channel == source.channel:
-                found[i, j] = 1.0
+                result[i, j] = 1.0
             elif loudest.sum() >= 4:
                 louder = loudest & (energies[:, j] >= np.median(energies[loudest, j]))
-                found[i, j] = np.median(energies[louder, i] / energies[louder, j])
+                result[i, j] = np.median(energies[louder, i] / energies[louder, j])
             elif other.channel in source.others:
                 near = max(source.distance, 0.02)
-                found[i, j] = min((near / max(source.others[other.channel], 0.02)) ** 2, 1.0)
-    return found
+                result[i, j] = min((near / max(source.others[other.channel], 0.02)) ** 2, 1.0)
+    return result
 
 
 def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[float, int, Onset]]:

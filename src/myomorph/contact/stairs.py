@@ -54,7 +54,7 @@ class Step:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
-        unknown = [one for one in self.measures if one not in COMPONENTS]
+        unknown = [measure for measure in self.measures if measure not in COMPONENTS]
         if unknown or len(set(self.measures)) != len(self.measures) or not self.measures:
             raise BadData(
                 f"step '{self.name}' measures {self.measures}: expected some of {', '.join(COMPONENTS)}, once each"
@@ -155,24 +155,24 @@ def step_loads(
     count, frames = len(steps), len(channels)
     forces, moments = np.full((frames, count, 3), np.nan), np.full((frames, count, 3), np.nan)
     pressing, loaded, noise = np.zeros((frames, count)), np.zeros((frames, count), np.bool_), np.zeros(count)
-    for k, step in enumerate(steps):
-        raw = channels.values[:, [channels.names.index(one) for one in step.channels]]
+    for index, step in enumerate(steps):
+        raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
         own = _components(step, raw)
         if options.tare == "quiet":
             own -= _idle(own, step, weight, options)
-        pressing[:, k] = np.nan_to_num(own[:, step.measures.index("fz")])
-        noise[k] = _noise(pressing[:, k])
-        level = max(options.loaded * weight, options.noise * noise[k])
-        if options.noise * noise[k] > options.loaded * weight:
+        pressing[:, index] = np.nan_to_num(own[:, step.measures.index("fz")])
+        noise[index] = _noise(pressing[:, index])
+        level = max(options.loaded * weight, options.noise * noise[index])
+        if options.noise * noise[index] > options.loaded * weight:
             notes.append(
-                f"step '{step.name}': its noise of {1e3 * noise[k]:.3g} mN hides loads below "
+                f"step '{step.name}': its noise of {1e3 * noise[index]:.3g} mN hides loads below "
                 f"{100 * level / weight:.0f} % of body weight"
             )
         lower = level * options.unloaded / options.loaded
-        smooth = _averaged(pressing[:, k], channels.time, options.shortest)
+        smooth = _averaged(pressing[:, index], channels.time, options.shortest)
         state = hysteresis(smooth > level, smooth < lower)
-        loaded[:, k] = steady(state, channels.time, options.shortest)
-        forces[:, k], moments[:, k] = _in_ground(step, own)
+        loaded[:, index] = steady(state, channels.time, options.shortest)
+        forces[:, index], moments[:, index] = _in_ground(step, own)
     return StepLoads(channels.time, tuple(steps), forces, moments, pressing, loaded, noise, tuple(notes))
 
 
@@ -183,16 +183,17 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
         raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
     names = [one.name for one in steps]
     if len(set(names)) != len(names):
-        raise BadData(f"two steps are named '{next(one for one in names if names.count(one) > 1)}'")
+        raise BadData(f"two steps are named '{next(name for name in names if names.count(name) > 1)}'")
     for step in steps:
         if "fz" not in step.measures:
             raise BadData(
                 f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it cannot be found"
             )
-        for one in step.channels:
-            if one not in channels.names:
+        for channel in step.channels:
+            if channel not in channels.names:
                 raise BadData(
-                    f"step '{step.name}' has no channel '{one}' in the recording: it has {', '.join(channels.names)}"
+                    f"step '{step.name}' has no channel '{channel}' in the recording: it has "
+                    f"{', '.join(channels.names)}"
                 )
 
 
@@ -260,8 +261,8 @@ def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
 def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:
     """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
     found = [
-        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, k].max()))
-        for k, step in enumerate(loads.steps)
-        for a, b in runs(loads.loaded[:, k])
+        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, index].max()))
+        for index, step in enumerate(loads.steps)
+        for a, b in runs(loads.loaded[:, index])
     ]
     return sorted(found, key=lambda one: one[1])

@@ -102,10 +102,10 @@ def find_contacts(
     options = options or ContactStateOptions()
     moving = site_motion(model, motion, sites)
     floor = floor_under(moving, options.floor)
-    found = by_kinematics(moving, floor, sites, options)
+    result = by_kinematics(moving, floor, sites, options)
     if plates is None:
-        return found
-    return merge_contacts((by_plates(model, moving, sites, plates, options), found))
+        return result
+    return merge_contacts((by_plates(model, moving, sites, plates, options), result))
 
 
 def by_kinematics(
@@ -129,7 +129,7 @@ def by_kinematics(
     guessed = held_up[:, None] & nearest
     sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
     touches = _touches(sites, touching | guessed, sure, moving.time, KINEMATICS)
-    return Contacts(tuple(one.name for one in sites), touches, _unsupported(moving, held_up & ~guessed.any(axis=1)))
+    return Contacts(tuple(site.name for site in sites), touches, _unsupported(moving, held_up & ~guessed.any(axis=1)))
 
 
 def _touches(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str) -> tuple[Touch, ...]:
@@ -140,11 +140,11 @@ def _touches(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, s
             float(time[start]),
             float(time[stop - 1]),
             site.against,
-            float(sure[start:stop, k].mean()),
+            float(sure[start:stop, index].mean()),
             source,
         )
-        for k, site in enumerate(sites)
-        for start, stop in runs(touching[:, k])
+        for index, site in enumerate(sites)
+        for start, stop in runs(touching[:, index])
     )
 
 
@@ -198,7 +198,7 @@ def by_plates(
     """
     options = options or ContactStateOptions()
     refuse_other_times("forces of plates", plates.time, moving.time)
-    groups = tuple(dict.fromkeys(one.group for one in sites))
+    groups = tuple(dict.fromkeys(site.group for site in sites))
     weight = model.weight
     pressing = plates.forces @ moving.up
     touching = np.zeros((len(moving.time), len(sites)), np.bool_)
@@ -211,16 +211,16 @@ def by_plates(
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
             mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
-            by_group = [min(mean[k] for k, one in enumerate(sites) if one.group == group) for group in groups]
+            by_group = [min(mean[index] for index, one in enumerate(sites) if one.group == group) for group in groups]
             best = int(np.argmin(by_group))
             if not by_group[best] < options.reach * moving.height:
                 continue
-            members = [k for k, one in enumerate(sites) if one.group == groups[best]]
+            members = [index for index, one in enumerate(sites) if one.group == groups[best]]
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
             touching[here, members] |= low
     touches = _touches(sites, touching, np.ones(touching.shape), moving.time, PLATES)
-    return Contacts(tuple(one.name for one in sites), touches)
+    return Contacts(tuple(site.name for site in sites), touches)
 
 
 def _beside(moving: SiteMotion, points: Array) -> Array:
@@ -250,14 +250,14 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
 def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
     """The parts of a touch that no other covers."""
     parts = [touch]
-    for one in others:
+    for other in others:
         cut = []
         for part in parts:
-            if one.stop < part.start or one.start > part.stop:
+            if other.stop < part.start or other.start > part.stop:
                 cut.append(part)
                 continue
-            cut += [replace(part, stop=one.start)] if part.start < one.start else []
-            cut += [replace(part, start=one.stop)] if one.stop < part.stop else []
+            cut += [replace(part, stop=other.start)] if part.start < other.start else []
+            cut += [replace(part, start=other.stop)] if other.stop < part.stop else []
         parts = cut
     return parts
 
@@ -310,7 +310,7 @@ def strengths(
     contacts : when sites touch; all the time without
     """
     options = options or StrengthOptions()
-    names = tuple(one.name for one in sites)
+    names = tuple(site.name for site in sites)
     sure = np.ones((len(motion), len(sites)))
     if contacts is not None:
         missing = [name for name in names if name not in contacts.sites]
@@ -318,7 +318,7 @@ def strengths(
             raise BadData(f"contacts say nothing of site '{missing[0]}': they are of {', '.join(contacts.sites)}")
         columns = [contacts.sites.index(name) for name in names]
         sure = contacts.states(motion.time).values[:, columns]
-    walking = [k for k, one in enumerate(sites) if one.against == GROUND]
+    walking = [index for index, one in enumerate(sites) if one.against == GROUND]
     values = np.array(sure)
     if walking:
         moving = site_motion(model, motion, [sites[k] for k in walking])
@@ -351,18 +351,18 @@ def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pi
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     moving = site_motion(model, motion, sites)
     owner = tree.roots
-    found = np.zeros((len(motion), len(sites), 3))
+    result = np.zeros((len(motion), len(sites), 3))
     for subject in np.unique(owner[1:]):
         pivots = center_of(tree, poses, owner == subject) + pivot * moving.height * moving.up
-        for k, site in enumerate(sites):
+        for index, site in enumerate(sites):
             up = site.cone.direction
             mine = owner[tree.body_index[site.body]] == subject and site.against == GROUND
             if mine and up is not None and site.cone.frame == GROUND:
-                way = pivots - moving.places[:, k]
+                way = pivots - moving.places[:, index]
                 along = way @ up
                 ahead = along > 0.1 * moving.height
-                found[ahead, k] = way[ahead] / along[ahead, None] - up
-    return found
+                result[ahead, index] = way[ahead] / along[ahead, None] - up
+    return result
 
 
 def fade(x: Array, full: float) -> Array:

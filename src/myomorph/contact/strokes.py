@@ -194,19 +194,21 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
     UnknownName
         where an instrument names a site that is not among `sites`
     """
-    by_name = {one.name: one for one in sites}
-    possible = {one.name: one.sites for one in strokes.instruments}
+    by_name = {site.name: site for site in sites}
+    possible = {instrument.name: instrument.sites for instrument in strokes.instruments}
     for names in possible.values():
         for name in names:
             check_name("contact site", name, by_name, "the model's sites")
     wanted = {name for names in possible.values() for name in names}
     tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
-    found = {}
-    for k, stroke in enumerate(strokes.strokes):
+    result = {}
+    for index, stroke in enumerate(strokes.strokes):
         names = possible[stroke.instrument]
         if names and motion.time[0] <= stroke.time <= motion.time[-1]:
-            found[k] = max(names, key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], stroke.time))))
-    return found
+            result[index] = max(
+                names, key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], stroke.time)))
+            )
+    return result
 
 
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
@@ -235,8 +237,8 @@ def impacts_from_sound(
         where an instrument has no law
     """
     found, beyond = [], []
-    for k, site in sites.items():
-        stroke = strokes.strokes[k]
+    for name, site in sites.items():
+        stroke = strokes.strokes[name]
         check_name("instrument", stroke.instrument, laws, "the calibration of impulses")
         law = laws[stroke.instrument]
         if not law.covers(stroke.energy):
@@ -274,7 +276,7 @@ def impact_wrenches(
     UnknownName
         where an impact is on a site that is not among `sites`
     """
-    by_name = {one.name: one for one in sites}
+    by_name = {site.name: site for site in sites}
     for impact in impacts:
         check_name("contact site", impact.site, by_name, "the model's sites")
     struck = tuple(dict.fromkeys(one.site for one in impacts))

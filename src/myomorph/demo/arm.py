@@ -151,8 +151,8 @@ def example_files(folder: str | Path) -> ExampleFiles:
     model = read_osim(files.model)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, names, angles)))
-    bodies = np.array([tree.body_index[one.body] for one in model.markers])
-    places = poses.points(bodies, np.array([one.location for one in model.markers]))
+    bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
+    places = poses.points(bodies, np.array([marker.location for marker in model.markers]))
     write_trc(Markers(time, model.marker_names, places), files.markers)
     force = {f"hand_v{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, -10, 0), strict=True)}
     point = {f"hand_p{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, 0.8, 0), strict=True)}

@@ -40,9 +40,11 @@ def run_judo_demo(out: Path) -> Outcome:
     trial = judo_trial(pair)
     outcome = run_trial(trial, usual_steps(), out, fresh=True)
     if not outcome.error:
-        found = get_contact_forces(read_result(out / f"{file_name(trial.name)}{STORED}", leave_out=large_variables()))
-        assert found is not None
-        write_errors(found, pair.truth, out / ERRORS)
+        contact_forces = get_contact_forces(
+            read_result(out / f"{file_name(trial.name)}{STORED}", leave_out=large_variables())
+        )
+        assert contact_forces is not None
+        write_errors(contact_forces, pair.truth, out / ERRORS)
     return outcome
 
 
@@ -128,14 +130,14 @@ def touches_of(states: Series) -> Contacts:
     return Contacts(states.names, tuple(touches))
 
 
-def write_errors(found: ContactForces, truth: PairTruth, path: Path) -> None:
+def write_errors(contact_forces: ContactForces, truth: PairTruth, path: Path) -> None:
     """Write the size of each foot's and grip's true force and of the estimate's error, root mean squares [N]."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)
         table.writerow(("contact", "true force [N]", "error [N]", "error x", "error y", "error z"))
         for name in (*FEET, *GRIPS):
-            own = [k for k, site in enumerate(found.sites) if site.group == name]
-            miss = found.forces[:, own].sum(axis=1) - truth.forces[name]
+            own = [index for index, site in enumerate(contact_forces.sites) if site.group == name]
+            miss = contact_forces.forces[:, own].sum(axis=1) - truth.forces[name]
             along = np.sqrt(np.mean(miss**2, axis=0))
             size = np.sqrt(np.mean(np.sum(truth.forces[name] ** 2, axis=1)))
             table.writerow((name, *(f"{one:.1f}" for one in (size, np.linalg.norm(along), *along))))

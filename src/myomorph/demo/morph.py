@@ -81,32 +81,36 @@ def morph_errors(morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping
     landmarks : of each body that has a truth
     """
     fixed = {(m.name, p.name) for m in morph.source.muscles for p in m.path.points if isinstance(p, PathPoint)}
-    points = [one for one in morph.points if (one.owner, one.name) in fixed and one.body in truth]
-    bodies, source = [one.body for one in points], np.array([one.source for one in points])
+    points = [point for point in morph.points if (point.owner, point.name) in fixed and point.body in truth]
+    bodies, source = [point.body for point in points], np.array([point.source for point in points])
     true = _carried(truth, bodies, source)
     methods = _methods(morph, landmarks)
     distances = {name: np.linalg.norm(_carried(by, bodies, source) - true, axis=1) for name, by in methods.items()}
-    distances[WRITTEN] = np.linalg.norm(np.array([one.target for one in points]) - true, axis=1)
+    distances[WRITTEN] = np.linalg.norm(np.array([point.target for point in points]) - true, axis=1)
     scaled = next(iter(methods))
     arms, pairs = _arm_errors(morph, truth, {scaled: methods[scaled]})
     return MorphErrors(
-        tuple((one.owner, one.name, one.body) for one in points), distances, _joint_errors(morph, truth), arms, pairs
+        tuple((point.owner, point.name, point.body) for point in points),
+        distances,
+        _joint_errors(morph, truth),
+        arms,
+        pairs,
     )
 
 
 def _methods(morph: Morph, landmarks: Mapping[str, FeaturePoints]) -> dict[str, Mapping[str, PointMap]]:
     """Maps by body, by method; scaling first."""
-    count = max(len(one) for one in landmarks.values())
-    found: dict[str, Mapping[str, PointMap]] = {
-        f"scaling, {count} landmarks": {body: axis_scaling(one) for body, one in landmarks.items()}
+    count = max(len(landmark) for landmark in landmarks.values())
+    result: dict[str, Mapping[str, PointMap]] = {
+        f"scaling, {count} landmarks": {body: axis_scaling(landmark) for body, landmark in landmarks.items()}
     }
     kinds: dict[MapKind, str] = {"affine": "affine", "rbf": "RBF", "ssd": "SSD"}
     for kind, name in kinds.items():
-        maps = {body: fit_map(one, MapOptions(map=kind)) for body, one in landmarks.items()}
-        found[f"{name}, {count} landmarks"] = maps
+        maps = {body: fit_map(landmark, MapOptions(map=kind)) for body, landmark in landmarks.items()}
+        result[f"{name}, {count} landmarks"] = maps
     for kind, name in DENSE.items():
-        found[name] = {body: fit_map(_features(morph.bones[body]), MapOptions(map=kind)) for body in landmarks}
-    return found
+        result[name] = {body: fit_map(_features(morph.bones[body]), MapOptions(map=kind)) for body in landmarks}
+    return result
 
 
 def _features(bone: BoneMap) -> FeaturePoints:
@@ -116,21 +120,21 @@ def _features(bone: BoneMap) -> FeaturePoints:
 
 
 def _carried(maps: Mapping[str, PointMap], bodies: list[str], points: Array) -> Array:
-    found, owner = np.empty_like(points), np.array(bodies)
+    result, owner = np.empty_like(points), np.array(bodies)
     for body in set(bodies):
-        found[owner == body] = maps[body].apply(points[owner == body])
-    return found
+        result[owner == body] = maps[body].apply(points[owner == body])
+    return result
 
 
 def _joint_errors(morph: Morph, truth: Mapping[str, PointMap]) -> dict[str, float]:
     joints = {joint.name: joint for joint in morph.source.joints}
-    found = {}
+    result = {}
     for one in morph.joints:
         joint = joints[one.name]
         if joint.child in truth and joint.parent in truth:
             goal = truth[joint.child].apply(joint.child_frame.translation)
-            found[one.name] = float(np.linalg.norm(one.in_child - goal))
-    return found
+            result[one.name] = float(np.linalg.norm(one.in_child - goal))
+    return result
 
 
 def _arm_errors(
@@ -143,7 +147,7 @@ def _arm_errors(
     found, pairs = {}, []
     for name, model in {**models, WRITTEN: morph.model}.items():
         tables = compare_moment_arms(true, model, compared_coordinates(true, model))
-        turning = [one for one in tables if one.kind == "rotational"]
+        turning = [table for table in tables if table.kind == "rotational"]
         found[name] = np.concatenate([np.sqrt(np.mean((one.target - one.source) ** 2, axis=0)) for one in turning])
         pairs = [(muscle, one.pair.source) for one in turning for muscle in one.muscles]
     return found, tuple(pairs)
@@ -151,40 +155,43 @@ def _arm_errors(
 
 def _bones(morph: Morph, maps: Mapping[str, PointMap]) -> dict[str, BoneMap]:
     """Bones that go by given maps."""
-    found = {}
-    for body, one in maps.items():
+    result = {}
+    for body, map_ in maps.items():
         surface = morph.bones[body].source
         if surface is None:
             raise BadData(f"the source has no bone of '{body}'")
-        whole = procrustes(surface.vertices, one.apply(surface.vertices), True)
-        found[body] = BoneMap(body, body, one, whole, "given", surface, None)
-    return found
+        whole = procrustes(surface.vertices, map_.apply(surface.vertices), True)
+        result[body] = BoneMap(body, body, map_, whole, "given", surface, None)
+    return result
 
 
-def error_section(found: MorphErrors) -> Section:
+def error_section(morph_errors: MorphErrors) -> Section:
     """How far each method puts muscles and joints from where they truly are."""
-    bodies = list(dict.fromkeys(body for _, _, body in found.points))
-    owner = np.array([body for _, _, body in found.points])
-    shown = [name for name in found.distances if not name.startswith("affine")]
+    bodies = list(dict.fromkeys(body for _, _, body in morph_errors.points))
+    owner = np.array([body for _, _, body in morph_errors.points])
+    shown = [name for name in morph_errors.distances if not name.startswith("affine")]
     medians = [
-        np.array([1e3 * float(np.median(found.distances[name][owner == body])) for body in bodies]) for name in shown
+        np.array([1e3 * float(np.median(morph_errors.distances[name][owner == body])) for body in bodies])
+        for name in shown
     ]
     styles = STYLES[: len(shown)]
     plot = dot_plot("Median error of the muscle points on each bone", "mm", bodies, medians, styles, shown, 880)
     lead = (
-        f"{len(found.points)} points of muscles, each where a map puts it, against where the known deformation puts "
+        f"{len(morph_errors.points)} points of muscles, each where a map puts it, against where the known "
+        f"deformation puts "
         f"it. “{WRITTEN.capitalize()}” is the model of this page: the dense map, then points near a surface put back "
         "onto it, and via points brought out of bones. Moment arms are held against those of the model that the known "
         "deformation itself carries; joint centers against where it puts the source's."
     )
     head = ("Method", "Median [mm]", "Mean [mm]", "95 % [mm]", "Worst [mm]")
     grids = (
-        Grid(head, tuple(_row(name, one) for name, one in found.distances.items()), "Error of the muscle points"),
-        Grid(head, tuple(_row(name, one) for name, one in found.arms.items()),
-             f"Error of {len(found.pairs)} moment arms, root mean square over the range of the coordinate"),
-        Grid(("Joint", "Error [mm]"), tuple((name, number(1e3 * one)) for name, one in found.joints.items()),
+        Grid(head, tuple(_row(name, distance) for name, distance in morph_errors.distances.items()),
+             "Error of the muscle points"),
+        Grid(head, tuple(_row(name, arm) for name, arm in morph_errors.arms.items()),
+             f"Error of {len(morph_errors.pairs)} moment arms, root mean square over the range of the coordinate"),
+        Grid(("Joint", "Error [mm]"), tuple((name, number(1e3 * joint)) for name, joint in morph_errors.joints.items()),
              "Error of the joint centers in the child's frame"),
-        _worst_points(found),
+        _worst_points(morph_errors),
     )  # fmt: skip
     legend = tuple(zip(styles, shown, strict=True))
     return Section("errors", "Error against the truth", lead, legend, (Figure(plot, "full"),), grids)
@@ -192,13 +199,13 @@ def error_section(found: MorphErrors) -> Section:
 
 def _row(name: str, errors: Array) -> tuple[str, ...]:
     values = (np.median(errors), errors.mean(), np.percentile(errors, 95.0), errors.max())
-    return (name, *(number(1e3 * float(one)) for one in values))
+    return (name, *(number(1e3 * float(value)) for value in values))
 
 
-def _worst_points(found: MorphErrors, most: int = 10) -> Grid:
-    written = found.distances[WRITTEN]
+def _worst_points(morph_errors: MorphErrors, most: int = 10) -> Grid:
+    written = morph_errors.distances[WRITTEN]
     order = np.argsort(-written)[:most]
-    rows = tuple((*found.points[i], number(1e3 * float(written[i]))) for i in order)
+    rows = tuple((*morph_errors.points[i], number(1e3 * float(written[i]))) for i in order)
     return Grid(("Muscle", "Point", "Bone", "Error [mm]"), rows, f"The {len(rows)} worst points as written", True)
 
 
@@ -287,14 +294,16 @@ def _write_errors(errors: MorphErrors, path: Path) -> None:
         writer = csv.writer(stream)
         writer.writerow(("muscle", "point", "body", *(f"{name} [m]" for name in errors.distances)))
         for i, names in enumerate(errors.points):
-            writer.writerow((*names, *(f"{one[i]:.6g}" for one in errors.distances.values())))
+            writer.writerow((*names, *(f"{distance[i]:.6g}" for distance in errors.distances.values())))
 
 
-def summary(found: MorphDemo) -> list[str]:
+def summary(morph_demo: MorphDemo) -> list[str]:
     """What the command says: errors by method, and how many warnings."""
-    lines = [f"error of {len(found.errors.points)} muscle points against the known deformation, median and worst [mm]:"]
-    lines += [
-        f"  {name:<24} {1e3 * float(np.median(one)):5.1f} {1e3 * float(one.max()):5.1f}"
-        for name, one in found.errors.distances.items()
+    lines = [
+        f"error of {len(morph_demo.errors.points)} muscle points against the known deformation, median and worst [mm]:"
     ]
-    return [*lines, *morph_lines(found.morphed.morph, found.morphed.checks)]
+    lines += [
+        f"  {name:<24} {1e3 * float(np.median(distance)):5.1f} {1e3 * float(distance.max()):5.1f}"
+        for name, distance in morph_demo.errors.distances.items()
+    ]
+    return [*lines, *morph_lines(morph_demo.morphed.morph, morph_demo.morphed.checks)]

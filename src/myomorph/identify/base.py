@@ -183,7 +183,7 @@ def fit_base(
     """
     options = options or BaseOptions()
     if base is None:
-        held = held_in(model, [one.motion for one in recordings], options.fixed)
+        held = held_in(model, [recording.motion for recording in recordings], options.fixed)
         base = base_parameters(model, options.fixed, held)
     if base.bodies != model.body_names:
         raise BadData(

@@ -178,7 +178,7 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
         if not coordinate.locked and name not in roots:
             continue
         values = [motion[name] if name in motion.names else np.array([coordinate.default]) for motion in motions]
-        seen = np.concatenate([one[np.isfinite(one)] for one in values] or [np.array([coordinate.default])])
+        seen = np.concatenate([value[np.isfinite(value)] for value in values] or [np.array([coordinate.default])])
         reach = np.ptp(seen) if len(seen) else 0.0
         if name in roots and reach > 1e-6:
             raise BadData(f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
@@ -190,11 +190,11 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
 def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, float]:
     """Level of every body, the mean over base parameters named after it; without any, its parent's."""
     parents = {joint.child: joint.parent for joint in model.joints}
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for b, name in enumerate(model.body_names):
         own = base.owners == b
-        found[name] = float(levels[own].mean()) if own.any() else found.get(parents[name], 0.0)
-    return found
+        result[name] = float(levels[own].mean()) if own.any() else result.get(parents[name], 0.0)
+    return result
 
 
 def parameter_sizes(model: Model) -> Array:

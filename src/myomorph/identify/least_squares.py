@@ -68,8 +68,8 @@ def fold_rows(R, given, rows):
     """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used up."""
     for first in range(0, given.shape[0], 6):
         rows[:] = 0.0
-        for k in range(min(6, given.shape[0] - first)):
-            rows[k] = given[first + k]
+        for index in range(min(6, given.shape[0] - first)):
+            rows[index] = given[first + index]
         fold(R, rows)
 
 

@@ -60,8 +60,8 @@ class MotionNoise:
         """(2,) root mean square of a moment's and a force's misfit that the noise alone makes [N m], [N]."""
         x = np.append(self.parts.base.of(parameters), -1.0)
         mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
-        found: Array = np.sqrt(np.maximum(mean, 0.0))
-        return found
+        result: Array = np.sqrt(np.maximum(mean, 0.0))
+        return result
 
     def scores(self, noise: Array, parameters: Array) -> Array:
         """(draws, 10 bodies) how each draw pulls at parameters (bodies, 10), about the mean, in units of noise (2,)."""
@@ -69,8 +69,8 @@ class MotionNoise:
         x = base.of(parameters)
         squares = np.einsum("dkij,k->dij", self.draws, 3.0 / np.square(noise))
         pulls = squares[:, :-1, -1] - squares[:, :-1, :-1] @ x
-        found: Array = (pulls - pulls.mean(axis=0)) @ base.combination
-        return found
+        result: Array = (pulls - pulls.mean(axis=0)) @ base.combination
+        return result
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
         """The same noise, or less where it alone would make a larger misfit (2,) than there is."""
@@ -105,7 +105,9 @@ def motion_noise(
     made = []
     mean = np.zeros_like(parts.factors)
     for _ in range(draws):
-        noisy_ones = [replace(one, motion=noisy(one.motion, sd, cutoff or CUTOFF, random)) for one in recordings]
+        noisy_ones = [
+            replace(recording, motion=noisy(recording.motion, sd, cutoff or CUTOFF, random)) for recording in recordings
+        ]
         factors = parts_of(model, noisy_ones, parts.base, least=parts.least).factors
         squares = np.einsum("pkji,pkjl->pkil", factors, factors)
         mean += squares / draws

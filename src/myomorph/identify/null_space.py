@@ -138,7 +138,7 @@ def numerical_null_space(
 def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
     """Coordinates that do not move, with their values; by default the locked ones."""
     if held is None:
-        return {one.name: one.default for one in model.coordinates if one.locked}
+        return {coordinate.name: coordinate.default for coordinate in model.coordinates if coordinate.locked}
     for name in held:
         index_of("coordinate", name, model.coordinate_names)
     return dict(held)

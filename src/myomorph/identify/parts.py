@@ -73,7 +73,7 @@ class Parts:
     @property
     def names(self) -> list[int]:
         """The folds that can be held out."""
-        return [int(one) for one in np.unique(self.folds) if one != BORDER]
+        return [int(fold) for fold in np.unique(self.folds) if fold != BORDER]
 
     @property
     def several(self) -> bool:
@@ -135,8 +135,8 @@ class Parts:
         """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame shows."""
         R, z = self.factor(noise)
         rows = np.vstack([R, np.diag(1.0 / spread)])
-        found: Array = lstsq(rows, np.concatenate([z, mean / spread]))[0]
-        return found
+        result: Array = lstsq(rows, np.concatenate([z, mean / spread]))[0]
+        return result
 
 
 def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = MIN_PARTS) -> Parts:

@@ -195,7 +195,7 @@ class _Changes:
             0.0 if mass is None else mass - reference[:, 0].sum(), options,
         )  # fmt: skip
 
-    def fit(self, x: Array, found: clarabel.DefaultSolution | None = None) -> PseudoInertiaFit:
+    def fit(self, x: Array, default_solution: clarabel.DefaultSolution | None = None) -> PseudoInertiaFit:
         """The fit of changes x (10 moved links,), and how the solver found them where it was needed."""
         changes = x.reshape(-1, 10)
         parameters = self.reference.copy()
@@ -211,10 +211,10 @@ class _Changes:
             misfit_before=float(misses[1] @ misses[1]),
             smallest=smallest,
             kept=kept,
-            status="closed form" if found is None else str(found.status),
-            converged=found is None or str(found.status) == "Solved",
-            residual=0.0 if found is None else float(max(found.r_prim, found.r_dual)),
-            iterations=0 if found is None else int(found.iterations),
+            status="closed form" if default_solution is None else str(default_solution.status),
+            converged=default_solution is None or str(default_solution.status) == "Solved",
+            residual=0.0 if default_solution is None else float(max(default_solution.r_prim, default_solution.r_dual)),
+            iterations=0 if default_solution is None else int(default_solution.iterations),
             options=self.options,
         )
 

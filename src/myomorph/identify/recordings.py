@@ -187,21 +187,21 @@ def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
 
 def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
     """Reason -> frames of all recordings left out for it."""
-    return sum((Counter(one.left_out) for one in recordings), Counter[str]())
+    return sum((Counter(recording.left_out) for recording in recordings), Counter[str]())
 
 
 def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
     """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
     options = options or RecordingOptions()
-    seconds = sum(float(one.use.sum()) * _step(one.recording.motion.time) for one in recordings)
+    seconds = sum(float(recording.use.sum()) * _step(recording.recording.motion.time) for recording in recordings)
     if seconds < options.min_duration:
-        counts, total = all_left_out(recordings), sum(one.frames for one in recordings)
+        counts, total = all_left_out(recordings), sum(recording.frames for recording in recordings)
         raise BadData(
             f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of {total} frames "
             f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
-            + "".join(f"; {note}" for one in recordings for note in one.notes)
+            + "".join(f"; {note}" for recording in recordings for note in recording.notes)
         )
-    turn = max(_largest_turn(model, one.recording) for one in recordings)
+    turn = max(_largest_turn(model, recording.recording) for recording in recordings)
     if turn < MIN_ROTATION:
         raise BadData(
             f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees against the "

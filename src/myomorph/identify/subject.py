@@ -294,12 +294,12 @@ def _on_other_recordings(
     model: Model, recordings: Sequence[Usable], base: BaseParameters, identified: Array, generic: Array
 ) -> Unseen:
     """Misfit of both on recordings that took no part."""
-    used = [one for one in recordings if one.use.any()]
+    used = [recording for recording in recordings if recording.use.any()]
     parts = [parts_of(model, [one.recording], base, least=1) for one in used]
     return Unseen(
-        np.reshape([one.rms(identified) for one in parts], (-1, 2)),
-        np.reshape([one.rms(generic) for one in parts], (-1, 2)),
-        np.array([one.frames.sum() for one in parts], int),
+        np.reshape([part.rms(identified) for part in parts], (-1, 2)),
+        np.reshape([part.rms(generic) for part in parts], (-1, 2)),
+        np.array([part.frames.sum() for part in parts], int),
         "recordings that were not used",
         tuple(one.name for one in used),
     )
@@ -334,10 +334,10 @@ def _solved(
     """The way asked for, and to compare the others, fitted to rows A x = b of unit noise; by name."""
     first = next(iter(points))
     solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
-    for name, one in points.items():
+    for name, point in points.items():
         if options.compare or (name == first and options.method == "points"):
             solved[f"identified, {name}"] = solve_mass_points(
-                one, *rows, mass=mass, options=MassPointOptions(mass_sd=mass_sd)
+                point, *rows, mass=mass, options=MassPointOptions(mass_sd=mass_sd)
             )
             advance(1)
     if options.compare or options.method == "pseudo-inertia":

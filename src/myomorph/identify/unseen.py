@@ -63,8 +63,8 @@ class Unseen:
     def rms(self, values: Array) -> Array:
         """(2,) over all parts together, of `identified` or `generic`."""
         weights = self.frames / self.frames.sum()
-        found: Array = np.sqrt(weights @ np.square(values))
-        return found
+        result: Array = np.sqrt(weights @ np.square(values))
+        return result
 
     @property
     def ratio(self) -> Array:

@@ -66,16 +66,16 @@ class CrossValidation:
 
         The percentage of a moment is of body weight times 1 m.
         """
-        found = {}
+        result = {}
         for name, error in self.errors.items():
             rms = np.sqrt(np.nanmean(np.square(error), axis=0))
-            found[name] = {
+            result[name] = {
                 "mean": np.nanmean(np.abs(error), axis=0),
                 "rms": rms,
                 "peak": np.nanmax(np.abs(error), axis=0),
                 "percent": 100.0 * rms / self.weight,
             }
-        return found
+        return result
 
 
 def cross_validate(

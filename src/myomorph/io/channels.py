@@ -41,8 +41,8 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
     text = file_text(path, HINT)
     first, start = line_from(text, 0)
     delimiter = max(",;\t", key=first.count)
-    names = [one.strip().strip('"') for one in split_cells(first, delimiter)]
-    column = next((k for k, name in enumerate(names) if name.lower() in TIMES), -1)
+    names = [cell.strip().strip('"') for cell in split_cells(first, delimiter)]
+    column = next((index for index, name in enumerate(names) if name.lower() in TIMES), -1)
     if column < 0 or len(names) < 2:
         raise BadFile(path, f"begins with the columns {', '.join(one[:MOST_SIGNS] for one in names[:6])}", HINT)
     values = quick_numbers(text[start:], delimiter, len(names))
@@ -51,5 +51,5 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
         values = parse_cells(text[start:], len(names), delimiter, found, path, HINT)
     if found or not len(values) or not rising(values[:, column]).all():
         raise BadFile(path, found[0] if found else "has times that do not rise", HINT)
-    others = [k for k in range(len(names)) if k != column]
-    return Series(values[:, column], tuple(names[k] for k in others), values[:, others])
+    others = [index for index in range(len(names)) if index != column]
+    return Series(values[:, column], tuple(names[other] for other in others), values[:, others])

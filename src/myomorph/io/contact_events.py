@@ -66,18 +66,25 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
     if "event" in header:
         marks = [_mark(path, number, row, rate, start) for number, row in rows]
         touches, warnings = _paired(path, marks)
-        sites = [one.site for one in marks]
+        sites = [mark.site for mark in marks]
     else:
         touches = [_span(path, number, row, rate, start) for number, row in rows]
-        warnings, sites = _overlaps(path, touches), [one.site for one in touches]
+        warnings, sites = _overlaps(path, touches), [touch.site for touch in touches]
     return Contacts(tuple(dict.fromkeys(sites)), tuple(touches), tuple(warnings))
 
 
 def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
     """Write touches as a table of spans, which `read_events` takes back; whole or not at all."""
     rows = [
-        (one.site, f"{one.start:.6f}", f"{one.stop:.6f}", one.surface, f"{one.confidence:.3g}", one.source)
-        for one in contacts.intervals
+        (
+            interval.site,
+            f"{interval.start:.6f}",
+            f"{interval.stop:.6f}",
+            interval.surface,
+            f"{interval.confidence:.3g}",
+            interval.source,
+        )
+        for interval in contacts.intervals
     ]
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
@@ -87,14 +94,16 @@ def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
 def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
     """Names of the columns, and rows by their line numbers."""
     text = file_text(path, f"expected {SHAPES}")
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    lines = [
+        (index, line) for index, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
+    ]
     if not lines:
         raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
     header = tuple(name.strip().lower() for name in next(csv.reader([lines[0][1]], delimiter=_delimiter(lines[0][1]))))
     wanted = {"site", "event"} if "event" in header else {"site"}
     times = [{"start", "stop"}, {"first_frame", "last_frame"}] if "event" not in header else [{"time"}, {"frame"}]
     unknown = [name for name in header if name not in COLUMNS]
-    if unknown or not wanted <= set(header) or sum(one <= set(header) for one in times) != 1:
+    if unknown or not wanted <= set(header) or sum(time <= set(header) for time in times) != 1:
         columns = ", ".join(name[:MOST_SIGNS] for name in header[: 2 * len(COLUMNS)])
         raise BadFile(path, f"has the columns {columns}", f"expected {SHAPES}, and surface, confidence")
     rows = []
@@ -175,7 +184,7 @@ def _touch(begun: _Mark, stop: float) -> Touch:
 
 
 def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
-    ordered = sorted(touches, key=lambda one: (one.site, one.start))
+    ordered = sorted(touches, key=lambda touch: (touch.site, touch.start))
     return [
         f"{path.name}: '{one.site}' touches from {one.start:g} to {one.stop:g} s and again from {other.start:g} s"
         for one, other in pairwise(ordered)

@@ -44,7 +44,7 @@ def read_csv_table(path: Path) -> Table:
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
         raise BadFile(path, "its times do not rise from row to row", "sort the rows, and fill gaps in the first column")
     found: list[str] = []
-    kept = [k for k in range(1, len(names)) if names[k]]
+    kept = [index for index in range(1, len(names)) if names[index]]
     titles = unique_names([names[k] for k in kept], "column", found)
     return Table(time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(found), source=str(path))
 

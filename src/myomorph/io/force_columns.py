@@ -160,7 +160,11 @@ def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
     names = set(table.names)
     force, point, free = (
         next(
-            (tuple(f"{one}{axis}" for axis in "xyz") for one in starts if {f"{one}{axis}" for axis in "xyz"} <= names),
+            (
+                tuple(f"{start}{axis}" for axis in "xyz")
+                for start in starts
+                if {f"{start}{axis}" for axis in "xyz"} <= names
+            ),
             (),
         )
         for starts in choices

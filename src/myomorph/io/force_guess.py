@@ -64,8 +64,8 @@ def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:
         if not _is_force(forces[:, g], up):
             return None
         looked += 1
-        for k, kind in enumerate(kinds[1:], 1):
-            part = groups[loaded, g, k]
+        for index, kind in enumerate(kinds[1:], 1):
+            part = groups[loaded, g, index]
             if not (_is_point(part, up) if kind == "COP" else _is_moment(part, size[loaded, g], up)):
                 return None
     if not looked:

@@ -157,7 +157,7 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     elif not layout.names:
         found.append(f"columns by its heading: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}")
     time = _times(names, values, layout.rate or _rate(heading), found, path)
-    kept = [k for k, name in enumerate(names) if name not in ("", "-") and not _is_clock(name)]
+    kept = [index for index, name in enumerate(names) if name not in ("", "-") and not _is_clock(name)]
     titles = unique_names([names[k] for k in kept], "column", found)
     return Table(time, titles, values[:, kept], warnings=tuple(found), source=str(path))
 
@@ -223,11 +223,11 @@ def _plate(group: str) -> str:
 
 def _spread(cells: Sequence[str], width: int) -> list[str]:
     """A line of groups, each over its own column and the blank ones behind it."""
-    found, last = [], ""
-    for k in range(width):
-        last = (cells[k] if k < len(cells) else "") or last
-        found.append(last)
-    return found
+    result, last = [], ""
+    for index in range(width):
+        last = (cells[index] if index < len(cells) else "") or last
+        result.append(last)
+    return result
 
 
 def _is_number(cell: str) -> bool:
@@ -241,7 +241,7 @@ def _rate(heading: Sequence[Sequence[str]]) -> float:
     """Samples a second, from a heading that has them: a number alone in its line, or behind a word; 0 without."""
     for cells in heading:
         filled = [cell for cell in cells if cell]
-        numbers = [float(one) for cell in filled for one in re.findall(r"\d+(?:\.\d+)?", cell)]
+        numbers = [float(element) for cell in filled for element in re.findall(r"\d+(?:\.\d+)?", cell)]
         alone = len(filled) == 1 and _is_number(filled[0])
         if len(numbers) == 1 and numbers[0] > 0.0 and (alone or RATE.search(" ".join(filled))):
             return numbers[0]
@@ -260,17 +260,17 @@ def _is_clock(name: str) -> bool:
 def _times(names: Sequence[str], values: Array, rate: float, found: list[str], path: Path) -> Array:
     """Times of the rows [s]: of a column, else of frames or rows at the rate."""
     plain = [_plain(name).removesuffix("_s").removesuffix("_ms") for name in names]
-    column = next((k for k, name in enumerate(plain) if name in TIMES), None)
+    column = next((index for index, name in enumerate(plain) if name in TIMES), None)
     if column is not None:
         time: Array = values[:, column] * (1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[column].lower()) else 1.0)
     elif rate > 0.0:
-        frame = next((k for k, name in enumerate(plain) if name in FRAMES), None)
-        sub = next((k for k, name in enumerate(plain) if name in SUB_FRAMES), None)
+        frame = next((index for index, name in enumerate(plain) if name in FRAMES), None)
+        sub = next((index for index, name in enumerate(plain) if name in SUB_FRAMES), None)
         first = 0.0
         if frame is not None:
             each = 1.0 if sub is None else float(np.nanmax(values[:, sub])) + 1.0
             first = (values[0, frame] - 1.0) * each + (0.0 if sub is None else values[0, sub])
-        time = np.array([(first + k) / rate for k in range(len(values))])
+        time = np.array([(first + index) / rate for index in range(len(values))])
         found.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
     else:
         raise BadFile(path, "has neither a column of times nor a rate", "state its rate (--force-rate HZ)")
@@ -283,9 +283,9 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
     """Points and moments in m and N m where the table names no unit and their size leaves no other."""
     notes = list(wrenches.notes)
     points, torques = wrenches.points.copy(), wrenches.torques.copy()
-    stated = {one.name: one for one in force_columns(table.names)}
-    for k, name in enumerate(wrenches.names):
-        own, size = stated.get(name), np.linalg.norm(wrenches.forces[:, k], axis=1)
+    stated = {column.name: column for column in force_columns(table.names)}
+    for index, name in enumerate(wrenches.names):
+        own, size = stated.get(name), np.linalg.norm(wrenches.forces[:, index], axis=1)
         loaded = np.isfinite(size) & (size > LOADED)
         if own is None or not loaded.any():
             continue
@@ -293,9 +293,9 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
             (own.point, points, np.ones(int(loaded.sum())), "points taken as mm"),
             (own.torque, torques, size[loaded], "moments taken as N mm"),
         ):
-            far = np.nanmedian(np.linalg.norm(parts[loaded, k], axis=1) / over) > FAR
-            if far and not any(UNIT.search(one) for one in columns):
-                parts[:, k] *= 1e-3
+            far = np.nanmedian(np.linalg.norm(parts[loaded, index], axis=1) / over) > FAR
+            if far and not any(UNIT.search(column) for column in columns):
+                parts[:, index] *= 1e-3
                 notes.append(f"force '{name}': no unit, {words} by their size")
     return replace(wrenches, points=points, torques=torques, notes=tuple(notes))
 
@@ -307,7 +307,7 @@ def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, flo
     ------
     BadData : there are not as many origins as such forces
     """
-    bare = [k for k in range(len(wrenches.names)) if not wrenches.points[:, k].any()]
+    bare = [index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()]
     if len(bare) != len(origins):
         raise BadData(
             f"{len(origins)} origins of moments for {len(bare)} forces without a center of pressure "
@@ -316,5 +316,5 @@ def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, flo
     points = wrenches.points.copy()
     for k, origin in zip(bare, origins, strict=True):
         points[:, k] = origin
-    notes = tuple(one for one in wrenches.notes if "has no center of pressure" not in one)
+    notes = tuple(note for note in wrenches.notes if "has no center of pressure" not in note)
     return replace(wrenches, points=points, notes=notes)

@@ -187,7 +187,7 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
     names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
     if len(names) > MOST_NAMES:
         raise ValueError(f"it holds {len(names)} node_names")
-    texts = tuple(one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in names)
+    texts = tuple(name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names)
     unit = facts.get("units", "")
     unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
     rate = next((float(facts[key]) for key in RATE_KEYS if key in facts), None)
@@ -248,7 +248,7 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     try:
         scale, rate = content.get("MOCAP_SCALE_FACTOR"), _first(content, RATE_KEYS)
         unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
-        places = {_text(name): _three(given) for name, given in offsets.items()}
+        places = {_text(name): _three(offset) for name, offset in offsets.items()}
         return KeypointNames(
             tuple(_text(one) for one in names),
             FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),

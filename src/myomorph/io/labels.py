@@ -30,10 +30,10 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
     if ending not in (".csv", ".tsv", ".txt", ".toml"):
         raise BadFile(path, f"is no map of labels: its name ends in '{ending}'", HINT)
     text = file_text(path, HINT)
-    found = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
-    if not found:
+    result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
+    if not result:
         raise BadFile(path, "holds no label", HINT)
-    return found
+    return result
 
 
 def _from_toml(path: Path, text: str) -> dict[str, str]:
@@ -52,7 +52,7 @@ def _from_csv(path: Path, text: str) -> dict[str, str]:
     if not lines:
         return {}
     sign = max(",;\t", key=lines[0].count)
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for number, row in enumerate(csv.reader(io.StringIO("\n".join(lines)), delimiter=sign)):
         cells = [cell.strip() for cell in row]
         if len(cells) == 1 or (len(cells) > 2 and any(cells[2:])):
@@ -60,7 +60,7 @@ def _from_csv(path: Path, text: str) -> dict[str, str]:
         label, name = cells[:2]
         if number == 0 and label.lower() in HEADINGS:
             continue
-        if found.get(label, name) != name:
-            raise BadFile(path, f"has label '{label}' twice: '{found[label]}' and '{name}'", HINT)
-        found[label] = name
-    return found
+        if result.get(label, name) != name:
+            raise BadFile(path, f"has label '{label}' twice: '{result[label]}' and '{name}'", HINT)
+        result[label] = name
+    return result

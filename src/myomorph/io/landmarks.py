@@ -66,7 +66,7 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
             table.wrong(line, f"names landmark '{name}' of '{body}' again", "each may stand there once")
         found[name] = np.array(sides)
     table.done()
-    return {body: LandmarkPairs(tuple(found), *np.stack(list(found.values()), axis=1)) for body, found in pairs.items()}
+    return {body: LandmarkPairs(tuple(pair), *np.stack(list(pair.values()), axis=1)) for body, pair in pairs.items()}
 
 
 def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Array]:
@@ -83,14 +83,16 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
     BadFile : as `read_body_landmarks`, or the file has several bodies and none is named
     UnknownName : the body has no landmarks there
     """
-    found = read_body_landmarks(path)
+    body_landmarks = read_body_landmarks(path)
     if body:
-        if body not in found and set(found) != {""}:
-            raise UnknownName("body", body, sorted(found), str(path))
-        return found[body] if body in found else found[""]
-    if len(found) > 1:
-        raise BadFile(path, f"has landmarks of {len(found)} bodies", f"say which: {quoted(sorted(found))}")
-    return next(iter(found.values()))
+        if body not in body_landmarks and set(body_landmarks) != {""}:
+            raise UnknownName("body", body, sorted(body_landmarks), str(path))
+        return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
+    if len(body_landmarks) > 1:
+        raise BadFile(
+            path, f"has landmarks of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}"
+        )
+    return next(iter(body_landmarks.values()))
 
 
 def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Array]]:
@@ -109,16 +111,16 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
     path = Path(path)
     ending = path.suffix.lower()
     if ending in (".osim", ".xml"):
-        found = _stations(path)
+        result = _stations(path)
     elif ending == ".json":
-        found = _from_json(path)
+        result = _from_json(path)
     elif ending in ENDINGS:
-        found = _points(path)
+        result = _points(path)
     else:
         raise BadFile(path, f"is no file of landmarks: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}")
-    if not any(found.values()):
+    if not any(result.values()):
         raise BadFile(path, "holds no landmarks")
-    return found
+    return result
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,7 @@ def _text(path: Path, hint: str) -> str:
 def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> _Table:
     hint = f"expected a table with the columns {', '.join(columns)}"
     text = _text(path, hint)
-    rows = [(k + 1, row) for k, row in enumerate(text.split("\n")) if row.strip(" \t,;")]
+    rows = [(index + 1, row) for index, row in enumerate(text.split("\n")) if row.strip(" \t,;")]
     slicer = bool(rows) and rows[0][1].startswith(_IN_MILLIMETERS)
     header = _slicer_header(rows) if slicer else ""
     rows = [(k, row) for k, row in rows if not row.lstrip().startswith("#")]
@@ -229,18 +231,18 @@ def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
 
 def _points(path: Path) -> dict[str, dict[str, Array]]:
     table = _table(path, POINT_COLUMNS, ("body",))
-    found: dict[str, dict[str, Array]] = {}
+    result: dict[str, dict[str, Array]] = {}
     for line in table.lines:
         name, body = line.cells["name"], line.cells.get("body", "")
         if not name:
             table.wrong(line, "has no name", "every landmark needs one")
             continue
-        of_body = found.setdefault(body, {})
+        of_body = result.setdefault(body, {})
         if name in of_body:
             table.wrong(line, f"names landmark '{name}' again", "each may stand there once")
         of_body[name] = table.point(line, "", f"'{name}'")
     table.done()
-    return found
+    return result
 
 
 def _from_json(path: Path) -> dict[str, dict[str, Array]]:
@@ -269,18 +271,18 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
     if not isinstance(unit, str) or unit.lower() not in UNITS:
         raise BadFile(path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {hint[9:]}")
     factor = UNITS[unit.lower()]
-    found: dict[str, dict[str, Array]] = {}
+    result: dict[str, dict[str, Array]] = {}
     for name, value in inner.items():
         if isinstance(value, dict):
-            found[name] = {one: _place(path, one, place, factor, hint) for one, place in value.items()}
+            result[name] = {one: _place(path, one, place, factor, hint) for one, place in value.items()}
         else:
-            found.setdefault("", {})[name] = _place(path, name, value, factor, hint)
-    return found
+            result.setdefault("", {})[name] = _place(path, name, value, factor, hint)
+    return result
 
 
 def _markups(path: Path, markups: object) -> dict[str, Array]:
     hint = "expected lists of points, as 3D Slicer writes them"
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for markup in markups if isinstance(markups, list) else []:
         points = markup.get("controlPoints", []) if isinstance(markup, dict) else []
         if not isinstance(points, list):
@@ -290,31 +292,31 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
             raise BadFile(path, f"has coordinates in '{unit}'", f"expected one of {quoted(list(UNITS))}")
         for point in points:
             name = str(point.get("label", "")) if isinstance(point, dict) else ""
-            if not name or name in found:
+            if not name or name in result:
                 raise BadFile(path, f"names point '{name}' twice" if name else "has a point without a label", hint)
             if point.get("positionStatus", "defined") not in ("defined", "preview"):
                 raise BadFile(path, f"point '{name}' has no place yet", "place it in 3D Slicer, or delete it")
-            found[name] = _place(path, name, point.get("position"), UNITS[unit], hint)
-    return found
+            result[name] = _place(path, name, point.get("position"), UNITS[unit], hint)
+    return result
 
 
 def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Array:
     numbers = value if isinstance(value, list) and all(type(one) in (int, float) for one in value) else []
     # Beyond this an integer has no float, and nothing is a place.
-    if len(numbers) != 3 or not all(abs(one) < 1e12 for one in numbers):
+    if len(numbers) != 3 or not all(abs(number) < 1e12 for number in numbers):
         raise BadFile(path, f"landmark '{name}' is {str(value)[:40]}", f"expected three numbers: {hint}")
     return frozen_array(factor * np.array(numbers, dtype=np.float64))
 
 
 def _stations(path: Path) -> dict[str, dict[str, Array]]:
     node = read_document(path, ("Model", "MarkerSet"), "an OpenSim model or MarkerSet")
-    found: dict[str, dict[str, Array]] = {}
+    result: dict[str, dict[str, Array]] = {}
     if node.kind == "Model":
         placed = Frames(node).stations()
     else:
-        placed = [(one.name, holder_of(one), one.vector("location")) for one in named_markers(node)]
+        placed = [(marker.name, holder_of(marker), marker.vector("location")) for marker in named_markers(node)]
     for name, body, location in placed:
-        if name in found.setdefault(body, {}):
+        if name in result.setdefault(body, {}):
             raise BadFile(path, f"names landmark '{name}' of '{body}' twice", "each may stand there once")
-        found[body][name] = frozen_array(location)
-    return found
+        result[body][name] = frozen_array(location)
+    return result

@@ -114,7 +114,7 @@ def _old_entry(node: Node, data: Path) -> LoadEntry:
     """Before 2.3.1 each column was named by a function; its last letter was the axis."""
     columns: list[str] = []
     for what in ("forceFunctions", "pointFunctions", "torqueFunctions"):
-        names = [one.get("name", "") for one in node.element.findall(f"FunctionSet[@name='{what}']/objects/*")]
+        names = [element.get("name", "") for element in node.element.findall(f"FunctionSet[@name='{what}']/objects/*")]
         first = names[0] if names else ""
         if first.startswith("#"):
             first = read_sto(data).names[int(first[1:]) - 1]
@@ -225,10 +225,10 @@ def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
     columns, blocks = [], []
     idle = (wrenches.forces == 0.0).all(axis=2, keepdims=True)
     points: Array = np.where(idle & np.isnan(wrenches.points), 0.0, wrenches.points)
-    for k, load in enumerate(wrenches.names):
+    for index, load in enumerate(wrenches.names):
         for part, values in zip(PARTS, (wrenches.forces, points, wrenches.torques), strict=True):
             columns += [f"{load}_{part}{axis}" for axis in "xyz"]
-            blocks.append(values[:, k])
+            blocks.append(values[:, index])
     values = np.hstack([*blocks, np.zeros((len(wrenches), 0))])
     return Table(wrenches.time, tuple(columns), values, facts=FrozenMap({"name": name}))
 

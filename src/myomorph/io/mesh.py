@@ -210,7 +210,7 @@ def _read_vtp(path: Path) -> Surface:
         points = reader.array(piece.find("Points/DataArray")).reshape(-1, 3)
         for name, triangles in (("Polys", _fans), ("Strips", _strips)):
             group = piece.find(name)
-            arrays = {} if group is None else {one.get("Name"): one for one in group.findall("DataArray")}
+            arrays = {} if group is None else {element.get("Name"): element for element in group.findall("DataArray")}
             if "connectivity" in arrays and "offsets" in arrays:
                 corners = reader.array(arrays["connectivity"]).astype(np.int64)
                 ends = reader.array(arrays["offsets"]).astype(np.int64)
@@ -228,9 +228,9 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     starts = np.concatenate([[0], ends[:-1]])
     sides = ends - starts
     found = []
-    for k in range(1, int(sides.max()) - 1):
-        first = starts[sides > k + 1]
-        found.append(np.stack([corners[first], corners[first + k], corners[first + k + 1]], axis=1))
+    for index in range(1, int(sides.max()) - 1):
+        first = starts[sides > index + 1]
+        found.append(np.stack([corners[first], corners[first + index], corners[first + index + 1]], axis=1))
     return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
 
 

@@ -69,7 +69,7 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     if unread:
         found.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
     if unidentified:
-        labels = [*labels, *(f"{FRAGMENT}{k + 1}" for k in range(len(fragments)))]
+        labels = [*labels, *(f"{FRAGMENT}{index + 1}" for index in range(len(fragments)))]
         values = np.concatenate([values, fragments]) if len(values) else fragments
     start = _number(recording, "StartFrame")
     first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0

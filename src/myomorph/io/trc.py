@@ -249,7 +249,7 @@ def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm")
         raise BadData(f"unknown unit '{units}' for a TRC file: there are 'mm', 'cm', 'm'")
     frames, count = markers.values.shape[:2]
     rate = f"{markers.rate:.6f}" if frames > 1 else "1"
-    labels = "".join(f"\tX{one}\tY{one}\tZ{one}" for one in range(1, count + 1))
+    labels = "".join(f"\tX{index}\tY{index}\tZ{index}" for index in range(1, count + 1))
     with written(path) as stream:
         stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n" + "\t".join(FIELDS) + "\n")
         stream.write(f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}\n")

@@ -77,7 +77,7 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
     if not np.isfinite(samples).all():
         warnings.append("some samples are not finite; taken as silence")
         samples = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
-    names = tuple(str(k + 1) for k in range(facts.channels))
+    names = tuple(str(index + 1) for index in range(facts.channels))
     return Sound(float(facts.rate), names, samples, start, tuple(warnings), str(path))
 
 

@@ -104,7 +104,7 @@ class Poses:
 
     def __init__(self, model: Model, source: Source, blend: float | None = None):
         self._model, self._names, self._blend = model, source.names, blend
-        self._rest = np.array([one.default for one in model.coordinates])
+        self._rest = np.array([coordinate.default for coordinate in model.coordinates])
         self._kinematics = self._solver() if source.markers else None
         self.marker_names = () if self._kinematics is None else self._kinematics.marker_names
         self._columns = (
@@ -188,7 +188,7 @@ class LiveChain:
         self._waiting: deque[tuple[float, Array]] = deque()
         self._pose: Array | None = None
         self._unknown = -np.inf
-        self._rest = np.array([one.default for one in model.coordinates])
+        self._rest = np.array([coordinate.default for coordinate in model.coordinates])
         nothing, no_reserves = np.full(len(model.muscles), np.nan), np.full(len(self.actuators), np.nan)
         no_torques = np.full(len(self.tension.rows), np.nan)
         self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))

@@ -151,10 +151,10 @@ class LiveIdentification:
     def frame(self, time: float, row: Array) -> IdentificationFrame:
         """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
         self._pass_on_forces(time)
-        found = IdentificationFrame(time, self.poses.solve(time, row))
-        self._frames.append(found)
-        self.estimate.push_motion(time, found.pose.coordinates)
-        return found
+        identification_frame = IdentificationFrame(time, self.poses.solve(time, row))
+        self._frames.append(identification_frame)
+        self.estimate.push_motion(time, identification_frame.pose.coordinates)
+        return identification_frame
 
     def _pass_on_forces(self, until: float) -> None:
         """Give the estimate the forces up to a time, for it keeps no more than frames need [s]."""
@@ -174,7 +174,7 @@ class LiveIdentification:
             raise BadData(
                 f"none of the {len(self._frames)} frames that came can be used: {left or 'too few for the filter'}"
             )
-        errors = np.array([one.pose.error for one in self._frames])
+        errors = np.array([frame.pose.error for frame in self._frames])
         errors = errors[np.isfinite(errors)]
         time, totals = (np.concatenate(parts) for parts in zip(*self._forces, strict=True))
         base, zero = self.model.body_names[0], np.zeros((len(time), 1, 3))
@@ -182,9 +182,9 @@ class LiveIdentification:
             identification=self.estimate,
             state=state,
             motion=Motion(
-                np.array([one.time for one in self._frames]),
+                np.array([frame.time for frame in self._frames]),
                 self.model.coordinate_names,
-                np.array([one.pose.coordinates for one in self._frames]),
+                np.array([frame.pose.coordinates for frame in self._frames]),
             ),
             wrenches=Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3]),
             frames=len(self._frames),

@@ -222,9 +222,9 @@ class LiveLimits:
         errors = self._stream.at(instant.time).reshape(3, self._count, self._n)
         motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(errors, 0, 1)
         loads, rows = self._inputs.loads(instant.loads), np.empty((self._count, int(self._ends[-1])))
-        for k, one in enumerate(self._drawn):
+        for index, one in enumerate(self._drawn):
             yield
-            one.fill(motion[k], loads[k], rows[k])
+            one.fill(motion[index], loads[index], rows[index])
         yield
         known = np.isfinite(rows).all(axis=1)
         self.tried += self._count

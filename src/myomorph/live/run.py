@@ -88,7 +88,7 @@ class LiveOutputs:
 
 def run_live_chain(
     model: Path,
-    given: LiveFiles | LiveStreams,
+    live_files: LiveFiles | LiveStreams,
     outputs: LiveOutputs | None = None,
     options: ChainOptions | None = None,
     tension: TensionOptions | None = None,
@@ -110,7 +110,7 @@ def run_live_chain(
     outputs = outputs or LiveOutputs()
     opened = inputs.open_model(model)
     inputs.has_mass(opened, "live")
-    source, read = open_source(opened, given)
+    source, read = open_source(opened, live_files)
     chain = LiveChain(opened, source, options, tension, limits, sources)
     delays = Delays()
     direct: list[Output] = []
@@ -137,24 +137,26 @@ def run_live_chain(
     return session
 
 
-def open_source(model: Model, given: LiveFiles | LiveStreams) -> tuple[Source, tuple[Input, ...]]:
+def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Source, tuple[Input, ...]]:
     """Frames to come, and what provenance tells of them.
 
     Raises
     ------
     MyomorphError : a file cannot be read or does not fit the model, or a stream is not there
     """
-    if isinstance(given, LiveStreams):
-        if given.up not in ("y", "z"):
-            raise BadData(f"--up {given.up}: expected y or z")
-        turn = Z_UP_TO_Y_UP if given.up == "z" else None
-        streams = LabStreams(given.markers, given.forces, turn=turn)
-        names = [one for one in (given.markers, given.forces) if one]
+    if isinstance(live_files, LiveStreams):
+        if live_files.up not in ("y", "z"):
+            raise BadData(f"--up {live_files.up}: expected y or z")
+        turn = Z_UP_TO_Y_UP if live_files.up == "z" else None
+        streams = LabStreams(live_files.markers, live_files.forces, turn=turn)
+        names = [one for one in (live_files.markers, live_files.forces) if one]
         return streams, tuple(value_source("stream", name, name) for name in names)
-    files = [("markers", given.markers)] + ([("loads", given.loads)] if given.loads else [])
-    series, wrenches = open_recording(model, given.markers, given.loads, labels=given.labels)
-    mapped = [value_source("markers", "labels of markers", sorted(given.labels.items()))] if given.labels else []
-    return Replay(series, wrenches, given.speed), (*(file_source(role, path) for role, path in files), *mapped)
+    files = [("markers", live_files.markers)] + ([("loads", live_files.loads)] if live_files.loads else [])
+    series, wrenches = open_recording(model, live_files.markers, live_files.loads, labels=live_files.labels)
+    mapped = (
+        [value_source("markers", "labels of markers", sorted(live_files.labels.items()))] if live_files.labels else []
+    )
+    return Replay(series, wrenches, live_files.speed), (*(file_source(role, path) for role, path in files), *mapped)
 
 
 STEP = "live"
@@ -285,7 +287,7 @@ class LiveRecord:
             writer.provenance(provenance_of(STEP, sources, chosen))
             store.put_derivatives(writer, motion, model)
             store.put_torques(writer, torques, self._wrenches(time, rows))
-            acts = {one.name: one.coordinate for one in model.actuators}
+            acts = {actuator.name: actuator.coordinate for actuator in model.actuators}
             driven = tuple(acts.get(name, "") for name in tension.reserve_names)
             store.put_tension(writer, tension, driven)
             writer.fact("trial", STEP)
@@ -299,7 +301,7 @@ class LiveRecord:
         for name in TABLES:
             names = self._chain.tension.muscles if name in MUSCLES else self._chain.model.coordinate_names
             parts = rows[:, self._part[f"{name}_limits"]].reshape(len(rows), 3, len(names))
-            spreads[name] = Spread(time, names, *(np.array(parts[:, k]) for k in range(3)))
+            spreads[name] = Spread(time, names, *(np.array(parts[:, index]) for index in range(3)))
             for end, values in (("low", parts[:, 0]), ("high", parts[:, 1])):
                 self._write_limit(name, end, Series(time, names, np.array(values)))
         return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))

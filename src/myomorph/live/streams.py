@@ -198,7 +198,7 @@ class _Stream:
     def __init__(self, lsl: Any, name: str, what: str, wait: float):
         found = lsl.resolve_byprop("name", name, timeout=wait)
         if not found:
-            others = tuple(dict.fromkeys(one.name() for one in lsl.resolve_streams(1.0)))
+            others = tuple(dict.fromkeys(stream.name() for stream in lsl.resolve_streams(1.0)))
             raise UnknownName(f"stream of {what}", name, others, "the network")
         flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
         try:
@@ -281,13 +281,20 @@ class LabOutlet:
         self._lsl = lsl = library or streaming_library()
         self._delay = chain.filter.delay
         model = chain.model
-        turns = {one.name: one.motion == "rotational" for one in model.coordinates}
-        channels = [(one, "rad" if turns[one] else "m", "Angle") for one in model.coordinate_names]
-        channels += [
-            (f"{one}_{'moment' if turns[one] else 'force'}", "N m" if turns[one] else "N", "Torque")
-            for one in model.coordinate_names
+        turns = {coordinate.name: coordinate.motion == "rotational" for coordinate in model.coordinates}
+        channels = [
+            (coordinate_name, "rad" if turns[coordinate_name] else "m", "Angle")
+            for coordinate_name in model.coordinate_names
         ]
-        channels += [(one, "1", "Activation") for one in chain.tension.muscles]
+        channels += [
+            (
+                f"{coordinate_name}_{'moment' if turns[coordinate_name] else 'force'}",
+                "N m" if turns[coordinate_name] else "N",
+                "Torque",
+            )
+            for coordinate_name in model.coordinate_names
+        ]
+        channels += [(muscle, "1", "Activation") for muscle in chain.tension.muscles]
         self._results, self._limited = len(channels), chain.limits is not None
         if self._limited:
             results = tuple(channels)

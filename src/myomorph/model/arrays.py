@@ -122,9 +122,9 @@ def changed(value: _Value, **fields: Any) -> _Value:
     fields : arrays among them have been made for this alone; they become read-only
     """
     made = object.__new__(type(value))
-    for one in fields.values():
-        if isinstance(one, np.ndarray):
-            one.setflags(write=False)
+    for field in fields.values():
+        if isinstance(field, np.ndarray):
+            field.setflags(write=False)
     made.__dict__.update(value.__dict__, **fields)
     return made
 
@@ -133,7 +133,7 @@ def changed(value: _Value, **fields: Any) -> _Value:
 def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
     """Fields of a class but for names and plain numbers: of these, what is made for every frame may have hundreds."""
     fields: dict[str, Any] = kind.__dataclass_fields__
-    return tuple(name for name, one in fields.items() if not PLAIN.fullmatch(str(one.type)))
+    return tuple(name for name, field in fields.items() if not PLAIN.fullmatch(str(field.type)))
 
 
 def _lock(value: Any) -> None:
@@ -170,7 +170,7 @@ def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _locked_mapping(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
     entries = {key: _locked(one) for key, one in value.items()}
-    return value if all(one is value[key] for key, one in entries.items()) else FrozenMap(entries)
+    return value if all(entry is value[key] for key, entry in entries.items()) else FrozenMap(entries)
 
 
 @cache

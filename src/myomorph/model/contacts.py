@@ -128,21 +128,21 @@ class Contacts:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intervals", tuple(sorted(self.intervals, key=lambda one: (one.start, one.site))))
-        for one in self.intervals:
-            check_name("contact site", one.site, self.sites, "the contacts")
+        for interval in self.intervals:
+            check_name("contact site", interval.site, self.sites, "the contacts")
 
     def states(self, time: Array) -> Series:
         """How sure it is that each site touches: (frames, sites), 0 where nothing says so."""
         values = np.zeros((len(time), len(self.sites)))
-        for one in self.intervals:
-            column = self.sites.index(one.site)
-            inside = (time >= one.start - 1e-9) & (time <= one.stop + 1e-9)
-            values[inside, column] = np.maximum(values[inside, column], one.confidence)
+        for interval in self.intervals:
+            column = self.sites.index(interval.site)
+            inside = (time >= interval.start - 1e-9) & (time <= interval.stop + 1e-9)
+            values[inside, column] = np.maximum(values[inside, column], interval.confidence)
         return Series(time, self.sites, values)
 
     def of(self, site: str) -> tuple[Touch, ...]:
         """When one site touches."""
-        return tuple(one for one in self.intervals if one.site == site)
+        return tuple(interval for interval in self.intervals if interval.site == site)
 
 
 @read_only
@@ -205,7 +205,7 @@ class ContactForces:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the sites."""
-        return tuple(one.name for one in self.sites)
+        return tuple(site.name for site in self.sites)
 
     def of(self, site: str) -> Array:
         """Force at one site (frames, 3); raises `UnknownName`."""

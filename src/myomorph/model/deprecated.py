@@ -185,10 +185,10 @@ def current_options(command: str, words: Sequence[str]) -> tuple[list[str], list
         found.append(new + equals + value)
     for renamed in OPTION_VALUES:
         place, option = renamed.place.split()
-        for k, word in enumerate(found if place == command else ()):
+        for index, word in enumerate(found if place == command else ()):
             joined = f"{option}={renamed.old}"
-            if word == joined or (word == renamed.old and k > 0 and found[k - 1] == option):
-                found[k] = f"{option}={renamed.new}" if word == joined else renamed.new
+            if word == joined or (word == renamed.old and index > 0 and found[index - 1] == option):
+                found[index] = f"{option}={renamed.new}" if word == joined else renamed.new
                 notices[renamed.place] = notice(command, f"{option} {renamed.old}", f"{option} {renamed.new}")
     return found, list(notices.values())
 
@@ -210,7 +210,7 @@ def current_keys(kind: str, raw: Mapping[str, Any], file: str) -> tuple[dict[str
 
     def table(given: Mapping[str, Any], path: str) -> dict[str, Any]:
         names = {one.old: one for one in KEYS[kind] if _within(path, one.place)}
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         for key, value in given.items():
             one = names.get(key)
             dotted = f"{path}.{key}".removeprefix(".")
@@ -221,8 +221,8 @@ def current_keys(kind: str, raw: Mapping[str, Any], file: str) -> tuple[dict[str
                 where = (one.place, one.old)
                 notices.setdefault(where, notice(file, dotted, f"{path}.{one.new}".removeprefix(".")))
             new = key if one is None else one.new
-            found[new] = entry(value, f"{path}.{new}".removeprefix("."))
-        return found
+            result[new] = entry(value, f"{path}.{new}".removeprefix("."))
+        return result
 
     def entry(value: Any, path: str) -> Any:
         if isinstance(value, Mapping):

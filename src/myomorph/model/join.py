@@ -93,9 +93,9 @@ def join_motions(parts: Mapping[str, Motion]) -> Motion:
     motions = list(parts.values())
     rates = [
         None if any(one is None for one in given) else np.hstack([one for one in given if one is not None])
-        for given in ([one.velocities for one in motions], [one.accelerations for one in motions])
+        for given in ([motion.velocities for motion in motions], [motion.accelerations for motion in motions])
     ]
-    values = np.hstack([one.values for one in motions])
+    values = np.hstack([motion.values for motion in motions])
     return Motion(motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1])
 
 
@@ -126,7 +126,7 @@ def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
 
 def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[str, ...]:
     """Names of all columns, with their parts' names before them."""
-    return tuple(f"{part}_{one}" for part, series in parts.items() for one in series.names)
+    return tuple(f"{part}_{name}" for part, series in parts.items() for name in series.names)
 
 
 def part_of(whole: Timed, part: str) -> Timed:
@@ -139,7 +139,7 @@ def part_of(whole: Timed, part: str) -> Timed:
     UnknownName
         where no column is that part's
     """
-    own = [(k, short) for k, name in enumerate(whole.names) if (short := own_name(name, part)) is not None]
+    own = [(index, short) for index, name in enumerate(whole.names) if (short := own_name(name, part)) is not None]
     if not own:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
         raise UnknownName("part", part, begins, "the columns' names begin with what it")
@@ -151,7 +151,7 @@ def part_of(whole: Timed, part: str) -> Timed:
                 given = getattr(whole, rate)
                 changes[rate] = None if given is None else given[:, columns]
         return replace(whole, **changes)
-    bodies = tuple(own_name(whole.bodies[k], part) or whole.bodies[k] for k in columns)
+    bodies = tuple(own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns)
     vectors = [getattr(whole, what)[:, columns] for what in ("forces", "points", "torques")]
     return Wrenches(whole.time, names, bodies, *vectors)
 
@@ -240,23 +240,23 @@ def _renamed(model: Model, part: str) -> Model:
         table: tuple(renamed(one, texts) for one in getattr(model, table)) for table, texts in NAMED.items()
     }
     kept = tuple(_kept_part(one, model, own) for one in model.kept)
-    return replace(model, kept=kept, warnings=tuple(f"{part}: {one}" for one in model.warnings), **tables)
+    return replace(model, kept=kept, warnings=tuple(f"{part}: {warning}" for warning in model.warnings), **tables)
 
 
 def _path(path: Path, own: Callable[[str], str]) -> Path:
     tendon = tuple(
-        replace(one, wrap_object=own(one.wrap_object), side_body=own(one.side_body))
-        for one in path.wraps
-        if isinstance(one, TendonWrap)
+        replace(wrap, wrap_object=own(wrap.wrap_object), side_body=own(wrap.side_body))
+        for wrap in path.wraps
+        if isinstance(wrap, TendonWrap)
     )
-    other = tuple(replace(one, wrap_object=own(one.wrap_object)) for one in path.wraps if isinstance(one, PathWrap))
-    return Path(tuple(_point(one, own) for one in path.points), tendon or other, path.divisors)
+    other = tuple(replace(wrap, wrap_object=own(wrap.wrap_object)) for wrap in path.wraps if isinstance(wrap, PathWrap))
+    return Path(tuple(_point(point, own) for point in path.points), tendon or other, path.divisors)
 
 
 def _point(point: PathPoint | MovingPathPoint, own: Callable[[str], str]) -> PathPoint | MovingPathPoint:
     if isinstance(point, PathPoint):
         return replace(point, name=own(point.name), body=own(point.body), coordinate=own(point.coordinate))
-    x, y, z = (own(one) for one in point.coordinates)
+    x, y, z = (own(coordinate) for coordinate in point.coordinates)
     return replace(point, name=own(point.name), body=own(point.body), coordinates=(x, y, z))
 
 
@@ -267,8 +267,8 @@ def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
     known = _all_names(model)
     words = re.compile(r"[^\s/<>\"'|]+")
 
-    def text(found: re.Match[str]) -> str:
-        return words.sub(lambda word: own(word[0]) if word[0] in known else word[0], found[0])
+    def text(match: re.Match[str]) -> str:
+        return words.sub(lambda word: own(word[0]) if word[0] in known else word[0], match[0])
 
     renamed = re.sub(r">[^<]+<", text, part.text)
     if part.name:
@@ -286,12 +286,12 @@ def _all_names(model: Model) -> set[str]:
 
 def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
     """What all parts keep; of what a file has once (credits, units) the first."""
-    found: list[Kept] = []
+    kepts: list[Kept] = []
     once: set[str] = set()
     for one in (kept for model in models for kept in model.kept):
         if one.room == "Model":
             if one.kind in once:
                 continue
             once.add(one.kind)
-        found.append(one)
-    return tuple(found)
+        kepts.append(one)
+    return tuple(kepts)

@@ -46,11 +46,15 @@ class Labelled:
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
         xarray = from_extra("xarray", "xarray")
         variables = self.variables()
-        used = {name for one in variables.values() for name in one.dimensions}
+        used = {name for variable in variables.values() for name in variable.dimensions}
         return xarray.Dataset(
             {
-                name: (one.dimensions, np.asarray(one.values), {"units": one.unit} if one.unit else {})
-                for name, one in variables.items()
+                name: (
+                    variable.dimensions,
+                    np.asarray(variable.values),
+                    {"units": variable.unit} if variable.unit else {},
+                )
+                for name, variable in variables.items()
             },
             {
                 name: (name, np.asarray(values), {"units": "s"} if name == "time" else {})
@@ -71,7 +75,9 @@ class Labelled:
         """
         pandas = from_extra("xarray", "pandas")
         labels = self.labels()
-        over_time = {name: one for name, one in self.variables().items() if one.dimensions[:1] == ("time",)}
+        over_time = {
+            name: variable for name, variable in self.variables().items() if variable.dimensions[:1] == ("time",)
+        }
         columns: dict[tuple[str, ...], np.ndarray] = {}
         for name, one in over_time.items():
             within = [labels[dimension] for dimension in one.dimensions[1:]]

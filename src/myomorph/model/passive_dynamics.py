@@ -63,13 +63,15 @@ def with_passive_dynamics(
     added = [_spring(model, name, damping, stiffness, rest) for name in dict.fromkeys((*damping, *stiffness))]
     for name in viscosity:
         index_of("muscle", name, model.muscle_names)
-    names = {one.name for one in added} | {one.name for one in bushings}
+    names = {one.name for one in added} | {bushing.name for bushing in bushings}
     return replace(
         model,
-        passive_torques=(*(one for one in model.passive_torques if one.name not in names), *added),
+        passive_torques=(*(torque for torque in model.passive_torques if torque.name not in names), *added),
         kept=tuple(one for one in model.kept if one.name not in names),
-        bushings=(*(one for one in model.bushings if one.name not in names), *bushings),
-        muscles=tuple(replace(one, viscosity=viscosity.get(one.name, one.viscosity)) for one in model.muscles),
+        bushings=(*(bushing for bushing in model.bushings if bushing.name not in names), *bushings),
+        muscles=tuple(
+            replace(muscle, viscosity=viscosity.get(muscle.name, muscle.viscosity)) for muscle in model.muscles
+        ),
     )
 
 
@@ -97,13 +99,13 @@ def strand_viscosity(viscosity: Mapping[str, float], strands: Mapping[str, Seque
     BadData
         where a muscle has no strands, or two muscles share one
     """
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for muscle, value in viscosity.items():
         own = strands.get(muscle, ())
         if not own:
             raise BadData(f"muscle '{muscle}' has no strands: there are strands of {', '.join(strands) or 'none'}")
         for strand in own:
-            if strand in found:
+            if strand in result:
                 raise BadData(f"strand '{strand}' belongs to '{muscle}' and to another muscle")
-            found[strand] = value / len(own)
-    return found
+            result[strand] = value / len(own)
+    return result

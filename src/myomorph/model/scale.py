@@ -71,21 +71,24 @@ def scale(
         model,
         bodies=_of_mass(bodies, mass),
         joints=tuple(_joint(joint, sizes, travel) for joint in model.joints),
-        coordinates=tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
-        couplers=tuple(_coupler(one, travel) for one in model.couplers),
-        markers=tuple(replace(one, location=one.location * sizes[one.body]) for one in model.markers),
-        frames=tuple(replace(one, pose=_shifted(one.pose, sizes[one.body])) for one in model.frames),
-        wrap_objects=tuple(_wrap(one, sizes[one.body]) for one in model.wrap_objects),
-        muscles=tuple(replace(one, path=_path(one.path, sizes)) for one in model.muscles),
-        actuators=tuple(_actuator(one, sizes) for one in model.actuators),
-        loops=tuple(_tied(one, sizes) for one in model.loops),
-        bushings=tuple(_tied(one, sizes) for one in model.bushings),
-        ligaments=tuple(replace(one, path=_path(one.path, sizes)) for one in model.ligaments),
+        coordinates=tuple(
+            _coordinate(coordinate, travel.get(coordinate.name, 1.0)) for coordinate in model.coordinates
+        ),
+        couplers=tuple(_coupler(coupler, travel) for coupler in model.couplers),
+        markers=tuple(replace(marker, location=marker.location * sizes[marker.body]) for marker in model.markers),
+        frames=tuple(replace(frame, pose=_shifted(frame.pose, sizes[frame.body])) for frame in model.frames),
+        wrap_objects=tuple(_wrap(item, sizes[item.body]) for item in model.wrap_objects),
+        muscles=tuple(replace(muscle, path=_path(muscle.path, sizes)) for muscle in model.muscles),
+        actuators=tuple(_actuator(actuator, sizes) for actuator in model.actuators),
+        loops=tuple(_tied(loop, sizes) for loop in model.loops),
+        bushings=tuple(_tied(bushing, sizes) for bushing in model.bushings),
+        ligaments=tuple(replace(ligament, path=_path(ligament.path, sizes)) for ligament in model.ligaments),
     )
     if path_lengths is None:
         return result
     muscles = tuple(
-        _muscle(one, ratio) for one, ratio in zip(result.muscles, _ratios(model, result, path_lengths), strict=True)
+        _muscle(muscle, ratio)
+        for muscle, ratio in zip(result.muscles, _ratios(model, result, path_lengths), strict=True)
     )
     return replace(result, muscles=muscles, ligaments=taut_ligaments(model, result, path_lengths))
 
@@ -102,7 +105,8 @@ def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], 
     strings = [replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments)) for one in (before, after)]
     ratios = _ratios(strings[0], strings[1], path_lengths)
     return tuple(
-        replace(one, slack_length=one.slack_length * ratio) for one, ratio in zip(after.ligaments, ratios, strict=True)
+        replace(ligament, slack_length=ligament.slack_length * ratio)
+        for ligament, ratio in zip(after.ligaments, ratios, strict=True)
     )
 
 
@@ -147,7 +151,7 @@ def _body(body: Body, size: Array, keep_mass: bool, rule: str) -> Body:
         mass=mass,
         mass_center=body.mass_center * size,
         inertia=moments(body, size, mass),
-        meshes=tuple(_mesh(one, size) for one in body.meshes),
+        meshes=tuple(_mesh(mesh, size) for mesh in body.meshes),
     )
 
 
@@ -269,11 +273,11 @@ def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
 def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
     points = tuple(_point(point, sizes[point.body]) for point in path.points)
     tendon = tuple(
-        replace(one, side=None if one.side is None else np.asarray(one.side) * sizes[one.side_body])
-        for one in path.wraps
-        if isinstance(one, TendonWrap)
+        replace(wrap, side=None if wrap.side is None else np.asarray(wrap.side) * sizes[wrap.side_body])
+        for wrap in path.wraps
+        if isinstance(wrap, TendonWrap)
     )
-    other = tuple(one for one in path.wraps if isinstance(one, PathWrap))
+    other = tuple(wrap for wrap in path.wraps if isinstance(wrap, PathWrap))
     return replace(path, points=points, wraps=tendon or other)
 
 

@@ -76,9 +76,9 @@ def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Map
 def feet_of(model: Model) -> tuple[str, ...]:
     """Bodies that stand on the ground by their names: heel bones, else feet, else tarsi; () where there are none."""
     for word in ("calcn", "calcaneus", "hindfoot", "foot"):
-        found = tuple(name for name in model.body_names if word in name.lower())
-        if found:
-            return found
+        result = tuple(name for name in model.body_names if word in name.lower())
+        if result:
+            return result
     # Skeletons of animals: the tarsus as a whole, but neither metatarsals nor bodies between two joints.
     return tuple(name for name in model.body_names if split_side(name.rsplit("__", 1)[-1])[0].lower() == "tarsus")
 

@@ -132,12 +132,12 @@ class Motion(Series):
     def variables(self) -> dict[str, Variable]:
         """Values, and velocities and accelerations where they are known."""
         two = ("time", "name")
-        found = super().variables()
+        result = super().variables()
         if self.velocities is not None:
-            found["velocities"] = Variable(two, self.velocities, "rad/s or m/s")
+            result["velocities"] = Variable(two, self.velocities, "rad/s or m/s")
         if self.accelerations is not None:
-            found["accelerations"] = Variable(two, self.accelerations, "rad/s2 or m/s2")
-        return found
+            result["accelerations"] = Variable(two, self.accelerations, "rad/s2 or m/s2")
+        return result
 
 
 @read_only

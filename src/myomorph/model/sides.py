@@ -43,7 +43,7 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
         letters = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER]
         swapped = (name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :] for i in letters if _stands_apart(name, i))
         candidates = ([sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []) + list(swapped)
-        match = next((one for one in candidates if one in sided.values()), "")
+        match = next((candidate for candidate in candidates if candidate in sided.values()), "")
         if match:
             found[name] = match
     return FrozenMap(found)

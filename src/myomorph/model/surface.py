@@ -45,7 +45,7 @@ class Surface:
 
 def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
     """(m, 3) along the normals of faces, twice as long as their areas [m^2]."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    a, b, c = (vertices[faces[:, index]] for index in range(3))
     return np.cross(b - a, c - a)
 
 
@@ -57,7 +57,7 @@ def used_part(vertices: Array, faces: np.ndarray) -> Surface:
 
 def signed_volume(vertices: Array, faces: np.ndarray) -> float:
     """Volume that faces enclose, negative where they look inward [m^3]."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    a, b, c = (vertices[faces[:, index]] for index in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 

@@ -133,52 +133,52 @@ def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[in
         return checks
     random = np.random.default_rng(0)
     squares = [np.zeros_like(one.target) for one in checks.arms]
-    wraps = [one for one in morph.model.wrap_objects if one.body in known]
+    wraps = [item for item in morph.model.wrap_objects if item.body in known]
     centers, sizes = np.zeros(len(wraps)), np.zeros(len(wraps))
     for _ in range(DRAWS):
         drawn = _drawn(morph, {body: _Displacement(one, random) for body, one in known.items()})
-        for sums, one, arms in zip(squares, checks.arms, target_arms(drawn, checks.arms), strict=True):
-            sums += (arms - one.target) ** 2
-        moved = {one.name: one for one in drawn.wrap_objects}
-        centers += [np.sum((moved[one.name].pose.translation - one.pose.translation) ** 2) for one in wraps]
-        sizes += [(moved[one.name].size[0] - one.size[0]) ** 2 for one in wraps]
+        for sums, arm, arms in zip(squares, checks.arms, target_arms(drawn, checks.arms), strict=True):
+            sums += (arms - arm.target) ** 2
+        moved = {item.name: item for item in drawn.wrap_objects}
+        centers += [np.sum((moved[wrap.name].pose.translation - wrap.pose.translation) ** 2) for wrap in wraps]
+        sizes += [(moved[wrap.name].size[0] - wrap.size[0]) ** 2 for wrap in wraps]
         if progress is not None:
             progress(1)
-    unknown = {one.owner for one in morph.points if not np.isfinite(one.within) or one.target_body not in known}
-    found: list[MomentArms] = []
-    for sums, one in zip(squares, checks.arms, strict=True):
+    unknown = {point.owner for point in morph.points if not np.isfinite(point.within) or point.target_body not in known}
+    arms_of_muscles: list[MomentArms] = []
+    for sums, arm in zip(squares, checks.arms, strict=True):
         within = NINETY * np.sqrt(sums / DRAWS)
-        within[:, [muscle in unknown for muscle in one.muscles]] = np.nan
-        found.append(replace(one, within=within))
+        within[:, [muscle in unknown for muscle in arm.muscles]] = np.nan
+        arms_of_muscles.append(replace(arm, within=within))
     intervals = tuple(
-        WrapInterval(one, IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))), NINETY * float(np.sqrt(size / DRAWS)))
-        for one, center, size in zip(wraps, centers, sizes, strict=True)
+        WrapInterval(wrap, IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))), NINETY * float(np.sqrt(size / DRAWS)))
+        for wrap, center, size in zip(wraps, centers, sizes, strict=True)
     )
-    return replace(checks, arms=tuple(found), wraps=intervals)
+    return replace(checks, arms=tuple(arms_of_muscles), wraps=intervals)
 
 
 def _matched(morph: Morph) -> dict[str, _Known]:
     """By body of the target, of bones whose points have radii; where several became one, the first."""
-    found: dict[str, _Known] = {}
+    result: dict[str, _Known] = {}
     for bone in morph.bones.values():
         features, body = bone.features, bone.target_body
-        if body in found or features is None or features.radii is None:
+        if body in result or features is None or features.radii is None:
             continue
         if np.isfinite(features.radii).sum() >= AROUND:
             length = bone.whole.scale * Carrier(bone, body).length
-            found[body] = _Known(length, features, None if bone.target is None else Shape(bone.target))
-    return found
+            result[body] = _Known(length, features, None if bone.target is None else Shape(bone.target))
+    return result
 
 
 def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
     """The morphed model with everything on the bones displaced."""
     model = morph.model
     shifts: dict[tuple[str, str], Array] = {}
-    for body, one in moves.items():
+    for body, move in moves.items():
         own = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
         if own:
             places, within = np.array([point.target for point in own]), np.array([point.within for point in own])
-            moved = zip(own, one.slid(places, within) - places, strict=True)
+            moved = zip(own, move.slid(places, within) - places, strict=True)
             shifts |= {(point.owner, point.name): by for point, by in moved}
     still = {
         body: Carrier(BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body)
@@ -186,13 +186,13 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
         if body not in moves
     }
     carriers = still | {body: one.carrier(body) for body, one in moves.items()}
-    mapped = {one.name for one in morph.joints if one.method == "mapped"}
+    mapped = {joint.name for joint in morph.joints if joint.method == "mapped"}
     skeleton = transferred_joints(model, carriers, CenterFinder(carriers, False, False)).skeleton if mapped else model
     return replace(
         model,
-        muscles=tuple(_with_points(one, shifts) for one in model.muscles),
+        muscles=tuple(_with_points(muscle, shifts) for muscle in model.muscles),
         wrap_objects=tuple(
-            transferred_wrap(one, carriers[one.body]) if one.body in moves else one for one in model.wrap_objects
+            transferred_wrap(item, carriers[item.body]) if item.body in moves else item for item in model.wrap_objects
         ),
         joints=tuple(
             new if new.name in mapped else old for old, new in zip(model.joints, skeleton.joints, strict=True)

@@ -34,19 +34,19 @@ def of_one_branch(tree: Tree, markers: MarkerArrays, values: Array) -> Array:
     values = values.copy()
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
     place = {int(j): i for i, j in enumerate(markers.free)}
-    for own in _triples(tree):
-        steps = np.abs(np.diff(values[seen][:, own], axis=0))
-        if not all(j in place for j in own) or not (steps > JUMP).any() or markers.task_weight[own].any():
+    for triple in _triples(tree):
+        steps = np.abs(np.diff(values[seen][:, triple], axis=0))
+        if not all(j in place for j in triple) or not (steps > JUMP).any() or markers.task_weight[triple].any():
             continue
-        if not _turns_alike(tree, values[seen[0]], own):
+        if not _turns_alike(tree, values[seen[0]], triple):
             continue
-        low, high = (np.array([bound[place[j]] for j in own]) for bound in (markers.lower, markers.upper))
+        low, high = (np.array([bound[place[j]] for j in triple]) for bound in (markers.lower, markers.upper))
         for before, frame in pairwise(seen):
-            last, here = values[before, own], values[frame, own]
+            last, here = values[before, triple], values[frame, triple]
             other = nearest_turn(other_branch(here), last)
             nearer = np.sum((other - last) ** 2) < np.sum((here - last) ** 2)
             if np.abs(here - last).max() > JUMP and nearer and ((low <= other) & (other <= high)).all():
-                values[frame, own] = other
+                values[frame, triple] = other
     return values
 
 

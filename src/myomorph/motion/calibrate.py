@@ -111,7 +111,7 @@ def calibrate(
         raise BadData("calibration needs at least one recording of markers")
     names, weights = _tracked(model, recordings, options)
     distances = Distances.of(options, length_unit(compile_tree(model)))
-    size = overall_size(model, names, [_columns(one, names) for one in recordings])
+    size = overall_size(model, names, [_columns(recording, names) for recording in recordings])
     bare = skeleton(model)
     sized = scale(bare, {body: np.full(3, size) for body in bare.body_names})
     tracking = InverseKinematicsOptions(marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True)
@@ -170,14 +170,14 @@ def _tracked(model: Model, recordings: Sequence[Markers], options: CalibrationOp
     names, weights = tracked_markers(model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights))
     for name in options.fixed_markers:
         index_of("marker", name, model.marker_names)
-    for number, one in enumerate(recordings):
-        if not set(names) & set(one.names):
+    for number, recording in enumerate(recordings):
+        if not set(names) & set(recording.names):
             raise BadData(
                 f"recording {number + 1} of {len(recordings)} shares no marker with the model: the model has "
-                f"{listing(one.names[0] if one.names else '', model.marker_names)}; the recording has "
-                f"{listing(names[0], one.names)}"
+                f"{listing(recording.names[0] if recording.names else '', model.marker_names)}; the recording has "
+                f"{listing(names[0], recording.names)}"
             )
-        if not np.isfinite(_columns(one, names)).all(axis=2).any():
+        if not np.isfinite(_columns(recording, names)).all(axis=2).any():
             raise BadData(f"recording {number + 1} of {len(recordings)} shows none of the model's markers in any frame")
     return names, weights
 
@@ -196,14 +196,14 @@ def _problem(
     lengths = lengths_of(model, options.symmetric)
     tree = compile_tree(bare)
     sets = []
-    for number, (one, rows) in enumerate(zip(recordings, frames, strict=True)):
+    for number, (recording, rows) in enumerate(zip(recordings, frames, strict=True)):
         known = np.zeros(len(tree.defaults))
-        targets = coordinate_targets(tree, one.time[rows], InverseKinematicsOptions())
+        targets = coordinate_targets(tree, recording.time[rows], InverseKinematicsOptions())
         if options.static is not None and number == len(recordings) - 1:
             for name, value in _static_pose(model, options).items():
                 j = index_of("coordinate", name, model.coordinate_names)
                 known[j], targets[:, j] = options.static_sd**-2, value
-        sets.append(FrameSet(np.ascontiguousarray(_columns(one, names)[rows]), targets, known))
+        sets.append(FrameSet(np.ascontiguousarray(_columns(recording, names)[rows]), targets, known))
     return SharedProblem(
         model=bare,
         lengths=lengths,
@@ -222,9 +222,9 @@ def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, floa
         return options.static_pose
     driven = model.dependent_coordinates
     return {
-        one.name: one.default
-        for one in model.coordinates
-        if one.name.startswith(STANDING) and one.name not in driven and not one.locked
+        coordinate.name: coordinate.default
+        for coordinate in model.coordinates
+        if coordinate.name.startswith(STANDING) and coordinate.name not in driven and not coordinate.locked
     }
 
 
@@ -242,12 +242,13 @@ def _calibration(
     factors = factors_of(problem.lengths, x[:n])
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
-    placed = tuple(replace(one, location=locations.get(one.name, one.location)) for one in result.markers)
+    placed = tuple(replace(marker, location=locations.get(marker.name, marker.location)) for marker in result.markers)
     slides = Slides(distances.slide, distances.turn if distances.slide else 0.0, options.independent_frames)
     skin = sliding(problem, search.found.point, slides)
     sd, prior_sd, place_sd = _deviations(problem, search, skin)
     lengths = tuple(
-        LengthEstimate(one, float(x[i]), float(sd[i]), float(prior_sd[i])) for i, one in enumerate(problem.lengths)
+        LengthEstimate(length, float(x[i]), float(sd[i]), float(prior_sd[i]))
+        for i, length in enumerate(problem.lengths)
     )
     unstretched = np.zeros_like(x)
     unstretched[:n] = 1.0
@@ -299,11 +300,12 @@ THIN = 3
 
 def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:
     """Segments that one or two markers show, the model's that are missing there, and recorded ones it does not know."""
-    seen = {name for one in recordings for name, values in zip(one.names, np.moveaxis(one.values, 1, 0), strict=True)
+    seen = {name for recording in recordings
+            for name, values in zip(recording.names, np.moveaxis(recording.values, 1, 0), strict=True)
             if name in names and np.isfinite(values).any()}  # fmt: skip
     thin, missing = [], []
     for bodies in segments_that_stretch(model):
-        here = [one.name for one in model.markers if one.body in bodies]
+        here = [marker.name for marker in model.markers if marker.body in bodies]
         shown = [name for name in here if name in seen]
         # Two that the model was made with show a segment together with its joint; two that are left over may not.
         if len(shown) == 1 or 0 < len(shown) < min(THIN, len(here)):
@@ -313,28 +315,32 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
         return
     text = f"segments that fewer than {THIN} markers show: {', '.join(thin)}"
     if missing:
-        strange = sorted({name for one in recordings for name in one.names} - set(model.marker_names))
+        strange = sorted({name for recording in recordings for name in recording.names} - set(model.marker_names))
         text += f"; the model also has {', '.join(missing)} there, which no recording shows"
         text += f" (recorded and unknown to the model: {listing(missing[0], strange)})" if strange else ""
     yield text
 
 
 def _side_estimates(problem: SharedProblem, search: Search) -> tuple[SideEstimate, ...]:
-    names = [one.name for one in problem.lengths]
+    names = [length.name for length in problem.lengths]
     return tuple(
         SideEstimate(
-            names[one.first], names[one.second], one.difference, one.sd, (one.first, one.second) in search.differing
+            names[side.first],
+            names[side.second],
+            side.difference,
+            side.sd,
+            (side.first, side.second) in search.differing,
         )
-        for one in search.sides
+        for side in search.sides
     )
 
 
 def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
     """Which sides were found to differ: a leg or an arm that is longer, or a fault of markers that looks like it."""
     differing = [
-        f"{one.first} less {one.second} {100.0 * one.difference:+.1f} % (SD {100.0 * one.sd:.1f} %)"
-        for one in sides
-        if one.differs
+        f"{side.first} less {side.second} {100.0 * side.difference:+.1f} % (SD {100.0 * side.sd:.1f} %)"
+        for side in sides
+        if side.differs
     ]
     if differing:
         yield (
@@ -372,7 +378,7 @@ def _notes(
     most: float,
 ) -> tuple[str, ...]:
     notes = []
-    count = sum(len(one) for one in search.found.point.angles)
+    count = sum(len(angle) for angle in search.found.point.angles)
     if count < FEW_FRAMES:
         notes.append(f"only {count} frames: lengths and marker positions come mostly from the given model")
     if not search.told:
@@ -383,12 +389,12 @@ def _notes(
         )
     if search.found.point.settled < 1.0:
         notes.append(f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did not converge")
-    hidden = [one.length.name for one in lengths if one.length.along and not one.shown]
+    hidden = [length.length.name for length in lengths if length.length.along and not length.shown]
     if hidden:
         notes.append(
             f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their neighbors"
         )
-    far = [one.name for one in markers if float(np.linalg.norm(one.shift)) > most]
+    far = [marker.name for marker in markers if float(np.linalg.norm(marker.shift)) > most]
     if far:
         notes.append(
             f"more than {100 * most:.3g} cm from their places on the given model: {', '.join(far)}; look whether they "

@@ -268,5 +268,5 @@ class Calibration:
 
 def root_mean_square(errors: Sequence[Array]) -> float:
     """Of distances in several arrays, NaN left out."""
-    everything = np.concatenate([one.ravel() for one in errors]) if errors else np.zeros(0)
+    everything = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
     return float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")

@@ -82,7 +82,7 @@ def search_minimum(
         if progress and steps <= options.iterations:
             progress(1)
 
-    frames = sum(len(one) for one in angles)
+    frames = sum(len(angle) for angle in angles)
     noise, at_first = distances.noise or NOISE_UNKNOWN * distances.unit, NOISE_AT_FIRST * distances.unit
     if distances.noise:
         noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
@@ -114,7 +114,7 @@ def search_minimum(
         if noise < at_first:
             sides = side_differences(problem.lengths, point.x, found.reduced.H / noise**2, problem.prior, options)
             # What was set free stays so: a thigh and its shank freed in turn would never settle.
-            now = differing | {(one.first, one.second) for one in sides if one.differs}
+            now = differing | {(side.first, side.second) for side in sides if side.differs}
             # A side set free shows in the others' evidence: the last stage is done again.
             if not stages and now != differing and repeats < SIDE_REPEATS and steps < options.iterations:
                 stages, repeats = [noise], repeats + 1
@@ -144,16 +144,16 @@ def _may_move(problem: SharedProblem, names: Sequence[str], options: Calibration
     return lengths, shifts
 
 
-def _noise(problem: SharedProblem, found: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
+def _noise(problem: SharedProblem, minimum: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
     """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
     squares, seen = 0.0, 0
-    for errors in found.reduced.errors:
+    for errors in minimum.reduced.errors:
         squares += float(np.nansum(problem.markers.weight * errors**2))
         seen += 3 * int(np.isfinite(errors).sum())
     rows = problem.prior.rows[:, free]
-    H = found.reduced.H[np.ix_(free, free)]
+    H = minimum.reduced.H[np.ix_(free, free)]
     used = float(np.trace(np.linalg.solve(H + variance * rows.T @ rows, H)))
-    left = seen - found.reduced.angles_free - used
+    left = seen - minimum.reduced.angles_free - used
     if left < 0.2 * seen:
         return NOISE_UNKNOWN * problem.unit, False
     return max(float(np.sqrt(squares / left)), NOISE_LEAST * problem.unit), True

@@ -213,27 +213,27 @@ def _step(step, delay, before, now, state, transition, room):
 @kernel
 def _advance(time, rows, delay, clock, state, last, transition, room):
     """Take rows one after the other; clock holds first and newest time and the step that `transition` is of."""
-    for k in range(time.shape[0]):
+    for index in range(time.shape[0]):
         unknown = 0.0
         for m in range(rows.shape[1]):
-            unknown += rows[k, m] - rows[k, m]
+            unknown += rows[index, m] - rows[index, m]
         if unknown != 0.0:
             continue
         if np.isnan(clock[0]):
             # As if it had always stood there.
-            clock[0] = clock[1] = time[k]
+            clock[0] = clock[1] = time[index]
             clock[2] = np.nan
             state[:] = 0.0
             for m in range(rows.shape[1]):
-                state[0, m] = last[m] = rows[k, m]
+                state[0, m] = last[m] = rows[index, m]
             continue
-        step = time[k] - clock[1]
+        step = time[index] - clock[1]
         if not step > 0.0:
             continue
         if not abs(step - clock[2]) <= 1e-9 * step:
             _exponential(step / delay, transition, room)
             clock[2] = step
-        _follow(transition, step / delay, last, rows[k], state)
+        _follow(transition, step / delay, last, rows[index], state)
         for m in range(rows.shape[1]):
-            last[m] = rows[k, m]
-        clock[1] = time[k]
+            last[m] = rows[index, m]
+        clock[1] = time[index]

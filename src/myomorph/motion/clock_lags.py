@@ -199,8 +199,8 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
     size = next_fast_len(len(around) + frames)
     spectra = rfft(values, size, axis=0)
     explained = np.zeros(2 * most + 1)
-    for k in range(basis.shape[2]):
-        product = (np.conj(rfft(basis[:, :, k], size, axis=0)) * spectra).sum(axis=1)
+    for index in range(basis.shape[2]):
+        product = (np.conj(rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
         explained += irfft(product, size)[: 2 * most + 1] ** 2
     counted = np.conj(rfft(compared.usable.astype(np.float64), size))
     power = irfft(counted * rfft((values**2).sum(axis=1), size), size)[: 2 * most + 1]
@@ -263,8 +263,8 @@ def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Arr
     """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the range."""
     most = int(np.ceil(REACH / compared.step))
     costs = []
-    for k in range(-most, most + 1):
-        at = np.clip(places + k * compared.step, compared.start, compared.end)
+    for index in range(-most, most + 1):
+        at = np.clip(places + index * compared.step, compared.start, compared.end)
         values = compared.spline(at) * weights
         costs.append(float(np.sum((values - values.mean(axis=0) - wanted) ** 2)))
     least = int(np.argmin(costs))

@@ -226,10 +226,10 @@ def fit_clock(
     return replace(clock, notes=tuple(notes))
 
 
-def _doubt(found: list[Refined]) -> str:
+def _doubt(refineds: list[Refined]) -> str:
     """A line on another offset that leaves hardly more than the best, "" where there is none."""
-    best = found[0]
-    for other in found[1:]:
+    best = refineds[0]
+    for other in refineds[1:]:
         if other.misfit < AMBIGUOUS * best.misfit and abs(other.lag[0] - best.lag[0]) > 10 * best.timing_sd:
             return (
                 f"an offset of {-other.lag[0]:.3f} s leaves only {other.misfit / best.misfit:.3f} times what "
@@ -270,15 +270,15 @@ def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind]
     slack = 0.01 * float(np.median(np.diff(times)))
     times = times[(times >= begin - slack) & (times <= stop + slack)]
     found, notes = {}, []
-    for name, one in parts.items():
-        found[name] = _at(one, times)
+    for name, part in parts.items():
+        found[name] = _at(part, times)
         if name != fastest:
             notes.append(
-                f"'{name}' ({one.rate:.4g} Hz) is resampled to the times of '{fastest}' ({parts[fastest].rate:.4g} Hz)"
+                f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}' ({parts[fastest].rate:.4g} Hz)"
             )
-        lost = len(one) - int(((one.time >= times[0] - slack) & (one.time <= times[-1] + slack)).sum())
+        lost = len(part) - int(((part.time >= times[0] - slack) & (part.time <= times[-1] + slack)).sum())
         if lost:
-            notes.append(f"'{name}' loses {lost} of {len(one)} frames, from before {begin:g} or after {stop:g} s")
+            notes.append(f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after {stop:g} s")
     return found, tuple(notes)
 
 

@@ -100,7 +100,9 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
         dead = _dead(emg, name, column, DEAD_ENVELOPE)
         found += dead or [*_cut(emg, name, column), *_fast(emg, name, column)]
         before = emg.values[:, : emg.names.index(name)].T
-        twin = next((k for k, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None)
+        twin = next(
+            (index for index, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None
+        )
         if twin is not None:
             found.append(_fault(emg, name, "copy", known, f"is a copy of '{emg.names[twin]}'"))
     return tuple(found)
@@ -203,14 +205,14 @@ def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFau
     """Stretches without any change, at least `least` seconds long."""
     steps = np.diff(column)
     still = np.concatenate([[False], np.isfinite(steps) & (np.abs(steps) <= 1e-12 * np.nanmax(np.abs(column)))])
-    found = []
+    result = []
     for first, end in runs(still):
         start, stop = float(series.time[max(first - 1, 0)]), float(series.time[end - 1])
         if stop - start >= least:
             whole = " throughout" if stop - start >= 0.99 * (series.time[-1] - series.time[0]) else ""
             text = f"EMG channel '{name}' does not change from {start:.3f} to {stop:.3f} s{whole}: dead"
-            found.append(EmgFault(name, "dead", start, stop, text))
-    return found
+            result.append(EmgFault(name, "dead", start, stop, text))
+    return result
 
 
 def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
@@ -227,13 +229,15 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
 
 def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
     """Stretches in which an envelope stands at its largest value."""
-    found = []
+    result = []
     for first, end in runs(column == np.nanmax(column)):
         if emg.time[end - 1] - emg.time[first] >= CLIPPED_ENVELOPE and end - first >= CLIPPED:
             at = np.zeros(len(column), dtype=bool)
             at[first:end] = True
-            found.append(_fault(emg, name, "clipped", at, f"stands at its largest value, {column[first]:.3g}: clipped"))
-    return found
+            result.append(
+                _fault(emg, name, "clipped", at, f"stands at its largest value, {column[first]:.3g}: clipped")
+            )
+    return result
 
 
 def fast_share(column: Array, rate: float) -> float:

@@ -162,11 +162,11 @@ class EmgCalibration:
         """Activations (frames, muscles) that synergies say of unmeasured muscles; raises `UnknownName`."""
         moved = self._moved(emg, time)
         names, columns = list[str](), [np.zeros((len(time), 0))]
-        for one in self.synergies:
-            chosen = [self.channels.index(name) for name in one.synergies.channels]
-            courses = one.synergies.courses(moved[:, chosen])
-            columns.append(np.clip(courses @ one.weights.T, 0.0, 1.0))
-            names += one.muscles
+        for synergy in self.synergies:
+            chosen = [self.channels.index(name) for name in synergy.synergies.channels]
+            courses = synergy.synergies.courses(moved[:, chosen])
+            columns.append(np.clip(courses @ synergy.weights.T, 0.0, 1.0))
+            names += synergy.muscles
         return Series(time, tuple(names), np.hstack(columns))
 
     def _moved(self, emg: Emg, time: Array) -> Array:

@@ -126,11 +126,11 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
 
 def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) -> dict[str, float]:
     """Largest envelope of each channel over reference trials of raw EMG, in their units."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for trial in trials:
         for name, peak in zip(trial.names, linear_envelope(trial, options).values.max(axis=0), strict=True):
-            found[name] = max(found.get(name, 0.0), float(peak))
-    return found
+            result[name] = max(result.get(name, 0.0), float(peak))
+    return result
 
 
 def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:

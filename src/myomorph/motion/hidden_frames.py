@@ -88,19 +88,19 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerAr
     for chunk in np.array_split(np.r_[most, np.flatnonzero(some)], 1 + some.sum() // CHUNK):
         frames = first[chunk]
         one = marker_frames(tree, arrays, markers.values[frames][:, columns], fit.motion.values[frames])
-        for k, mask in enumerate(chunk):
-            sizes, parts = _sizes(one, k, masks[mask])
+        for index, mask in enumerate(chunk):
+            sizes, parts = _sizes(one, index, masks[mask])
             usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
             faint = parts[:, sizes < FAINT**2 * usual]
-            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~one.held[k]
+            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~one.held[index]
     found: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
     found[:, arrays.task_weight[arrays.free] > 0.0] = False
     return found & fit.seen[:, None]
 
 
-def _sizes(one: MarkerFrames, frame: int, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sizes(marker_frames: MarkerFrames, frame: int, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Squared movement of the seen markers for directions of the coordinates, from the least, and the directions."""
-    rows = one.slopes[frame, mask].reshape(-1, one.slopes.shape[-1])
+    rows = marker_frames.slopes[frame, mask].reshape(-1, marker_frames.slopes.shape[-1])
     sizes, parts = np.linalg.eigh(rows.T @ rows)
     return sizes, parts
 

@@ -101,7 +101,7 @@ class KinematicsFit(Labelled):
     def variables(self) -> dict[str, Variable]:
         """Coordinates [rad or m], marker errors, and what became of each frame."""
         counts = {"converged": self.converged, "iterations": self.iterations}
-        frames = {name: Variable(("time",), one, "1") for name, one in counts.items()}
+        frames = {name: Variable(("time",), count, "1") for name, count in counts.items()}
         if self.closure is not None:
             frames["closure"] = Variable(("time",), self.closure, "m or rad")
         return {

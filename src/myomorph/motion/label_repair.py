@@ -74,7 +74,7 @@ def mended_labels(
     values = np.array(markers.values)
     for swap in found.throughout:
         values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
-    told = tuple(one for one in found.findings if not one.times)
+    told = tuple(finding for finding in found.findings if not finding.times)
     return (replace(markers, values=values) if found.throughout else markers), told
 
 
@@ -88,7 +88,7 @@ def without_swaps(
     margin: Margin = USUAL,
 ) -> Relabelled:
     """Labels exchanged that the fit shows, put back where they are not of the whole body."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     throughout: list[Swap] = []
     for _ in range(MOST_SWAPS):
         names = fit.marker_names
@@ -109,7 +109,7 @@ def without_swaps(
         # A mirrored recording is not mended: its forces would have to be mirrored too, along an axis that markers hide.
         sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
         finding = _swap_finding(swap, markers, wrong, fit, other, sure and mend)
-        found.append(finding)
+        findings.append(finding)
         if not finding.mended:
             break
         if wrong.mean() > THROUGHOUT:
@@ -117,17 +117,17 @@ def without_swaps(
             throughout.append(swap)
         markers = replace(markers, values=np.where(wrong[:, None, None], values, markers.values))
         fit = other if wrong.all() else inverse_kinematics(model, markers, options)
-    return Relabelled(markers, fit, tuple(found), tuple(throughout))
+    return Relabelled(markers, fit, tuple(findings), tuple(throughout))
 
 
 def _smooth(flags: np.ndarray) -> np.ndarray:
     """Flags without runs of one or two frames."""
-    found = np.array(flags)
+    result = np.array(flags)
     for value in (True, False):
-        for start, stop in runs(found == value):
-            if stop - start < 3 and start > 0 and stop < len(found):
-                found[start:stop] = not value
-    return found
+        for start, stop in runs(result == value):
+            if stop - start < 3 and start > 0 and stop < len(result):
+                result[start:stop] = not value
+    return result
 
 
 def _swap_finding(
@@ -164,10 +164,10 @@ def _solver(model: Model, markers: Markers, names: Sequence[str], options: Inver
 
     def solve(observed: Array) -> Array:
         errors = np.full(observed.shape[:2], np.nan)
-        for k, one in enumerate(observed):
+        for index, one in enumerate(observed):
             if np.isfinite(one).all(axis=1).any():
                 single = Markers(markers.time[:1], tuple(names), one[None])
-                errors[k] = inverse_kinematics(model, single, options).errors[0]
+                errors[index] = inverse_kinematics(model, single, options).errors[0]
         return errors
 
     return solve

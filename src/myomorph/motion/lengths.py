@@ -71,7 +71,7 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
         b = tree.body_index[marker.body]
         markers.setdefault(marker.body, []).append(rotations[b] @ marker.location + pose.origins[0, b])
     parents = {joint.child: joint.parent for joint in model.joints}
-    found: list[Length] = []
+    lengths: list[Length] = []
     for bodies in segments_that_stretch(model):
         inside = set(bodies)
         first = rotations[tree.body_index[bodies[0]]]
@@ -87,13 +87,15 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
         for axis in range(3):
             stretched = tuple((body, axes[body][axis]) for body in bodies)
             along = axis == int(np.argmax(extents))
-            found.append(Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along, len(joints) > 1))
-    return _one_for_both_sides(found) if symmetric else tuple(found)
+            lengths.append(
+                Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along, len(joints) > 1)
+            )
+    return _one_for_both_sides(lengths) if symmetric else tuple(lengths)
 
 
 def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
     """The bodies of every segment that stretches as one, each in the order of the tree."""
-    free = {one.name for one in model.coordinates} - set(model.dependent_coordinates)
+    free = {coordinate.name for coordinate in model.coordinates} - set(model.dependent_coordinates)
     joints = {joint.child: joint for joint in model.joints}
     named = _named_segments(model)
     keys: dict[str, object] = {}
@@ -153,9 +155,9 @@ def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
     """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its origin [m]."""
     centers = origins.copy()
     arrays = tree.arrays
-    for k in range(len(arrays.axis_kind)):
-        if arrays.axis_kind[k] == ROTATION:
-            centers[arrays.axis_body[k]] = axis_points[k]
+    for index in range(len(arrays.axis_kind)):
+        if arrays.axis_kind[index] == ROTATION:
+            centers[arrays.axis_body[index]] = axis_points[index]
     return centers
 
 
@@ -199,8 +201,8 @@ def length_unit(tree: Tree) -> float:
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
     joined = np.flatnonzero(tree.arrays.parent > 0)
     spans = np.linalg.norm(centers[joined] - centers[tree.arrays.parent[joined]], axis=1)
-    bodies = np.array([tree.body_index[one.body] for one in tree.model.markers], np.int64)
-    places = poses.points(bodies, np.array([one.location for one in tree.model.markers]).reshape(-1, 3))[0]
+    bodies = np.array([tree.body_index[marker.body] for marker in tree.model.markers], np.int64)
+    places = poses.points(bodies, np.array([marker.location for marker in tree.model.markers]).reshape(-1, 3))[0]
     marked = bodies > 0
     spans = np.concatenate([spans, np.linalg.norm(places - centers[bodies], axis=1)[marked]])
     longest = float(spans.max(initial=0.0))
@@ -209,5 +211,5 @@ def length_unit(tree: Tree) -> float:
 
 def coordinate_units(tree: Tree) -> Array:
     """(coordinates,) by what a change of each is measured: 1 rad, or `length_unit` where it slides."""
-    slides = np.array([one.motion == "translational" for one in tree.model.coordinates])
+    slides = np.array([coordinate.motion == "translational" for coordinate in tree.model.coordinates])
     return np.where(slides, length_unit(tree), 1.0)

@@ -125,13 +125,13 @@ def mended_in_time(model: Model, markers: Markers, unit: float) -> tuple[Markers
     return (replace(markers, values=values) if found else markers), tuple(found)
 
 
-def _short_side(found: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
+def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
     """Each exchange on the side that is shorter: an odd one at the end may be right there and wrong before."""
-    for one in found:
-        if one.stop == frames and one.start < frames - one.start:
-            yield Exchange(one.first, one.second, 0, one.start)
+    for exchange in exchanges:
+        if exchange.stop == frames and exchange.start < frames - exchange.start:
+            yield Exchange(exchange.first, exchange.second, 0, exchange.start)
         else:
-            yield one
+            yield exchange
 
 
 def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], start: int, stop: int) -> Finding:
@@ -149,8 +149,8 @@ def _bridged(markers: Markers, values: Array, columns: Sequence[int], edges: Seq
     A marker that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
     """
     jumping: dict[int, list[tuple[int, int, float]]] = {}
-    for one in excursions(markers.time, edges):
-        jumping.setdefault(columns[one.marker], []).append((one.start, one.stop, one.size))
+    for excursion in excursions(markers.time, edges):
+        jumping.setdefault(columns[excursion.marker], []).append((excursion.start, excursion.stop, excursion.size))
     for column, parts in jumping.items():
         name = markers.names[column]
         for start, stop, _ in parts:

@@ -65,39 +65,39 @@ def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Arr
     return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
 
 
-def left_out(one: MarkerFrames, weight: Array) -> Array:
+def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
     """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m].
 
     By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly
     tell; NaN where a marker is unseen or none is told.
     """
-    frames, markers = one.errors.shape[:2]
-    found = np.full((frames, markers, 3), np.nan)
+    frames, markers = marker_frames.errors.shape[:2]
+    result = np.full((frames, markers, 3), np.nan)
     for f in range(frames):
-        seen = np.flatnonzero(np.isfinite(one.errors[f]).all(axis=1) & (weight > 0.0))
+        seen = np.flatnonzero(np.isfinite(marker_frames.errors[f]).all(axis=1) & (weight > 0.0))
         if len(seen) < 2:
             continue
         scale = np.sqrt(weight[seen])[:, None, None]
-        rows = (one.slopes[f, seen] * scale).reshape(3 * len(seen), -1)
+        rows = (marker_frames.slopes[f, seen] * scale).reshape(3 * len(seen), -1)
         basis, sizes, _ = np.linalg.svd(rows, full_matrices=False)
         basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)].reshape(len(seen), 3, -1)
         rest = np.eye(3) - np.einsum("mik,mjk->mij", basis, basis)
         eigenvalues, axes = np.linalg.eigh(rest)
         inverse = np.where(eigenvalues > UNKNOWN, 1.0 / np.maximum(eigenvalues, UNKNOWN), 0.0)
-        away = np.einsum("mij,mj,mkj,mk->mi", axes, inverse, axes, one.errors[f, seen])
+        away = np.einsum("mij,mj,mkj,mk->mi", axes, inverse, axes, marker_frames.errors[f, seen])
         away[(eigenvalues <= UNKNOWN).sum(axis=1) > 1] = np.nan
-        found[f, seen] = np.einsum("mji,mj->mi", one.rotations[f, seen], away)
-    return found
+        result[f, seen] = np.einsum("mji,mj->mi", marker_frames.rotations[f, seen], away)
+    return result
 
 
-def undetermined(one: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tuple[int, ...]:
+def undetermined(marker_frames: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tuple[int, ...]:
     """Coordinates that take part in a motion that no marker of any of the frames shows."""
-    seen = np.isfinite(one.errors).all(axis=2) & (weight > 0.0)
-    rows = one.slopes[seen].reshape(-1, len(arrays.free))
+    seen = np.isfinite(marker_frames.errors).all(axis=2) & (weight > 0.0)
+    rows = marker_frames.slopes[seen].reshape(-1, len(arrays.free))
     sizes, directions = np.linalg.eigh(rows.T @ rows)
     usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
     # A variable at its bound in all frames is determined by the bound.
-    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not one.held[:, i].all()]
+    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
     return tuple(int(arrays.free[i]) for i in own if arrays.task_weight[arrays.free[i]] == 0.0)

@@ -23,23 +23,23 @@ def spelling(name: str) -> str:
 
 def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
     """For each wanted name the offered one that probably means it, where there is one; sides are never exchanged."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     by_spelling = {spelling(name): name for name in reversed(offered)}
     for name in wanted:
         own = spelling(name)
         if own in by_spelling:
-            found[name] = by_spelling[own]
-    left = {spelling(name): name for name in offered if name not in found.values()}
+            result[name] = by_spelling[own]
+    left = {spelling(name): name for name in offered if name not in result.values()}
     for name in wanted:
-        if name in found or len(spelling(name)) < 4:
+        if name in result or len(spelling(name)) < 4:
             continue
         own = spelling(name)
         for other in difflib.get_close_matches(own, list(left), n=3, cutoff=NEAR):
             # Another letter may be the side, another digit the number in a cluster: letters may only be missing.
             if _only_adds(own, other) or _only_adds(other, own):
-                found[name] = left.pop(other)
+                result[name] = left.pop(other)
                 break
-    return found
+    return result
 
 
 def _only_adds(short: str, long: str) -> bool:

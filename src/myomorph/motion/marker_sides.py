@@ -55,17 +55,17 @@ def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> 
     links = _links(markers, names)
     if not links:
         return
-    usual = float(np.median([abs(one.difference) for one in links]))
+    usual = float(np.median([abs(link.difference) for link in links]))
     limit = max(APART * unit, USUAL * usual)
     for _ in range(MOST):
-        worst = max(links, key=lambda one: abs(one.difference), default=None)
+        worst = max(links, key=lambda link: abs(link.difference), default=None)
         if worst is None or abs(worst.difference) < limit:
             return
         suspects = _suspects(worst, links)
         yield Finding("displaced marker", suspects[0][0], _text(worst, suspects, usual))
         # What lies elsewhere says nothing of the others.
         wrong = {name for pair in suspects for name in pair}
-        links = [one for one in links if not wrong & {*one.markers, *one.others}]
+        links = [link for link in links if not wrong & {*link.markers, *link.others}]
 
 
 def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
@@ -89,11 +89,11 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
     return list(found.values())
 
 
-def _rigid(one: Site, other: Site) -> bool:
+def _rigid(site: Site, other: Site) -> bool:
     """Whether a distance may be the same in all frames."""
-    if one.segment == other.segment:
-        return one.side == other.side or not other.side or one.segment in ONE_BODY
-    return one.side == other.side and frozenset((one.segment, other.segment)) in BESIDE
+    if site.segment == other.segment:
+        return site.side == other.side or not other.side or site.segment in ONE_BODY
+    return site.side == other.side and frozenset((site.segment, other.segment)) in BESIDE
 
 
 def _distance(one: Array, other: Array) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
     pairs = [tuple(dict.fromkeys(ends)) for ends in zip(worst.markers, worst.others, strict=True)]
     differing = []
     for pair, away in zip(pairs, reversed(pairs), strict=True):
-        own = [abs(one.difference) for one in links if _has(one, pair) and not _has(one, away)]
+        own = [abs(link.difference) for link in links if _has(link, pair) and not _has(link, away)]
         differing.append(float(np.median(own)) if own else np.nan)
     if np.isnan(differing).all():
         return pairs

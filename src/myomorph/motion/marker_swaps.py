@@ -158,7 +158,7 @@ def crossed_pairs(
 ) -> Mapping[tuple[str, str], NDArray[np.int64]]:
     """Pairs that lie nearer to each other's places on the model than to their own, and the frames of that."""
     far = errors > FAR * unit
-    found: dict[tuple[str, str], NDArray[np.int64]] = {}
+    result: dict[tuple[str, str], NDArray[np.int64]] = {}
     for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
         both = np.flatnonzero(far[:, i] & far[:, j])
         if len(both):
@@ -167,8 +167,8 @@ def crossed_pairs(
             other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
             frames = both[other < CROSSED * own]
             if len(frames) > 1:
-                found[names[i], names[j]] = frames.astype(np.int64)
-    return found
+                result[names[i], names[j]] = frames.astype(np.int64)
+    return result
 
 
 def _hypotheses(

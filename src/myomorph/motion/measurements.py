@@ -53,7 +53,7 @@ def measured_factors(
     markers : of a static trial, the frames to be averaged; see `frames_around`
     factors : to begin with; by default 1
     """
-    return with_measured([measure(model, markers, one) for one in measurements], factors)
+    return with_measured([measure(model, markers, measurement) for measurement in measurements], factors)
 
 
 def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | None = None) -> dict[str, Array]:
@@ -183,19 +183,19 @@ def place_on_pose(
             f"to {markers.time[-1]:g} s"
         )
     removed = tuple(name for name in model.marker_names if name not in markers.names)
-    kept = replace(model, markers=tuple(one for one in model.markers if one.name in markers.names))
+    kept = replace(model, markers=tuple(marker for marker in model.markers if marker.name in markers.names))
     fit = inverse_kinematics(kept, _mean(replace(used, time=used.time[inside], values=used.values[inside])), options)
     mean = _mean(used)
     seen = {name for name in kept.marker_names if np.isfinite(mean[name]).all()}
-    bodies = {one.name: one.body for one in kept.markers if not one.fixed and one.name in seen}
-    placed = {one.name: one for one in place_markers(kept, replace(fit.motion, time=mean.time), mean, bodies)}
+    bodies = {marker.name: marker.body for marker in kept.markers if not marker.fixed and marker.name in seen}
+    placed = {marker.name: marker for marker in place_markers(kept, replace(fit.motion, time=mean.time), mean, bodies)}
     moved = {
-        one.name: float(np.linalg.norm(placed[one.name].location - one.location))
-        for one in kept.markers
-        if one.name in placed
+        marker.name: float(np.linalg.norm(placed[marker.name].location - marker.location))
+        for marker in kept.markers
+        if marker.name in placed
     }
     return Placement(
-        replace(kept, markers=tuple(_at(one, placed) for one in kept.markers)),
+        replace(kept, markers=tuple(_at(marker, placed) for marker in kept.markers)),
         fit,
         moved,
         removed,

@@ -96,7 +96,7 @@ class OnlineFilter:
         ------
         BadData : fewer frames than a window, or frames that are not evenly spaced
         """
-        value, velocity, acceleration = (self._whole(motion.values, one) for one in self.weights)
+        value, velocity, acceleration = (self._whole(motion.values, weight) for weight in self.weights)
         self._even(motion.time)
         return Motion(self._middle(motion.time), motion.names, value, velocity, acceleration)
 

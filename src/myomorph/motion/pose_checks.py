@@ -121,11 +121,11 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: 
 def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     """Angles of joints far outside their range: two neighbors that turn over together look much the same to markers."""
     floating = set(floating_coordinates(model))
-    for one in model.coordinates:
-        low, high = one.range
-        if one.name in floating or one.motion == "translational" or not 0.0 < high - low < np.pi + 0.1:
+    for coordinate in model.coordinates:
+        low, high = coordinate.range
+        if coordinate.name in floating or coordinate.motion == "translational" or not 0.0 < high - low < np.pi + 0.1:
             continue
-        angles = fit.motion[one.name]
+        angles = fit.motion[coordinate.name]
         with np.errstate(invalid="ignore"):
             over = (angles < low - OVER) | (angles > high + OVER)
         if not over.any():
@@ -133,12 +133,12 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(over)]
         far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
         text = (
-            f"coordinate '{one.name}' is up to {np.degrees(far):.0f} degrees from the middle of its range "
+            f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle of its range "
             f"({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in {int(over.sum())} of {len(angles)} frames "
             f"from {spans[0][0]:.2f} s on: the joint turned over, and torques there are wrong: clamp it, or check the "
             "markers"
         )
-        yield Finding("joint turned over", one.name, text, tuple(spans))
+        yield Finding("joint turned over", coordinate.name, text, tuple(spans))
 
 
 def _counted(names: list[str]) -> str:

@@ -73,10 +73,10 @@ class Protocol:
     @cached_property
     def _plain_labels(self) -> dict[str, Site]:
         """Labels in the form in which they are compared."""
-        found: dict[str, Site] = {}
+        result: dict[str, Site] = {}
         for label, site in self.labels.items():
-            found.setdefault(_plain(label, self.name == COMMON), site)
-        return found
+            result.setdefault(_plain(label, self.name == COMMON), site)
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +133,14 @@ def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> P
     table = table or protocols()
     best: Protocol | None = None
     best_score = (MIN_COUNT - 1, 0.0)
-    for one in table.protocols.values():
-        known = {site for site in map(one.site, labels) if site is not None}
-        count = sum(one.site(name) is not None for name in labels)
-        score = (count, len(known) / max(1, len(set(one.labels.values()))))
+    for protocol in table.protocols.values():
+        known = {site for site in map(protocol.site, labels) if site is not None}
+        count = sum(protocol.site(name) is not None for name in labels)
+        score = (count, len(known) / max(1, len(set(protocol.labels.values()))))
         # Markers that only common names know belong to another protocol.
-        foreign = sum(one.site(name) is None and table.common.site(name) is not None for name in labels)
+        foreign = sum(protocol.site(name) is None and table.common.site(name) is not None for name in labels)
         if score > best_score and score[1] >= MIN_SHARE and count >= foreign:
-            best, best_score = one, score
+            best, best_score = protocol, score
     return best
 
 
@@ -197,12 +197,12 @@ def labels_between(recorded: Iterable[str], known: Iterable[str], table: Protoco
     recorded, known = tuple(recorded), tuple(known)
     taken = set(recorded)
     theirs = {site: name for name, site in recognize(known, table).sites.items() if site.kind != "skin"}
-    found = {}
+    result = {}
     for label, site in recognize(recorded, table).sites.items():
         marker = theirs.get(site)
         if marker is not None and marker not in taken and label not in known:
-            found[label] = marker
-    return found
+            result[label] = marker
+    return result
 
 
 @cache
@@ -271,7 +271,7 @@ def _protocol(
 
 def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], where: str) -> dict[str, Site]:
     """Labels with their sides, and what they lie on."""
-    found: dict[str, Site] = {}
+    result: dict[str, Site] = {}
     for label, key in raw.items():
         if not key:
             continue
@@ -281,10 +281,10 @@ def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], w
         segment = key.split(".")[0]
         for letter, side in SIDES.items() if "#" in label else (("", ""),):
             name = label.replace("#", letter)
-            if name in found:
+            if name in result:
                 raise BadData(f"{where}: label '{name}' is there twice")
-            found[name] = Site(segment, words, side, key, kind)
-    return found
+            result[name] = Site(segment, words, side, key, kind)
+    return result
 
 
 def _plain(label: str, loose: bool, endings: Sequence[str] = ()) -> str:

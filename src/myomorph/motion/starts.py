@@ -95,7 +95,7 @@ def closed_defaults(tree: Tree) -> Array:
 def _at_bounds(tree: Tree, markers: MarkerArrays, pose: Array) -> list[list[int]]:
     """The free rotations of every joint of two or three of which one lies at its bound: it may be on a wrong branch."""
     place = {int(j): i for i, j in enumerate(markers.free)}
-    found = []
+    result = []
     for joint in tree.model.joints:
         own = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
         own = [j for j in own if j in place and tree.model.coordinates[j].motion == "rotational"]
@@ -104,8 +104,8 @@ def _at_bounds(tree: Tree, markers: MarkerArrays, pose: Array) -> list[list[int]
         low, high = (np.array([bound[place[j]] for j in own]) for bound in (markers.lower, markers.upper))
         stuck = (pose[own] <= low + AT_BOUND) | (pose[own] >= high - AT_BOUND)
         if np.isfinite(high - low).all() and stuck.any():
-            found.append(own)
-    return found
+            result.append(own)
+    return result
 
 
 def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
@@ -153,28 +153,28 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
     turning : rotations of the root that may turn all the way round
     pose, reference : (coordinates,) [rad or m]
     """
-    found = _without_turns(pose, turning, reference)
+    result = _without_turns(pose, turning, reference)
     names = tree.model.coordinate_names
     for joint in tree.model.joints:
         used = [name for axis in joint.axes if axis.kind == "rotation" for name in axis.coordinates]
         own = [names.index(name) for name in dict.fromkeys(used)]
         if len(own) != 3 or not set(own) <= set(turning):
             continue
-        other = found.copy()
-        other[own] = other_branch(found[own])
+        other = result.copy()
+        other[own] = other_branch(result[own])
         other = _without_turns(other, own, reference)
-        poses = forward_kinematics(tree, np.array([found, other]))
+        poses = forward_kinematics(tree, np.array([result, other]))
         same = np.allclose(poses.rotations[0], poses.rotations[1], atol=SAME_ROTATION)
-        if same and np.sum((other - reference)[own] ** 2) < np.sum((found - reference)[own] ** 2):
-            found = other
-    return found
+        if same and np.sum((other - reference)[own] ** 2) < np.sum((result - reference)[own] ** 2):
+            result = other
+    return result
 
 
 def _without_turns(pose: Array, turning: list[int], reference: Array) -> Array:
     """The pose without whole turns away from a reference."""
-    found = pose.copy()
-    found[turning] = nearest_turn(pose[turning], reference[turning])
-    return found
+    result = pose.copy()
+    result[turning] = nearest_turn(pose[turning], reference[turning])
+    return result
 
 
 def _headings(rest: Array, turning: list[int]) -> list[Array]:

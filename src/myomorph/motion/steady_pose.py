@@ -74,12 +74,15 @@ class SteadyKinematics:
         self._blend = blend
         self._defaults = compile_tree(model).defaults.copy()
         count = len(self._defaults)
-        columns = [list(names).index(one) for one in self.marker_names]
+        columns = [list(names).index(marker_name) for marker_name in self.marker_names]
         self._tracked = np.zeros(len(names), np.bool_)
         self._tracked[columns] = True
         floating = floating_coordinates(model)
         self._turning = np.array(
-            [one.motion == "rotational" and (not one.clamped or one.name in floating) for one in model.coordinates]
+            [
+                coordinate.motion == "rotational" and (not coordinate.clamped or coordinate.name in floating)
+                for coordinate in model.coordinates
+            ]
         )
         self._positions = np.full((len(names), 3), np.nan)
         self._seen = np.zeros(len(names), np.bool_)

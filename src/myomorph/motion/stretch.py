@@ -104,14 +104,14 @@ def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
     travel = np.zeros_like(stretch.travel)
     padded = np.append(values, 1.0)
     moving = [axis for joint in _in_tree_order(model) for axis in joint if axis.function.arity]
-    for k, axis in enumerate(moving):
+    for index, axis in enumerate(moving):
         if axis.kind != "translation":
             continue
-        size = padded[stretch.column[tree.arrays.parent[tree.arrays.axis_body[k]]]]
+        size = padded[stretch.column[tree.arrays.parent[tree.arrays.axis_body[index]]]]
         if not slides_freely(axis.function):
-            travel[k] = np.abs(axis.vector) / float(np.abs(axis.vector) @ size)
+            travel[index] = np.abs(axis.vector) / float(np.abs(axis.vector) @ size)
         elif axis.coordinates[0] in model.dependent_coordinates:
-            travel[k] = axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
+            travel[index] = axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
     return stretch._replace(travel=travel)
 
 
@@ -272,8 +272,8 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
             E[a, shared] += pull * (at[F[a]] - posture[F[a]])
             slack = 1e-9 * (1.0 + abs(at[F[a]]))
             if at[F[a]] <= K.lower[a] + slack or at[F[a]] >= K.upper[a] - slack:
-                for k in range(size):
-                    A[max(a, k), min(a, k)] = 0.0
+                for index in range(size):
+                    A[max(a, index), min(a, index)] = 0.0
                 A[a, a] = 1.0
                 E[a] = 0.0
         eliminate(A, E)
@@ -356,15 +356,15 @@ def add_ties(F, by_length, by_coordinate, A, E, H):
         for row in range(first, first + 3):
             for a in range(lengths):
                 slope = TIED * (by_length[row + 3, a] - by_length[row, a])
-                for k in range(a + 1):
-                    H[a, k] += slope * (by_length[row + 3, k] - by_length[row, k])
+                for index in range(a + 1):
+                    H[a, index] += slope * (by_length[row + 3, index] - by_length[row, index])
             for a in range(F.shape[0]):
                 slope = TIED * (by_coordinate[row + 3, F[a]] - by_coordinate[row, F[a]])
                 if slope != 0.0:
-                    for k in range(a + 1):
-                        A[a, k] += slope * (by_coordinate[row + 3, F[k]] - by_coordinate[row, F[k]])
-                    for k in range(lengths):
-                        E[a, k] += slope * (by_length[row + 3, k] - by_length[row, k])
+                    for index in range(a + 1):
+                        A[a, index] += slope * (by_coordinate[row + 3, F[index]] - by_coordinate[row, F[index]])
+                    for index in range(lengths):
+                        E[a, index] += slope * (by_length[row + 3, index] - by_length[row, index])
 
 
 @kernel

@@ -48,11 +48,11 @@ class Synergies:
         """
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
-        found = np.full((len(scaled), len(self)), np.nan)
+        result = np.full((len(scaled), len(self)), np.nan)
         for k in np.flatnonzero(known.any(axis=1)):
             use = known[k]
-            found[k] = nnls(self.vectors[:, use].T, np.maximum(scaled[k, use], 0.0))[0]
-        return found
+            result[k] = nnls(self.vectors[:, use].T, np.maximum(scaled[k, use], 0.0))[0]
+        return result
 
 
 def find_synergies(
@@ -88,14 +88,14 @@ def _factors(data: Array, count: int) -> tuple[Array, Array]:
     left, sizes, right = np.linalg.svd(data, full_matrices=False)
     mean = float(data.mean())
     courses, vectors = np.empty((len(data), count)), np.empty((count, data.shape[1]))
-    for k in range(count):
-        u, v = left[:, k], right[k]
+    for index in range(count):
+        u, v = left[:, index], right[index]
         parts = [(np.maximum(sign * u, 0.0), np.maximum(sign * v, 0.0)) for sign in (1.0, -1.0)]
         norms = [float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in parts]
         a, b = parts[int(norms[1] > norms[0])]
-        size = np.sqrt(sizes[k] * max(norms))
-        courses[:, k] = size * a / max(float(np.linalg.norm(a)), TINY)
-        vectors[k] = size * b / max(float(np.linalg.norm(b)), TINY)
+        size = np.sqrt(sizes[index] * max(norms))
+        courses[:, index] = size * a / max(float(np.linalg.norm(a)), TINY)
+        vectors[index] = size * b / max(float(np.linalg.norm(b)), TINY)
     # A step multiplies, so that a zero would stay one.
     courses, vectors = np.maximum(courses, 1e-3 * mean), np.maximum(vectors, 1e-3 * mean)
     for _ in range(PASSES):

@@ -61,7 +61,7 @@ def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
         between = tree.supports[tree.loops.body_1[i]] ^ tree.supports[tree.loops.body_2[i]]
         sets.append({int(j) for j in arrays.axis_coordinate[between].ravel() if j >= 0})
     ties = [
-        {int(j), *(int(k) for k in sources if k >= 0)}
+        {int(j), *(int(source) for source in sources if source >= 0)}
         for j, sources in zip(arrays.coupler_coordinate, arrays.coupler_source, strict=True)
     ]
     groups: list[set[int]] = []
@@ -99,7 +99,7 @@ def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Spe
     T = _leads(tree, group, coordinates)
     if speeds == "opensim":
         _turn(tree, group, coordinates, T)
-    found = np.zeros((frames, len(leading), n))
+    result = np.zeros((frames, len(leading), n))
     places = {int(place): i for i, place in enumerate(leading)}
     for k in range(n):
         free = ~group.stays[leading]
@@ -114,10 +114,10 @@ def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Spe
         v = wanted - np.einsum("fij,frj,fr->fi", inverse, g, force)
         own = np.einsum("fi,fi->f", T[:, k][:, free], v)
         moves = own > STILL
-        found[np.ix_(moves, np.flatnonzero(free), np.array([k]))] = (v[moves] / own[moves, None])[:, :, None]
+        result[np.ix_(moves, np.flatnonzero(free), np.array([k]))] = (v[moves] / own[moves, None])[:, :, None]
         if k in places:
-            found[~moves, places[k], k] = 1.0
-    return found
+            result[~moves, places[k], k] = 1.0
+    return result
 
 
 def _leads(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:

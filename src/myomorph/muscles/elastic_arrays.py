@@ -108,11 +108,11 @@ def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
 
 def activation_times(model: Model) -> Array:
     """(2, muscles) time constants of activation and deactivation [s]."""
-    found = np.empty((2, len(model.muscles)))
+    result = np.empty((2, len(model.muscles)))
     for m, muscle in enumerate(model.muscles):
         first, last = TIMES.get(KINDS.get(muscle.kind, -1), (0.015, 0.060))
-        found[:, m] = [
+        result[:, m] = [
             muscle.parameters.get("activation_time_constant", first),
             muscle.parameters.get("deactivation_time_constant", last),
         ]
-    return found
+    return result

@@ -131,22 +131,22 @@ def length_factors(H: HillArrays, m: int, x: Array) -> tuple[Array, Array]:
 
 def velocity_factors(H: HillArrays, m: int, v: Array) -> Array:
     """f_V of muscle m at normalized fiber velocities (frames,)."""
-    found = np.empty_like(v)
-    _velocity_factors(H, m, v, found)
-    return found
+    result = np.empty_like(v)
+    _velocity_factors(H, m, v, result)
+    return result
 
 
 @kernel
 def _length_factors(H, m, x, active, passive):
-    for k in range(x.shape[0]):
-        active[k] = active_length_factor(H, m, x[k])
-        passive[k] = passive_length_factor(H, m, x[k])
+    for index in range(x.shape[0]):
+        active[index] = active_length_factor(H, m, x[index])
+        passive[index] = passive_length_factor(H, m, x[index])
 
 
 @kernel
 def _velocity_factors(H, m, v, found):
-    for k in range(v.shape[0]):
-        found[k] = velocity_factor(H, m, v[k])
+    for index in range(v.shape[0]):
+        found[index] = velocity_factor(H, m, v[index])
 
 
 def tendon_factor(muscle: Muscle, stretch: Array) -> Array:

@@ -80,10 +80,10 @@ def active_jet(H, m, x):
     width = H.parameters[m, 0]
     x = (x - 1.0) / width + 1.0
     y0, y1, y2 = 0.0, 0.0, 0.0
-    for k in range(3):
-        if k == 0:
+    for index in range(3):
+        if index == 0:
             size, middle, base, rise = 0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465
-        elif k == 1:
+        elif index == 1:
             size, middle, base, rise = 0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188
         else:
             size, middle, base, rise = 0.1, 1.0, 0.353553390593274, 0.0

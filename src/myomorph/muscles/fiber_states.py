@@ -43,13 +43,13 @@ class FiberStates(Fibers):
     in_balance: np.ndarray
 
     def __post_init__(self) -> None:
-        for one in fields(Fibers):
-            object.__setattr__(self, one.name, frozen_array(getattr(self, one.name), (-1, len(self.muscles))))
+        for field in fields(Fibers):
+            object.__setattr__(self, field.name, frozen_array(getattr(self, field.name), (-1, len(self.muscles))))
 
 
 def without_fibers(model: Model) -> tuple[str, ...]:
     """Classes of the model's muscles that `fiber_states` does not know."""
-    return tuple(dict.fromkeys(one.kind for one in model.muscles if KINDS.get(one.kind) not in BUILT))
+    return tuple(dict.fromkeys(muscle.kind for muscle in model.muscles if KINDS.get(muscle.kind) not in BUILT))
 
 
 def state_names(muscle: Muscle) -> tuple[str, ...]:
@@ -127,8 +127,8 @@ def fiber_states(
             given[muscle.name, last] = np.where(in_balance[:, m], found, given[muscle.name, last])
         state = given[muscle.name, last] if elastic else None
         columns.append(fibers_of(model, m, lengths[:, m], speeds[:, m], a, state))
-    names = [one.name for one in fields(Fibers)]
-    stacked = {name: _stacked([getattr(one, name) for one in columns], len(lengths)) for name in names}
+    names = [field.name for field in fields(Fibers)]
+    stacked = {name: _stacked([getattr(column, name) for column in columns], len(lengths)) for name in names}
     return FiberStates(**stacked, muscles=model.muscle_names, in_balance=in_balance), given
 
 

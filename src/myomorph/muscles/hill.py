@@ -353,4 +353,4 @@ def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Con
 
 def viscosities(model: Model) -> Array:
     """(muscles,) viscosity of each muscle [N s/m], 0 of one that is switched off."""
-    return np.array([one.viscosity if one.enabled else 0.0 for one in model.muscles])
+    return np.array([muscle.viscosity if muscle.enabled else 0.0 for muscle in model.muscles])

@@ -68,7 +68,7 @@ def compile_hill_as(model: Model, like: Model) -> HillArrays:
     """
     arrays = compile_hill(like)
     made = arrays._replace(
-        **_columns([_sizes(one, kind) for one, kind in zip(model.muscles, arrays.kind, strict=True)])
+        **_columns([_sizes(muscle, kind) for muscle, kind in zip(model.muscles, arrays.kind, strict=True)])
     )
     _latest.put(model, made)
     return made

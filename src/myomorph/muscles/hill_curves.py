@@ -138,8 +138,8 @@ def curve_value(C, i, x):
 
 @kernel
 def _values(C, x, y):
-    for k in range(x.shape[0]):
-        y[k] = curve_value(C, 0, x[k])
+    for index in range(x.shape[0]):
+        y[index] = curve_value(C, 0, x[index])
 
 
 def bezier_corner(start: tuple[float, float, float], end: tuple[float, float, float], curviness: float) -> Array:

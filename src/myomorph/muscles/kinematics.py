@@ -54,12 +54,12 @@ class MuscleKinematics(Labelled):
 
     def variables(self) -> dict[str, Variable]:
         """Lengths, and velocities and moment arms [m/rad or m/m] where they were asked for."""
-        found = {"length": Variable(("time", "muscle"), self.lengths, "m")}
+        result = {"length": Variable(("time", "muscle"), self.lengths, "m")}
         if self.velocities is not None:
-            found["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
+            result["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
         if self.arms is not None:
-            found["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
-        return found
+            result["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
+        return result
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], muscles, coordinates."""
@@ -113,10 +113,10 @@ class MuscleKinematics(Labelled):
             pairs = slice(starts[m], starts[m + 1])
             table[:, row, self.paths.arm_coordinate[pairs]] = arms[:, pairs]
         tree = self.paths.tree.arrays
-        for k, dependent in enumerate(tree.coupler_coordinate):
-            slopes = self.coupler_slopes[frames, k]
+        for index, dependent in enumerate(tree.coupler_coordinate):
+            slopes = self.coupler_slopes[frames, index]
             reached = np.zeros(table.shape[:2])
-            for slope, source in zip(slopes.T, tree.coupler_source[k], strict=True):
+            for slope, source in zip(slopes.T, tree.coupler_source[index], strict=True):
                 if source >= 0:
                     reached += slope[:, None] * table[:, :, source]
             square = (slopes**2).sum(axis=1)
@@ -176,7 +176,9 @@ def muscle_kinematics(
     lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
     slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
     _slopes(paths.arrays, coordinates, slopes)
-    loops = tuple((one, loop_couplings(paths.tree, one, coordinates)) for one in loop_groups(paths.tree) if moment_arms)
+    loops = tuple(
+        (group, loop_couplings(paths.tree, group, coordinates)) for group in loop_groups(paths.tree) if moment_arms
+    )
     return MuscleKinematics(
         motion.time,
         model.muscle_names,

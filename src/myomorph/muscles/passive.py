@@ -26,11 +26,11 @@ def joint_forces(tree: Tree, coordinates: Array, rates: Array, without: Collecti
     """
     model, left_out = tree.model, set(without)
     tau = np.zeros_like(coordinates)
-    for one in model.passive_torques:
-        if not {one.name, one.name.removesuffix("_upper"), one.name.removesuffix("_lower")} & left_out:
-            j = model.coordinate_names.index(one.coordinate)
-            tau[:, j] += one.total(coordinates[:, j], rates[:, j])
-    bushings = [one for one in model.bushings if one.name not in left_out]
+    for torque in model.passive_torques:
+        if not {torque.name, torque.name.removesuffix("_upper"), torque.name.removesuffix("_lower")} & left_out:
+            j = model.coordinate_names.index(torque.coordinate)
+            tau[:, j] += torque.total(coordinates[:, j], rates[:, j])
+    bushings = [bushing for bushing in model.bushings if bushing.name not in left_out]
     if bushings:
         tau += bushing_forces(tree, bushings, coordinates, rates)
     return tau

@@ -184,7 +184,7 @@ class Paths:
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
-        found = np.full((frames, muscles, int(self.arrays.sizes[0]) + 2, 4), np.nan)
+        result = np.full((frames, muscles, int(self.arrays.sizes[0]) + 2, 4), np.nan)
         none = np.empty((frames, 0, 6))
         T, P = self.tree.arrays, self.arrays
 
@@ -192,10 +192,10 @@ class Paths:
             n = stop - start
             room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
             here = slice(start, stop)
-            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *room, none[here], found[here])
+            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *room, none[here], result[here])
 
         over_frames(part, frames)
-        return found
+        return result
 
 
 def compile_paths(model: Model) -> Paths:

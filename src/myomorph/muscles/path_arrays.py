@@ -111,7 +111,7 @@ def moved_paths(arrays: PathArrays, model: Model) -> PathArrays:
 
 def _sizes(model: Model) -> Array:
     """(surfaces, 3) sizes of the surfaces that paths wrap around [m]."""
-    return _floats([[*one.size, 0.0, 0.0][:3] for one in model.wrap_objects], 3)
+    return _floats([[*item.size, 0.0, 0.0][:3] for item in model.wrap_objects], 3)
 
 
 class _Builder:
@@ -119,7 +119,7 @@ class _Builder:
 
     def __init__(self, model: Model, tree: Tree):
         self.model, self.tree = model, tree
-        self.objects = {one.name: i for i, one in enumerate(model.wrap_objects)}
+        self.objects = {item.name: i for i, item in enumerate(model.wrap_objects)}
         self.free = set(tree.independent.tolist())
         self.start = [[0] * 6]
         self.bodies = 0
@@ -227,7 +227,7 @@ class _Builder:
         couplers = self.model.couplers
         names = self.model.coordinate_names
         tree = self.tree.arrays
-        ordered = {index_of("coordinate", one.dependent, names): one.function for one in couplers}
+        ordered = {index_of("coordinate", coupler.dependent, names): coupler.function for coupler in couplers}
         first = len(self.functions)
         functions = [*self.functions, *(ordered[int(j)] for j in tree.coupler_coordinate)]
         rows = np.arange(first, len(functions))
@@ -241,8 +241,8 @@ class _Builder:
             functions=compile_functions(functions),
             wrap=_ints(self.wrap, 7),
             wrap_side=_floats(self.wrap_side, 3),
-            object=_ints([self._object_row(one) for one in objects], 5),
-            object_pose=_floats([[*one.pose.rotation.ravel(), *one.pose.translation] for one in objects], 12),
+            object=_ints([self._object_row(item) for item in objects], 5),
+            object_pose=_floats([[*item.pose.rotation.ravel(), *item.pose.translation] for item in objects], 12),
             object_size=_sizes(self.model),
             axis=_ints(self.axis, 6),
             support=np.array(self.support, dtype=np.int64),
@@ -252,14 +252,14 @@ class _Builder:
             sizes=np.array(self.most, dtype=np.int64),
         )
 
-    def _object_row(self, one: WrapObject) -> list[int]:
-        side = 0 if not one.quadrant else -1 if one.quadrant.startswith("-") else 1
+    def _object_row(self, wrap_object: WrapObject) -> list[int]:
+        side = 0 if not wrap_object.quadrant else -1 if wrap_object.quadrant.startswith("-") else 1
         return [
-            KINDS.index(one.kind),
-            self.tree.body_number(one.body),
-            "xyz".index(one.quadrant[-1:] or "x"),
+            KINDS.index(wrap_object.kind),
+            self.tree.body_number(wrap_object.body),
+            "xyz".index(wrap_object.quadrant[-1:] or "x"),
             side,
-            one.active,
+            wrap_object.active,
         ]
 
 

@@ -57,11 +57,11 @@ def drawn_paths(paths: Paths, coordinates: Array) -> DrawnPaths:
     into = _tangent(first - nodes[f, m, np.maximum(n - 2, 0), :3], chord)
     out = _tangent(nodes[f, m, after, :3] - last, chord)
     length = nodes[f, m, n, 3][:, None]
-    for k in range(1, ARC_PARTS):
-        s = k / ARC_PARTS
+    for index in range(1, ARC_PARTS):
+        s = index / ARC_PARTS
         place = (2 * s**3 - 3 * s**2 + 1) * first + (3 * s**2 - 2 * s**3) * last
         place = place + length * ((s**3 - 2 * s**2 + s) * into + (s**3 - s**2) * out)
-        drawn[f, m, slots[f, m, n] - ARC_PARTS + k] = place
+        drawn[f, m, slots[f, m, n] - ARC_PARTS + index] = place
     kept = np.arange(most + 1) < rooms[:, None]
     return DrawnPaths(np.repeat(np.arange(len(rooms)), rooms), drawn[:, kept])
 

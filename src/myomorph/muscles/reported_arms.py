@@ -62,7 +62,7 @@ def crossings(paths: Paths) -> Crossings:
     loops = []
     for group in loop_groups(paths.tree):
         members = group.coordinates.tolist()
-        muscles = sorted({muscle for one in members for muscle in by_coordinate.get(one, ())})
+        muscles = sorted({muscle for member in members for muscle in by_coordinate.get(member, ())})
         for muscle, coordinate in product(muscles, members):
             pairs.setdefault((coordinate, muscle), len(pairs))
         table = [[pairs[coordinate, muscle] for coordinate in members] for muscle in muscles]
@@ -76,10 +76,10 @@ def coupler_slopes(paths: Paths, coordinates: Array) -> Array:
     """(frames, couplers, 2) derivatives of dependent coordinates in what they follow; 0 where not a polynomial."""
     model, tree = paths.tree.model, paths.tree.arrays
     slopes = np.zeros((len(coordinates), len(tree.coupler_coordinate), 2))
-    for k, (dependent, source) in enumerate(zip(tree.coupler_coordinate, tree.coupler_source[:, 0], strict=True)):
+    for index, (dependent, source) in enumerate(zip(tree.coupler_coordinate, tree.coupler_source[:, 0], strict=True)):
         function = model.dependent_coordinates[model.coordinate_names[dependent]].function
         if isinstance(function, PiecewisePolynomial) and source >= 0:
-            slopes[:, k, 0] = function(coordinates[:, source], 1)
+            slopes[:, index, 0] = function(coordinates[:, source], 1)
     return slopes
 
 
@@ -88,10 +88,10 @@ def arms_as_reported(paths: Paths, pattern: Crossings, coordinates: Array, arms:
     table = np.zeros((len(arms), len(pattern.muscle) + 1))
     table[:, : arms.shape[1]] = arms
     slopes = coupler_slopes(paths, coordinates)
-    for k, (own, led) in enumerate(pattern.followers):
-        square = (slopes[:, k] ** 2).sum(axis=1)
+    for index, (own, led) in enumerate(pattern.followers):
+        square = (slopes[:, index] ** 2).sum(axis=1)
         moves = square > 0.0
-        reached = sum(slopes[:, k, s, None] * table[:, led[s]] for s in range(2))
+        reached = sum(slopes[:, index, s, None] * table[:, led[s]] for s in range(2))
         table[np.ix_(moves, own)] = (reached / np.where(moves, square, 1.0)[:, None])[moves]
     for group, pairs in pattern.loops:
         couplings = loop_couplings(paths.tree, group, coordinates)

@@ -71,7 +71,7 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
     check_outputs((*tables, *controls), (source, model_path, *named))
     writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
-    writers |= {path: partial(write_controls, one) for path, one in controls.items()}
+    writers |= {path: partial(write_controls, control) for path, control in controls.items()}
     return ToolResult("AnalyzeTool", tuple(lines), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
 
@@ -84,7 +84,7 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     forces = found["force"]
     names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
     found["force"] = replace(forces, names=names, values=values)
-    return found, text, tuple(f"{analysis.name}: {one}" for one in notes)
+    return found, text, tuple(f"{analysis.name}: {note}" for note in notes)
 
 
 ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {
@@ -124,8 +124,8 @@ def static_optimization(
     )
     with progress(f"{name}: static optimization", len(motion)) as advance:
         tension = solve_tension(model, motion, torques, options, actuators, advance)
-    strength = {one.name: one.optimal_force for one in (*model.actuators, *actuators)}
-    controls = tension.reserves / np.array([strength[one] for one in tension.reserve_names])
+    strength = {actuator.name: actuator.optimal_force for actuator in (*model.actuators, *actuators)}
+    controls = tension.reserves / np.array([strength[reserve_name] for reserve_name in tension.reserve_names])
     names = (*tension.muscles, *tension.reserve_names)
     facts = FrozenMap({"name": "Static Optimization"})
     # OpenSim has viscosity as a force beside the muscle's.
@@ -138,8 +138,8 @@ def static_optimization(
 
 
 def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
-    found: tuple[Actuator, ...] = ()
+    result: tuple[Actuator, ...] = ()
     for path in setup.actuators:
         with inputs.about(path):
-            found += read_actuators(path, model)
-    return found
+            result += read_actuators(path, model)
+    return result

@@ -75,13 +75,13 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
 
 def _fibers(here: Analyzed, columns: list[int]) -> dict[str, Array]:
     fibers = here.fibers
-    found = {name: getattr(fibers, own)[:, columns] for name, own in FIBERS.items()}
-    optimal = np.array([here.model.muscles[k].optimal_fiber_length for k in columns])
-    cosine = np.cos(found["PennationAngle"])
-    found["NormalizedFiberLength"] = found["FiberLength"] / optimal
+    result = {name: getattr(fibers, own)[:, columns] for name, own in FIBERS.items()}
+    optimal = np.array([here.model.muscles[column].optimal_fiber_length for column in columns])
+    cosine = np.cos(result["PennationAngle"])
+    result["NormalizedFiberLength"] = result["FiberLength"] / optimal
     for name in ("ActiveFiberForce", "PassiveFiberForce"):
-        found[f"{name}AlongTendon"] = found[name] * cosine
-    return found
+        result[f"{name}AlongTendon"] = result[name] * cosine
+    return result
 
 
 def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
@@ -182,7 +182,7 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
         place = np.zeros(0)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise BadData(f"{analysis.name}: point is '{text}': expected three numbers")
-    found = [one[:, 0] for one in moved.of_points(np.array([numbers[body]]), place[None])]
+    found = [of_point[:, 0] for of_point in moved.of_points(np.array([numbers[body]]), place[None])]
     if other != "none":
         turn, origin = moved.rotations[:, numbers[other]], moved.origins[:, numbers[other]]
         found[0] = found[0] - origin
@@ -235,6 +235,6 @@ def _moved(here: Analyzed) -> tuple[BodyMotion, dict[str, int]]:
 def _center_of_mass(model: Model, moved: BodyMotion, numbers: dict[str, int]) -> tuple[Array, ...]:
     """Position, velocity and acceleration (frames, 3) of the model's center of mass."""
     index = np.array([numbers[name] for name in model.body_names], np.int64)
-    mass = np.array([one.mass for one in model.bodies])
-    found = moved.of_points(index, np.array([one.mass_center for one in model.bodies]))
+    mass = np.array([body.mass for body in model.bodies])
+    found = moved.of_points(index, np.array([body.mass_center for body in model.bodies]))
     return tuple(np.einsum("b,fbi->fi", mass, one) / mass.sum() for one in found)

@@ -47,40 +47,40 @@ def actuation(here: Analyzed, analysis: Analysis) -> Result:
 def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
     """How fast muscles lengthen and actuators move, (frames, actuators) [m/s or rad/s]."""
     model, tree = here.model, here.tree
-    found = np.full((len(here.motion), len(names)), np.nan)
+    result = np.full((len(here.motion), len(names)), np.nan)
     arrays = here.arrays
-    actuators = {one.name: one for one in (*model.actuators, *here.actuators)}
+    actuators = {actuator.name: actuator for actuator in (*model.actuators, *here.actuators)}
     moved: BodyMotion | None = None
-    for k, name in enumerate(names):
+    for index, name in enumerate(names):
         if name in model.muscle_names:
             assert here.paths.velocities is not None
-            found[:, k] = here.paths.velocities[:, model.muscle_names.index(name)]
+            result[:, index] = here.paths.velocities[:, model.muscle_names.index(name)]
         elif actuators[name].kind == "coordinate":
-            found[:, k] = arrays[1][:, model.coordinate_names.index(actuators[name].coordinate)]
+            result[:, index] = arrays[1][:, model.coordinate_names.index(actuators[name].coordinate)]
         else:
             moved = body_motion(tree, *arrays) if moved is None else moved
-            found[:, k] = _speed_on_bodies(actuators[name], moved, tree.body_index)
-    return found
+            result[:, index] = _speed_on_bodies(actuators[name], moved, tree.body_index)
+    return result
 
 
-def _speed_on_bodies(one: Actuator, moved: BodyMotion, numbers: Mapping[str, int]) -> Array:
+def _speed_on_bodies(actuator: Actuator, moved: BodyMotion, numbers: Mapping[str, int]) -> Array:
     """OpenSim's speed of an actuator between bodies: of a point without sign, of a torque about its axis in ground."""
-    body, other = (numbers[name or GROUND] for name in (one.body, one.other_body))
-    if one.kind == "torque":
-        axis = one.direction / (np.linalg.norm(one.direction) or 1.0)
+    body, other = (numbers[name or GROUND] for name in (actuator.body, actuator.other_body))
+    if actuator.kind == "torque":
+        axis = actuator.direction / (np.linalg.norm(actuator.direction) or 1.0)
         turning = moved.angular_velocities[:, body] - moved.angular_velocities[:, other]
         return np.asarray(turning @ axis)
 
     def place(number: int, point: Array) -> tuple[Array, Array]:
-        arm = point - moved.origins[:, number] if one.point_is_global else moved.rotations[:, number] @ point
+        arm = point - moved.origins[:, number] if actuator.point_is_global else moved.rotations[:, number] @ point
         return moved.origins[:, number] + arm, moved.velocities[:, number] + np.cross(
             moved.angular_velocities[:, number], arm
         )
 
-    at, velocity = place(body, one.point)
-    if one.kind == "point":
+    at, velocity = place(body, actuator.point)
+    if actuator.kind == "point":
         return np.asarray(np.linalg.norm(velocity, axis=1))
-    end, back = place(other, one.other_point)
+    end, back = place(other, actuator.other_point)
     apart = at - end
     return np.asarray(np.einsum("fi,fi->f", velocity - back, apart) / np.linalg.norm(apart, axis=1))
 
@@ -92,7 +92,7 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
         notes = ("forces of constraints are left out", *notes)
     text = f"forces: {len(here.motion)} frames, {len(names)} columns"
     tables = {"forces": here.table(names, values, "ModelForces")}
-    return tables, text, tuple(f"{analysis.name}: {one}" for one in notes)
+    return tables, text, tuple(f"{analysis.name}: {note}" for note in notes)
 
 
 def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
@@ -109,23 +109,23 @@ def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...
     pulling = [] if forces is None else [name for name in forces.names if name in model.muscle_names]
     found: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
     limits = {one.name.removesuffix("_upper").removesuffix("_lower") for one in model.passive_torques if _limit(one)}
-    for one in model.passive_torques:
-        j = model.coordinate_names.index(one.coordinate)
-        name = one.name.removesuffix("_upper").removesuffix("_lower") if _limit(one) else f"{one.name}_Force"
-        found[name] = found.get(name, np.zeros(frames)) + one.total(c[:, j], rates[:, j])
+    for torque in model.passive_torques:
+        j = model.coordinate_names.index(torque.coordinate)
+        name = torque.name.removesuffix("_upper").removesuffix("_lower") if _limit(torque) else f"{torque.name}_Force"
+        found[name] = found.get(name, np.zeros(frames)) + torque.total(c[:, j], rates[:, j])
     if forces is not None:
         found |= {name: forces[name] for name in forces.names if name not in pulling}
     found |= _external(here)
     notes = [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
     if model.bushings:
-        notes.append(f"forces of {', '.join(one.name for one in model.bushings)} are left out")
+        notes.append(f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out")
     values = np.stack(list(found.values()), axis=1) if found else np.zeros((frames, 0))
     return tuple(found), values, tuple(notes)
 
 
-def _limit(one: PassiveTorque) -> bool:
+def _limit(passive_torque: PassiveTorque) -> bool:
     """Whether it is a side of a CoordinateLimitForce, as the reader of models names it."""
-    return one.name.endswith(("_upper", "_lower"))
+    return passive_torque.name.endswith(("_upper", "_lower"))
 
 
 def _external(here: Analyzed) -> dict[str, Array]:
@@ -134,14 +134,14 @@ def _external(here: Analyzed) -> dict[str, Array]:
         return {}
     tree = here.tree
     poses = forward_kinematics(tree, tree.coordinates_of(here.motion))
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for k, (name, body) in enumerate(zip(loads.names, loads.bodies, strict=True)):
         b = tree.body_index[body]
         apart = loads.points[:, k] - poses.origins[:, b]
         point = np.einsum("fji,fj->fi", poses.rotations[:, b], apart)
         for letter, vector in (("F", loads.forces[:, k]), ("p", point), ("T", loads.torques[:, k])):
-            found |= {f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")}
-    return found
+            result |= {f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")}
+    return result
 
 
 def reported_states(here: Analyzed, analysis: Analysis) -> Result:
@@ -195,11 +195,11 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
     """
     inputs.has_mass(here.model, "joint reactions")
     model, motion, actuators = here.model, here.motion, here.actuators
-    known = tuple(one.name for one in model.joints)
+    known = tuple(joint.name for joint in model.joints)
     names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
     if names[0].upper() == "ALL":
         names = known
-    kept = [k for k, name in enumerate(names) if name in known]
+    kept = [index for index, name in enumerate(names) if name in known]
     if not kept:
         raise UnknownName("joint", names[0], known)
     warnings = [f"'{name}' is not a joint: left out" for name in names if name not in known]
@@ -244,20 +244,20 @@ def _of_each(
 def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
     """Forces of all muscles and actuators at the motion's times, between rows of the file along straight lines."""
     model, time, actuators = here.model, here.motion.time, here.actuators
-    given = {one.name for one in actuators}
-    helpers = [one.name for one in (*model.actuators, *actuators) if one.enabled]
-    names = tuple(dict.fromkeys([one.name for one in model.muscles if one.enabled] + helpers))
+    given = {actuator.name for actuator in actuators}
+    helpers = [actuator.name for actuator in (*model.actuators, *actuators) if actuator.enabled]
+    names = tuple(dict.fromkeys([muscle.name for muscle in model.muscles if muscle.enabled] + helpers))
     if path is None:
         notes = (f"no forces_file: {len(helpers)} actuators are taken to do nothing",) if helpers else ()
         return here.forces, notes
     with inputs.about(path):
         table = read_sto(path)
         values = np.empty((len(time), len(names)))
-        for k, name in enumerate(names):
+        for index, name in enumerate(names):
             if name not in table.names:
                 where = "the forces_file" + (" (force_set_files added it)" if name in given else "")
                 raise UnknownName("actuator", name, table.names, where)
-            values[:, k] = np.interp(time, table.time, table[name])
+            values[:, index] = np.interp(time, table.time, table[name])
         if time[0] < table.time[0] - 1e-6 or time[-1] > table.time[-1] + 1e-6:
             raise BadData(
                 f"has forces from {table.time[0]:g} to {table.time[-1]:g} s, but the analysis runs from {time[0]:g} to "

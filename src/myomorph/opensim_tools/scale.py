@@ -101,7 +101,7 @@ def scaled(
             if setup.markers is None:
                 raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
             trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
-            measured = [measure(model, trial, one) for one in setup.measurements]
+            measured = [measure(model, trial, measurement) for measurement in setup.measurements]
             notes += [f"{setup.markers.name}: {note}" for one in measured for note in one.notes]
             factors = with_measured(measured, factors)
     unknown = [body for body in factors if body not in model.body_names and body != "ground"]

@@ -143,12 +143,12 @@ class Analyzed:
     @cached_property
     def forces(self) -> Series | None:
         """Forces of muscles and actuators that are switched on; without controls actuators do nothing."""
-        helpers = [one.name for one in (*self.model.actuators, *self.actuators) if one.enabled]
-        muscles = [k for k, one in enumerate(self.model.muscles) if one.enabled]
+        helpers = [actuator.name for actuator in (*self.model.actuators, *self.actuators) if actuator.enabled]
+        muscles = [index for index, one in enumerate(self.model.muscles) if one.enabled]
         if not helpers and not muscles:
             return None
         pulls = self.fibers.tendon_force[:, muscles] if muscles else np.zeros((len(self.motion), 0))
-        names = (*(self.model.muscle_names[k] for k in muscles), *helpers)
+        names = (*(self.model.muscle_names[muscle] for muscle in muscles), *helpers)
         return Series(self.motion.time, names, np.hstack([pulls, np.zeros((len(self.motion), len(helpers)))]))
 
     @cached_property
@@ -249,15 +249,15 @@ def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:
 
 def stored_states(table: Table, model: Model, frames: slice) -> dict[tuple[str, str], Array]:
     """States of muscles that a table of states holds, as OpenSim 4 or 3 names them, at some frames."""
-    columns = {name: k for k, name in enumerate(table.names)}
-    found = {}
+    columns = {name: index for index, name in enumerate(table.names)}
+    result = {}
     for muscle in model.muscles:
         for state in state_names(muscle):
             for name in (f"/forceset/{muscle.name}/{state}", f"{muscle.name}/{state}", f"{muscle.name}.{state}"):
                 if name in columns:
-                    found[muscle.name, state] = np.array(table.values[frames, columns[name]])
+                    result[muscle.name, state] = np.array(table.values[frames, columns[name]])
                     break
-    return found
+    return result
 
 
 def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
@@ -268,11 +268,11 @@ def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
     assert motion.velocities is not None
     turning = {name for joint in model.joints if joint.kind in TURNING for name in joint.coordinates}
     velocities = motion.velocities.copy()
-    for k, name in enumerate(motion.names):
+    for index, name in enumerate(motion.names):
         for column in table.names:
             if name not in turning and (column == f"{name}_u" or column.endswith(f"/{name}/speed")):
                 rotates = model.coordinate(name).motion == "rotational"
-                velocities[:, k] = table[column] * (np.pi / 180.0 if table.in_degrees and rotates else 1.0)
+                velocities[:, index] = table[column] * (np.pi / 180.0 if table.in_degrees and rotates else 1.0)
     return replace(motion, velocities=velocities)
 
 

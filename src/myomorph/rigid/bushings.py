@@ -26,10 +26,10 @@ def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, 
     """
     tau = np.zeros_like(coordinates)
     poses = forward_kinematics(tree, coordinates)
-    for one in bushings:
-        q, B = deflection(tree, poses, one)
-        stiffness = np.concatenate([one.rotational_stiffness, one.translational_stiffness])
-        damping = np.concatenate([one.rotational_damping, one.translational_damping])
+    for bushing in bushings:
+        q, B = deflection(tree, poses, bushing)
+        stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
+        damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
         force = stiffness * q + damping * np.einsum("fij,fj->fi", B, rates)
         tau -= np.einsum("fij,fi->fj", B, force)
     return tau
@@ -69,13 +69,13 @@ def jacobian_frames(tree: Tree, poses: Poses, body: int, points: Array) -> Array
     """`Poses.jacobian` of all frames at once: (frames, 6, coordinates) at points (frames, 3) in ground [m]."""
     arrays = tree.arrays
     columns = np.zeros((len(points), 6, len(tree.model.coordinates)))
-    for k in np.flatnonzero(tree.supports[body]):
-        w = poses.axis_directions[:, k]
-        if arrays.axis_kind[k] == ROTATION:
-            twist = np.concatenate([w, np.cross(w, points - poses.axis_points[:, k])], axis=1)
+    for support in np.flatnonzero(tree.supports[body]):
+        w = poses.axis_directions[:, support]
+        if arrays.axis_kind[support] == ROTATION:
+            twist = np.concatenate([w, np.cross(w, points - poses.axis_points[:, support])], axis=1)
         else:
             twist = np.concatenate([np.zeros_like(w), w], axis=1)
-        for s, j in enumerate(arrays.axis_coordinate[k]):
+        for s, j in enumerate(arrays.axis_coordinate[support]):
             if j >= 0:
-                columns[:, :, j] += poses.axis_slopes[:, k, s, None] * twist
+                columns[:, :, j] += poses.axis_slopes[:, support, s, None] * twist
     return columns

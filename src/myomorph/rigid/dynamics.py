@@ -212,7 +212,7 @@ class OnlineDynamics:
 
     def __init__(self, model: Model, bodies: Sequence[str]):
         self._tree = compile_tree(model)
-        self._bodies = np.array([self._tree.body_number(one) for one in bodies], np.int64)
+        self._bodies = np.array([self._tree.body_number(body) for body in bodies], np.int64)
         n, wrenches = len(model.coordinates), len(bodies)
         self.coordinates, self.rates, self.accelerations = np.zeros((3, 1, n))
         self.torques = np.zeros((1, n))

@@ -16,9 +16,9 @@ from myomorph.rigid.tree import Tree
 
 def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
     """Generalized forces (frames, coordinates) with the share of coordinates that follow handed on to what leads."""
-    found = np.array(forces, dtype=np.float64, order="C")
-    _gather(tree.arrays, np.array(coordinates, dtype=np.float64, order="C"), found)
-    return found
+    result = np.array(forces, dtype=np.float64, order="C")
+    _gather(tree.arrays, np.array(coordinates, dtype=np.float64, order="C"), result)
+    return result
 
 
 @kernel
@@ -54,7 +54,7 @@ def forward_accelerations(
     free = free_coordinates(tree)
     base = np.array(cddot, dtype=np.float64)
     base[:, free] = 0.0
-    base[:, [one.locked for one in tree.model.coordinates]] = 0.0
+    base[:, [coordinate.locked for coordinate in tree.model.coordinates]] = 0.0
     rest = _consistent(tree, c, cdot, base)
     bias = _needed(tree, c, cdot, rest, applied)[:, free]
     M = _mass_matrix(tree, c, free)
@@ -102,10 +102,10 @@ def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, appli
 
 def _pseudo_inverse(matrices: Array) -> Array:
     """Moore-Penrose inverses of (frames, m, n); NaN where a frame is."""
-    found = np.full((len(matrices), matrices.shape[2], matrices.shape[1]), np.nan)
+    result = np.full((len(matrices), matrices.shape[2], matrices.shape[1]), np.nan)
     good = np.isfinite(matrices).all(axis=(1, 2))
-    found[good] = np.linalg.pinv(matrices[good], rcond=RANK)
-    return found
+    result[good] = np.linalg.pinv(matrices[good], rcond=RANK)
+    return result
 
 
 def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
@@ -114,7 +114,7 @@ def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
     A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied frame.
     """
     poses, L = forward_kinematics(tree, c), tree.loops
-    found = np.zeros((len(c), len(tree.arrays.parent), 6))
+    result = np.zeros((len(c), len(tree.arrays.parent), 6))
     for i in range(len(L.body_1)):
         b1, b2 = L.body_1[i], L.body_2[i]
         turn = poses.rotations[:, b1] @ L.turn_1[i]
@@ -125,16 +125,16 @@ def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
         if rows.shape[1] == 6:
             moment += np.einsum("fij,fj->fi", turn, rows[:, :3])
         wrench = np.concatenate([force, moment], axis=1)
-        found[:, b2] += wrench
-        found[:, b1] -= wrench
-    return found
+        result[:, b2] += wrench
+        result[:, b1] -= wrench
+    return result
 
 
 def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
     """Accelerations with those of coordinates that follow set."""
-    values, rates, found = (np.array(one, dtype=np.float64, order="C") for one in (c, cdot, cddot))
-    couple_rates_frames(tree.arrays, values, rates, found)
-    return found
+    values, rates, result = (np.array(one, dtype=np.float64, order="C") for one in (c, cdot, cddot))
+    couple_rates_frames(tree.arrays, values, rates, result)
+    return result
 
 
 def _needed(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array) -> Array:

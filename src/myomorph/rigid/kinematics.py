@@ -90,13 +90,13 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         h = T.parent[b]
         # Angular rates W, E of the moving frame, and rates V, B of its point that coincides with x.
         x, W, E, V, B = vector(p, h), vector(omega, h), vector(alpha, h), vector(v, h), vector(a, h)
-        for k in range(T.axis_start[b], T.axis_start[b + 1]):
-            V, B = carried(W, E, V, B, minus(vector(o, k), x))
-            x = vector(o, k)
-            q1, q2 = axis_rates(T, k, c, cdot, cddot)
-            u = vector(w, k)
+        for index in range(T.axis_start[b], T.axis_start[b + 1]):
+            V, B = carried(W, E, V, B, minus(vector(o, index), x))
+            x = vector(o, index)
+            q1, q2 = axis_rates(T, index, c, cdot, cddot)
+            u = vector(w, index)
             turning = cross(W, u)
-            if T.axis_kind[k] == ROTATION:
+            if T.axis_kind[index] == ROTATION:
                 E = along(along(E, q2, u), q1, turning)
                 W = along(W, q1, u)
             else:
@@ -159,13 +159,13 @@ class Poses:
         """
         arrays = self.tree.arrays
         columns = np.zeros((6, len(self.tree.model.coordinates)))
-        for k in np.flatnonzero(self.tree.supports[body]):
-            w = self.axis_directions[frame, k]
-            if arrays.axis_kind[k] == ROTATION:
-                twist = np.concatenate([w, np.cross(w, point - self.axis_points[frame, k])])
+        for support in np.flatnonzero(self.tree.supports[body]):
+            w = self.axis_directions[frame, support]
+            if arrays.axis_kind[support] == ROTATION:
+                twist = np.concatenate([w, np.cross(w, point - self.axis_points[frame, support])])
             else:
                 twist = np.concatenate([np.zeros(3), w])
-            for slope, j in zip(self.axis_slopes[frame, k], arrays.axis_coordinate[k], strict=True):
+            for slope, j in zip(self.axis_slopes[frame, support], arrays.axis_coordinate[support], strict=True):
                 if j >= 0:
                     columns[:, j] += slope * twist
         return columns

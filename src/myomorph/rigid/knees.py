@@ -19,7 +19,7 @@ FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:
     """Joints between a body called femur or thigh and one called tibia or shank."""
-    return tuple(one for one in model.joints if _is(one.parent, THIGH) and _is(one.child, SHANK))
+    return tuple(joint for joint in model.joints if _is(joint.parent, THIGH) and _is(joint.child, SHANK))
 
 
 def _is(body: str, words: tuple[str, ...]) -> bool:
@@ -30,7 +30,7 @@ def long_axis(model: Model, joint: Joint) -> Array | None:
     """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
     center = joint.child_frame.translation
     ways = [one.parent_frame.translation - center for one in model.joints if one.parent == joint.child]
-    lengths = [float(np.linalg.norm(one)) for one in ways]
+    lengths = [float(np.linalg.norm(way)) for way in ways]
     if not lengths or max(lengths) < 1e-9:
         return None
     farthest = int(np.argmax(lengths))

@@ -245,10 +245,10 @@ def _copy(array: Array) -> Array:
 
 def _weights(tree: Tree, weights: Array | None) -> Array:
     n = len(tree.model.coordinates)
-    found = np.ones(n) if weights is None else np.asarray(weights, np.float64)
-    if found.shape != (n,) or not (found > 0.0).all():
-        raise BadData(f"weights of {n} coordinates: expected as many numbers above 0, got shape {found.shape}")
-    return found
+    result = np.ones(n) if weights is None else np.asarray(weights, np.float64)
+    if result.shape != (n,) or not (result > 0.0).all():
+        raise BadData(f"weights of {n} coordinates: expected as many numbers above 0, got shape {result.shape}")
+    return result
 
 
 def _pseudo_inverse(G: Array) -> Array:

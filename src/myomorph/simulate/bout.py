@@ -164,11 +164,11 @@ def mass_matrix(m: Any, data: Any) -> Array:
 
 def moments(m: Any, data: Any) -> Array:
     """d(lengths of muscles)/d(rates), (muscles, nv)."""
-    found = np.zeros((m.nu, m.nv))
+    result = np.zeros((m.nu, m.nv))
     for i in range(m.nu):
         some = slice(data.moment_rowadr[i], data.moment_rowadr[i] + data.moment_rownnz[i])
-        found[i, data.moment_colind[some]] = data.actuator_moment[some]
-    return found
+        result[i, data.moment_colind[some]] = data.actuator_moment[some]
+    return result
 
 
 def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
@@ -268,23 +268,23 @@ def simulate_bout(
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
     activation, chosen = tone.copy(), tone
     error = np.empty(m.nv)
-    for k in range(steps):
+    for index in range(steps):
         mujoco.mj_step1(m, data)
-        if k % CONTROL == 0:
-            standing = _standing(m, data, builds, plan, k * STEP, anchors)
-            q, rates, accelerations = plan.at(m, k * STEP)
+        if index % CONTROL == 0:
+            standing = _standing(m, data, builds, plan, index * STEP, anchors)
+            q, rates, accelerations = plan.at(m, index * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
-            found["strayed"][k : k + CONTROL] = np.abs(error).max()
+            found["strayed"][index : index + CONTROL] = np.abs(error).max()
             stiff = controller.drives.stiffness
             aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
-            lapel, sleeve = plan.pulls(k * STEP)
+            lapel, sleeve = plan.pulls(index * STEP)
             chosen = controller.activations(data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve)
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
-        found["time"][k], found["qpos"][k], found["activations"][k] = k * STEP, data.qpos, activation
+        found["time"][index], found["qpos"][index], found["activations"][index] = index * STEP, data.qpos, activation
         mujoco.mj_step2(m, data)
-        found["tensions"][k] = -data.actuator_force
-        _record_forces(m, data, found, k)
+        found["tensions"][index] = -data.actuator_force
+        _record_forces(m, data, found, index)
     return Run(**found)
 
 
@@ -321,8 +321,8 @@ def _standing(
         size = builds[foot.partition("_")[0]].size
         corners = [size * point for point in sole_points(foot[-1]).values()]
         places = [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for point in corners]
-        anchors[foot] = [(body, one, at * (1.0, 0.0, 1.0)) for one, at in zip(corners, places, strict=True)]
-    return [one for corners in anchors.values() for one in corners]
+        anchors[foot] = [(body, corner, at * (1.0, 0.0, 1.0)) for corner, at in zip(corners, places, strict=True)]
+    return [corner for corners in anchors.values() for corner in corners]
 
 
 def _record_forces(m: Any, data: Any, found: Mapping[str, Array], k: int) -> None:

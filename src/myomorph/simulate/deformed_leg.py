@@ -128,10 +128,10 @@ def right_leg(whole: Model) -> Model:
         name="right leg",
         bodies=tuple(body for body in whole.bodies if body.name in kept),
         joints=(root, *joints),
-        coordinates=tuple(one for one in whole.coordinates if one.name in moved),
+        coordinates=tuple(coordinate for coordinate in whole.coordinates if coordinate.name in moved),
         muscles=muscles,
-        wrap_objects=tuple(one for one in whole.wrap_objects if one.name in used),
-        couplers=tuple(one for one in whole.couplers if one.dependent in moved),
+        wrap_objects=tuple(item for item in whole.wrap_objects if item.name in used),
+        couplers=tuple(coupler for coupler in whole.couplers if coupler.dependent in moved),
         markers=(),
         actuators=(),
         frames=(),
@@ -145,7 +145,7 @@ def _led(muscle: Muscle) -> Muscle:
 
     By the rule before, the iliacus changes the side of its surface in bones that are bent a little.
     """
-    wraps = tuple(replace(one, version=4) for one in muscle.path.wraps if isinstance(one, TendonWrap))
+    wraps = tuple(replace(wrap, version=4) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap))
     return replace(muscle, path=replace(muscle.path, wraps=wraps)) if wraps else muscle
 
 
@@ -155,12 +155,12 @@ def truths(model: Model) -> dict[str, BodyTruth]:
     field = Deformation(np.array(STRETCH), waves, AMPLITUDE)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
-    found = {}
+    result = {}
     for body in model.body_names:
         number = tree.body_index[body]
         pose = Transform(poses.rotations[0, number], poses.origins[0, number])
-        found[body] = BodyTruth(field, pose, field.apply(pose.translation))
-    return found
+        result[body] = BodyTruth(field, pose, field.apply(pose.translation))
+    return result
 
 
 def _mirrored(surface: Surface) -> Surface:
@@ -179,12 +179,12 @@ def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
 def picked_landmarks(ours: Mapping[str, Surface], truth: Mapping[str, BodyTruth]) -> dict[str, FeaturePoints]:
     """Landmarks spread over each bone, picked in the target with an error of `PICKED`; the same each time."""
     random = np.random.default_rng(0)
-    found = {}
+    result = {}
     for body, surface in ours.items():
         points = surface.vertices[spread_vertices(surface, LANDMARKS)]
         seen = truth[body].apply(points) + PICKED * random.standard_normal(points.shape)
-        found[body] = FeaturePoints(tuple(f"{body} {i + 1}" for i in range(len(points))), points, seen)
-    return found
+        result[body] = FeaturePoints(tuple(f"{body} {i + 1}" for i in range(len(points))), points, seen)
+    return result
 
 
 def spread_vertices(surface: Surface, count: int) -> np.ndarray:

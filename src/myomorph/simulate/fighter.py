@@ -170,12 +170,12 @@ def segments() -> Iterator[Segment]:
 
 def muscle_points() -> dict[str, tuple[float, tuple[Point, ...]]]:
     """Strength [N] and points of all muscles by name, both sides."""
-    found = {}
+    result = {}
     for name, force, points in SIDE_MUSCLES:
         for side, sign in (("r", 1.0), ("l", -1.0)):
             placed = tuple((_sided(body, side), x, y, sign * z) for body, x, y, z in points)
-            found[f"{name}_{side}"] = (float(force), placed)
-    return found
+            result[f"{name}_{side}"] = (float(force), placed)
+    return result
 
 
 def sole_points(side: str) -> dict[str, Array]:
@@ -186,14 +186,14 @@ def sole_points(side: str) -> dict[str, Array]:
 
 def marker_points() -> dict[str, tuple[str, Array]]:
     """Body and place (3,) of all markers by name [m], for a body of `HEIGHT`."""
-    found = {}
+    result = {}
     for body, places in MARKED.items():
         sides = (("", 1.0),) if body in ("pelvis", "torso") else (("r", 1.0), ("l", -1.0))
         for side, sign in sides:
-            for k, (x, y, z) in enumerate(places):
+            for index, (x, y, z) in enumerate(places):
                 whole = _sided(body, side) if side else body
-                found[f"{whole}_{k + 1}"] = (whole, np.array([x, y, sign * z]))
-    return found
+                result[f"{whole}_{index + 1}"] = (whole, np.array([x, y, sign * z]))
+    return result
 
 
 def _sided(body: str, side: str) -> str:
@@ -211,8 +211,8 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
     """
     s = build.size
     children: dict[str, list[Segment]] = {}
-    for one in segments():
-        children.setdefault(one.parent, []).append(one)
+    for segment in segments():
+        children.setdefault(segment.parent, []).append(segment)
     sites: dict[str, list[str]] = {one.name: [] for one in segments()}
     for name, (body, place_on) in marker_points().items():
         sites[body].append(f'<site name="{prefix}marker_{name}" pos="{_text(s * place_on)}"/>')
@@ -221,46 +221,48 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
     tendons, actuators = [], []
     for name, (force, points) in muscle_points().items():
         path = []
-        for k, (body, *at) in enumerate(points):
-            sites[body].append(f'<site name="{prefix}{name}-{k}" pos="{_text(s * np.array(at))}"/>')
-            path.append(f'<site site="{prefix}{name}-{k}"/>')
+        for index, (body, *at) in enumerate(points):
+            sites[body].append(f'<site name="{prefix}{name}-{index}" pos="{_text(s * np.array(at))}"/>')
+            path.append(f'<site site="{prefix}{name}-{index}"/>')
         tendons.append(f'<spatial name="{prefix}{name}_tendon">{"".join(path)}</spatial>')
         strength = force * build.strength * build.strengths.get(name, 1.0)
         actuators.append(_muscle(f"{prefix}{name}", strength, build.paths.get(name, 0.0)))
 
-    def tree(one: Segment) -> str:
-        inner = [_joints(one, prefix), _inertial(one, build), *_geoms(one, prefix, s), *sites[one.name]]
-        inner += [tree(child) for child in children.get(one.name, [])]
-        if one.parent:
-            start = f'pos="{_text(s * np.array(one.place))}"'
+    def tree(segment: Segment) -> str:
+        inner = [_joints(segment, prefix), _inertial(segment, build), *_geoms(segment, prefix, s), *sites[segment.name]]
+        inner += [tree(child) for child in children.get(segment.name, [])]
+        if segment.parent:
+            start = f'pos="{_text(s * np.array(segment.place))}"'
         else:
             start = f'pos="{_text(np.array(place))}" euler="0 {turn!r} 0"'
-        return f'<body name="{prefix}{one.name}" {start}>{"".join(inner)}</body>'
+        return f'<body name="{prefix}{segment.name}" {start}>{"".join(inner)}</body>'
 
     return tree(MIDDLE[0]), "".join(tendons), "".join(actuators)
 
 
-def _joints(one: Segment, prefix: str) -> str:
-    if not one.joints:
-        return f'<freejoint name="{prefix}{one.name}"/>'
-    return "".join(f'<joint name="{prefix}{name}" axis="{_text(np.array(axis))}"/>' for name, axis in one.joints)
+def _joints(segment: Segment, prefix: str) -> str:
+    if not segment.joints:
+        return f'<freejoint name="{prefix}{segment.name}"/>'
+    return "".join(f'<joint name="{prefix}{name}" axis="{_text(np.array(axis))}"/>' for name, axis in segment.joints)
 
 
-def _inertial(one: Segment, build: Build) -> str:
-    mass = one.share * build.mass
-    square = (build.size * np.array(one.size)) ** 2
+def _inertial(segment: Segment, build: Build) -> str:
+    mass = segment.share * build.mass
+    square = (build.size * np.array(segment.size)) ** 2
     moments = mass / 3.0 * (square.sum() - square)
-    place = build.size * np.array(one.center)
+    place = build.size * np.array(segment.center)
     return f'<inertial mass="{mass!r}" pos="{_text(place)}" diaginertia="{_text(moments)}"/>'
 
 
-def _geoms(one: Segment, prefix: str, s: float) -> list[str]:
+def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
     """What is seen of a segment, and what of a foot stands on the mat."""
-    shown = [(one.center, one.size), *([HEAD] if one.name == "torso" else [])]
+    shown = [(segment.center, segment.size), *([HEAD] if segment.name == "torso" else [])]
     geoms = [f'<geom class="shown" pos="{_text(s * np.array(a))}" size="{_text(s * np.array(b))}"/>' for a, b in shown]
-    if one.name.startswith("foot"):
-        for k, at in sole_points(one.name[-1]).items():
-            geoms.append(f'<geom name="{prefix}{one.name}_{k}" class="sole" pos="{_text(s * at + (0.0, BALL, 0.0))}"/>')
+    if segment.name.startswith("foot"):
+        for name, at in sole_points(segment.name[-1]).items():
+            geoms.append(
+                f'<geom name="{prefix}{segment.name}_{name}" class="sole" pos="{_text(s * at + (0.0, BALL, 0.0))}"/>'
+            )
     return geoms
 
 
@@ -276,7 +278,7 @@ def _muscle(name: str, force: float, path: float) -> str:
 
 
 def _text(values: Array) -> str:
-    return " ".join(repr(float(one)) for one in values)
+    return " ".join(repr(float(value)) for value in values)
 
 
 STEP = 1e-3
@@ -350,6 +352,6 @@ def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(compiled, data)
     lengths = {compiled.actuator(i).name: float(data.actuator_length[i]) for i in range(compiled.nu)}
-    paths = {part: {name[len(part) + 1 :]: one for name, one in lengths.items() if name.startswith(f"{part}_")}
+    paths = {part: {name[len(part) + 1 :]: length for name, length in lengths.items() if name.startswith(f"{part}_")}
              for part in builds}  # fmt: skip
     return {part: replace(build, paths=paths[part]) for part, build in builds.items()}

@@ -137,7 +137,7 @@ def jump_study() -> JumpStudy:
 
 
 def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]) -> tuple[str, ...]:
-    clock, takeoff = trial.plate_time, next(one.time for one in events if one.label == "Take-off")
+    clock, takeoff = trial.plate_time, next(event.time for event in events if event.label == "Take-off")
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
     pushing = (clock > QUIET[1]) & (clock < takeoff) & np.isfinite(share)
     low, high = np.percentile(share[pushing], [5, 95])

@@ -45,8 +45,8 @@ SHOULDER = "Right_Hombro"
 
 def recording_path() -> Path:
     """The jump's C3D file in the installed package `biomdp`."""
-    found = importlib.util.find_spec("biomdp")
-    path = Path(found.origin).parent / RECORDING if found is not None and found.origin else None
+    spec = importlib.util.find_spec("biomdp")
+    path = Path(spec.origin).parent / RECORDING if spec is not None and spec.origin else None
     if path is None or not path.exists():
         raise BadData("the recording of the jump comes with the package 'biomdp': install it (pip install biomdp)")
     return path
@@ -187,10 +187,10 @@ def leg_model() -> Model:
     model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
     held = [
-        replace(one, locked=True, default=0.0) if one.name in LOCKED
-        else replace(one, clamped=False) if one.name in FREED
-        else one
-        for one in model.coordinates
+        replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
+        else replace(coordinate, clamped=False) if coordinate.name in FREED
+        else coordinate
+        for coordinate in model.coordinates
     ]  # fmt: skip
     return replace(
         model,

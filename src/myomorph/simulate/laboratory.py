@@ -299,12 +299,15 @@ def write_scans(
     entries = []
     for bone in specimen.model.body_names:
         own = bone_of(specimen, bone)
-        markers = {one.name: one.location for one in specimen.model.markers if one.body == bone}
+        markers = {marker.name: marker.location for marker in specimen.model.markers if marker.body == bone}
         pose = Transform(Rotation.random(random_state=random).as_matrix(), random.uniform(-0.2, 0.2, 3))
         fine = trimesh.Trimesh(own.vertices, own.faces).subdivide()
         scan = pose.apply(fine.vertices) + 2e-4 * random.standard_normal(fine.vertices.shape)
         balls = trimesh.util.concatenate(
-            [trimesh.creation.icosphere(3, 0.5 * BALL).apply_translation(pose.apply(one)) for one in markers.values()]
+            [
+                trimesh.creation.icosphere(3, 0.5 * BALL).apply_translation(pose.apply(marker))
+                for marker in markers.values()
+            ]
         )
         _write_stl(modelled(own.vertices), own.faces, folder / f"{bone}_model.stl")
         _write_stl(1e3 * scan, fine.faces, folder / f"{bone}.stl")

@@ -68,9 +68,9 @@ class HeldLimb:
         """Places (3,) of the markers on the base and on the limb, in the frames of `centered` [m]."""
         on_base: dict[str, Array] = {}
         on_limb: dict[str, Array] = {}
-        for one in self.specimen.model.markers:
-            side = on_base if one.body == self.specimen.base else on_limb
-            side[one.name] = self.centered(one.body).apply(one.location)
+        for marker in self.specimen.model.markers:
+            side = on_base if marker.body == self.specimen.base else on_limb
+            side[marker.name] = self.centered(marker.body).apply(marker.location)
         return on_base, on_limb
 
     def parameters(self, mass: float, com: float) -> Array:
@@ -158,25 +158,28 @@ def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
         pose = limb.centered(body)
         return pose.inverse().apply(factor * pose.apply(place))
 
-    def surface(one: WrapObject) -> WrapObject:
-        pose = Transform(one.pose.rotation, moved(one.body, one.pose.translation))
-        return replace(one, pose=pose, size=tuple(factor * size for size in one.size))
+    def surface(wrap_object: WrapObject) -> WrapObject:
+        pose = Transform(wrap_object.pose.rotation, moved(wrap_object.body, wrap_object.pose.translation))
+        return replace(wrap_object, pose=pose, size=tuple(factor * size for size in wrap_object.size))
 
     muscles = []
     for muscle in specimen.model.muscles:
-        points = tuple(replace(one, location=moved(one.body, one.location)) for one in fixed_points(muscle))
+        points = tuple(
+            replace(fixed_point, location=moved(fixed_point.body, fixed_point.location))
+            for fixed_point in fixed_points(muscle)
+        )
         wraps = tuple(
             wrap if wrap.side is None else replace(wrap, side=moved(wrap.side_body, wrap.side))
             for wrap in tendon_wraps(muscle)
         )
         muscles.append(replace(muscle, path=Path(points, wraps)))
-    surfaces = tuple(surface(one) for one in specimen.model.wrap_objects)
+    surfaces = tuple(surface(item) for item in specimen.model.wrap_objects)
     return replace(specimen, model=replace(specimen.model, muscles=tuple(muscles), wrap_objects=surfaces))
 
 
 def fixed_points(muscle: Muscle) -> tuple[PathPoint, ...]:
     """Points of a path that stays as it is; raises `BadModel` of moving points, conditions and pulleys."""
-    points = tuple(one for one in muscle.path.points if isinstance(one, PathPoint) and not one.coordinate)
+    points = tuple(point for point in muscle.path.points if isinstance(point, PathPoint) and not point.coordinate)
     if len(points) != len(muscle.path.points) or muscle.path.divisors:
         raise BadModel(f"muscle '{muscle.name}' has moving points or pulleys: a virtual specimen has none")
     return points
@@ -184,7 +187,7 @@ def fixed_points(muscle: Muscle) -> tuple[PathPoint, ...]:
 
 def tendon_wraps(muscle: Muscle) -> tuple[TendonWrap, ...]:
     """Its wraps, those of MuJoCo; raises `BadModel` of others."""
-    wraps = tuple(one for one in muscle.path.wraps if isinstance(one, TendonWrap))
+    wraps = tuple(wrap for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap))
     if len(wraps) != len(muscle.path.wraps):
         raise BadModel(f"muscle '{muscle.name}' wraps as in OpenSim, which MuJoCo cannot: take a MuJoCo model")
     return wraps
@@ -216,7 +219,7 @@ def swing_mjcf(
     center = stand.apply(specimen.center)
     inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
     on_base = "".join(inside.pop(specimen.base, []))
-    on_limb = "".join(one for parts in inside.values() for one in parts)
+    on_limb = "".join(part for parts in inside.values() for part in parts)
     tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
     speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
     return f"""<mujoco model="virtual specimen">
@@ -252,10 +255,10 @@ def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict
         inside[body].append(_site(name, frame(body).apply(location)))
         return name
 
-    for one in model.wrap_objects:
-        size = words(one.size[:1]) + (" 0.1" if one.kind == "cylinder" else "")
-        pose = _pose(frame(one.body) @ one.pose)
-        inside[one.body].append(f'<geom name="{one.name}" type="{one.kind}" size="{size}" {pose}/>')
+    for item in model.wrap_objects:
+        size = words(item.size[:1]) + (" 0.1" if item.kind == "cylinder" else "")
+        pose = _pose(frame(item.body) @ item.pose)
+        inside[item.body].append(f'<geom name="{item.name}" type="{item.kind}" size="{size}" {pose}/>')
     for muscle in model.muscles:
         path = []
         for i, point in enumerate(fixed_points(muscle)):
@@ -293,8 +296,8 @@ def specimen_mjcf(specimen: Specimen) -> str:
     for joint in model.joints:
         children[joint.parent].append(joint.child)
     inside, paths = _muscles_mjcf(model, lambda body: Transform.identity())
-    for one in model.markers:
-        inside[one.body].append(_site(one.name, one.location))
+    for marker in model.markers:
+        inside[marker.body].append(_site(marker.name, marker.location))
     joints = {one.child: one for one in model.joints}
     rows = dict(zip(model.body_names, inertial_parameters(model), strict=True))
 
@@ -305,9 +308,9 @@ def specimen_mjcf(specimen: Specimen) -> str:
 
     tendons = [f'<spatial name="{name}_tendon">{path}</spatial>\n' for name, path in paths.items()]
     actuators = [
-        f'<muscle name="{one.name}" tendon="{one.name}_tendon" force="{one.max_isometric_force!r}" '
+        f'<muscle name="{muscle.name}" tendon="{muscle.name}_tendon" force="{muscle.max_isometric_force!r}" '
         'lengthrange="0.01 1"/>\n'
-        for one in model.muscles
+        for muscle in model.muscles
     ]
     return f"""<mujoco model="{model.name}">
 <compiler autolimits="true"/>

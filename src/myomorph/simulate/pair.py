@@ -257,8 +257,8 @@ def _recorded(
     whole = join_models(known)
     tree = compile_tree(whole)
     poses = forward_kinematics(tree, tree.coordinates_of(truth.motion))
-    bodies = np.array([tree.body_index[one.body] for one in whole.markers])
-    places = poses.points(bodies, np.array([one.location for one in whole.markers]))
+    bodies = np.array([tree.body_index[marker.body] for marker in whole.markers])
+    places = poses.points(bodies, np.array([marker.location for marker in whole.markers]))
     places = places + options.marker_noise * random.standard_normal(places.shape)
     time = truth.motion.time
     gain = np.exp(options.emg_gain * random.standard_normal(len(whole.muscles)))
@@ -280,7 +280,7 @@ def _recorded(
 
 
 def _plates(truth: PairTruth, part: str) -> Wrenches:
-    feet = [k for k, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
+    feet = [index for index, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
     w = truth.wrenches
     names, bodies = (tuple(given[k] for k in feet) for given in (w.names, w.bodies))
     return Wrenches(w.time, names, bodies, w.forces[:, feet], w.points[:, feet], w.torques[:, feet])
@@ -313,9 +313,9 @@ def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Sit
 
 def _touching(truth: PairTruth, models: Mapping[str, Model], sites: tuple[Site, ...]) -> Series:
     values = np.ones((len(truth.motion), len(sites)))
-    for k, site in enumerate(sites):
+    for index, site in enumerate(sites):
         if site.group in FEET:
             model = models[site.group.partition("_")[0]]
             weight = model.mass * float(np.linalg.norm(model.gravity))
-            values[:, k] = truth.forces[site.group][:, 1] > LOADED * weight
+            values[:, index] = truth.forces[site.group][:, 1] > LOADED * weight
     return Series(truth.motion.time, tuple(site.name for site in sites), values)

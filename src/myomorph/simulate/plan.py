@@ -176,12 +176,12 @@ class Plan:
 
     def pulls(self, time: float) -> tuple[float, float]:
         """Intended pulls at lapel and sleeve [N]."""
-        times = [one.time for one in self.stances]
-        lapel, sleeve = ([getattr(one, what) for one in self.stances] for what in ("lapel", "sleeve"))
+        times = [stance.time for stance in self.stances]
+        lapel, sleeve = ([getattr(stance, what) for stance in self.stances] for what in ("lapel", "sleeve"))
         return float(np.interp(time, times, lapel)), float(np.interp(time, times, sleeve))
 
     def _between(self, time: float) -> tuple[int, float, float]:
-        times = np.array([one.time for one in self.stances])
+        times = np.array([stance.time for stance in self.stances])
         k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
         length = float(times[k + 1] - times[k])
         return k, float(np.clip((time - times[k]) / length, 0.0, 1.0)), length
@@ -233,8 +233,8 @@ def make_plan(
         lifted = (1.3, 1.8)
     start = start_pose(compiled)
     poses = []
-    for one in stances:
-        start = posed(compiled, start, aims_of(builds, one), 0.02)
+    for stance in stances:
+        start = posed(compiled, start, aims_of(builds, stance), 0.02)
         poses.append(start)
     return Plan(tuple(stances), np.array(poses), lifted)
 

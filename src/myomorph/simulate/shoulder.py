@@ -68,7 +68,7 @@ class VirtualCondition:
 
     def swing_trials(self) -> tuple[SwingTrial, ...]:
         """As the identification takes them."""
-        return tuple(SwingTrial(one.name, one.markers, one.wrenches) for one in self.trials)
+        return tuple(SwingTrial(trial.name, trial.markers, trial.wrenches) for trial in self.trials)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +192,8 @@ def _sized(
 
 def _mean_square_arm(swings: Sequence[Sampled]) -> float:
     """What a common muscle viscosity is to be multiplied by to give the nearest viscosity of the joint [m^2]."""
-    speeds = sum(float(np.sum(one.lengthening**2)) for one in swings)
-    return speeds / sum(float(np.sum(one.rates**2)) for one in swings)
+    speeds = sum(float(np.sum(swing.lengthening**2)) for swing in swings)
+    return speeds / sum(float(np.sum(swing.rates**2)) for swing in swings)
 
 
 def _swings(
@@ -208,11 +208,11 @@ def _swings(
     stand = limb.specimen.stand
     rest = hanging(limb, parameters)
     compiled = mujoco.MjModel.from_xml_string(swing_mjcf(limb, parameters, stand, rest, damping, muscle))
-    found = []
+    result = []
     for axis, rates in starts:
         turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
-        found.append(simulate(compiled, turn, rest.T @ rates, seconds, step))
-    return found
+        result.append(simulate(compiled, turn, rest.T @ rates, seconds, step))
+    return result
 
 
 def hanging(limb: HeldLimb, parameters: Array) -> Array:

@@ -128,7 +128,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         ),
         truth=FrozenMap(known),
         sources=(
-            value_source("model", "demo:simulated", *(one.mass for one in model.bodies), *model.coordinate_names),
+            value_source("model", "demo:simulated", *(body.mass for body in model.bodies), *model.coordinate_names),
             value_source("markers", "simulated markers", markers.values),
             value_source("loads", "simulated forces", noisy.forces, noisy.points, noisy.torques),
         ),
@@ -146,8 +146,8 @@ def marked_body() -> Model:
     model = composed_model("myofullbody")
     dependent = model.dependent_coordinates
     coordinates = tuple(
-        replace(one, locked=not one.name.startswith(KEPT_FREE) and one.name not in dependent)
-        for one in model.coordinates
+        replace(coordinate, locked=not coordinate.name.startswith(KEPT_FREE) and coordinate.name not in dependent)
+        for coordinate in model.coordinates
     )
     markers = []
     for name in MARKED:
@@ -179,14 +179,18 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     """
     time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
     depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
-    free = [one for one in model.coordinates if not one.locked and one.name not in model.dependent_coordinates]
+    free = [
+        coordinate
+        for coordinate in model.coordinates
+        if not coordinate.locked and coordinate.name not in model.dependent_coordinates
+    ]
     names = tuple(one.name for one in free)
     default = np.array([one.default for one in free])
     high, low = (np.deg2rad([pose.get(name, 0.0) for name in names]) for pose in (STANDING, SQUAT))
     wanted = default + high + np.outer(depth, low)
     tree = compile_tree(model)
     standing = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
-    planted = [one for one in model.markers if one.body in FEET]
+    planted = [marker for marker in model.markers if marker.body in FEET]
     bodies = [tree.body_index[one.body] for one in planted]
     places = standing.points(np.array(bodies), np.array([one.location for one in planted]))
     feet = Markers(time, tuple(one.name for one in planted), np.repeat(places, len(time), axis=0))
@@ -232,8 +236,8 @@ def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
 def measured_markers(tree: Tree, motion: Motion, options: SimulationOptions, random: np.random.Generator) -> Markers:
     """Markers of a motion, with white noise and a slow shift of each on the skin."""
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    bodies = np.array([tree.body_index[one.body] for one in tree.model.markers])
-    places = poses.points(bodies, np.array([one.location for one in tree.model.markers]))
+    bodies = np.array([tree.body_index[marker.body] for marker in tree.model.markers])
+    places = poses.points(bodies, np.array([marker.location for marker in tree.model.markers]))
     # The filter's ends are not like its middle: they are cut off.
     margin = int(options.rate)
     longer = random.standard_normal((len(places) + 2 * margin, *places.shape[1:]))

@@ -38,17 +38,21 @@ INTERVAL_NUMBERS = (
 INTERVAL_TEXTS = ("site", "surface", "source")
 
 
-def put_contact_forces(writer: ResultWriter, found: ContactForces) -> None:
+def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> None:
     """Forces at contact sites, and what the sites are."""
-    writer.time(found.time)
-    writer.names("contact_site", found.names)
+    writer.time(contact_forces.time)
+    writer.names("contact_site", contact_forces.names)
     writer.names("axis", ("x", "y", "z"))
-    writer.fact(SITES, json.dumps([_plain_site(one) for one in found.sites]))
+    writer.fact(SITES, json.dumps([_plain_site(site) for site in contact_forces.sites]))
     three = ("time", "contact_site", "axis")
-    writer.put("contact_activation", ("time", "contact_site"), found.strengths, "1", "activation of a contact, 0 to 1")
-    writer.put("contact_force", three, found.forces, "N", "estimated force on the body at a contact site, in ground")
-    writer.put("contact_point", three, found.points, "m", "center of pressure of a contact site, in ground")
-    writer.put("contact_torque", three, found.torques, "N m", "free torque about that point, in ground")
+    writer.put(
+        "contact_activation", ("time", "contact_site"), contact_forces.strengths, "1", "activation of a contact, 0 to 1"
+    )
+    writer.put(
+        "contact_force", three, contact_forces.forces, "N", "estimated force on the body at a contact site, in ground"
+    )
+    writer.put("contact_point", three, contact_forces.points, "m", "center of pressure of a contact site, in ground")
+    writer.put("contact_torque", three, contact_forces.torques, "N m", "free torque about that point, in ground")
 
 
 def get_contact_forces(stored: Stored) -> ContactForces | None:
@@ -56,7 +60,7 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
     values = stored.values
     if "contact_force" not in values:
         return None
-    sites = tuple(_site(one) for one in json.loads(stored.facts[SITES]))
+    sites = tuple(_site(load) for load in json.loads(stored.facts[SITES]))
     parts = (values[f"contact_{name}"] for name in ("activation", "force", "point", "torque"))
     return ContactForces(stored.time, sites, *parts)
 
@@ -68,10 +72,12 @@ def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation 
     writer.fact(WARNINGS, json.dumps(contacts.warnings))
     writer.sizes("contact_interval", len(contacts.intervals))
     for name, unit, meaning in INTERVAL_NUMBERS:
-        values = np.array([getattr(one, name) for one in contacts.intervals], dtype=np.float64)
+        values = np.array([getattr(interval, name) for interval in contacts.intervals], dtype=np.float64)
         writer.put(f"contact_interval_{name}", ("contact_interval",), values, unit, meaning)
     for name in INTERVAL_TEXTS:
-        writer.texts(f"contact_interval_{name}", "contact_interval", [getattr(one, name) for one in contacts.intervals])
+        writer.texts(
+            f"contact_interval_{name}", "contact_interval", [getattr(interval, name) for interval in contacts.intervals]
+        )
 
 
 def get_contacts(stored: Stored) -> Contacts | None:
@@ -114,10 +120,12 @@ def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], in
         return
     writer.names("contact_group", intervals[0].groups)
     writer.names("axis", ("x", "y", "z"))
-    time = np.concatenate([one.time for one in intervals])
+    time = np.concatenate([interval.time for interval in intervals])
     writer.sizes("interval_time", len(time))
     writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
-    writer.texts("max_interval_direction", "interval_time", [text for one in intervals for text in one.sentences])
+    writer.texts(
+        "max_interval_direction", "interval_time", [text for interval in intervals for text in interval.sentences]
+    )
     three = ("interval_time", "contact_group", "axis")
     for name, meaning in (
         ("low", "least force that the data allow"),
@@ -125,7 +133,7 @@ def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], in
         ("near_low", "least force among solutions near the optimum"),
         ("near_high", "greatest force among solutions near the optimum"),
     ):
-        values = np.concatenate([getattr(one, name) for one in intervals])
+        values = np.concatenate([getattr(interval, name) for interval in intervals])
         writer.put(f"interval_{name}", three, values, "N", meaning)
 
 
@@ -145,16 +153,16 @@ def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
     return tuple(InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True))
 
 
-def put_joint_contacts(writer: ResultWriter, found: JointContactForces) -> None:
+def put_joint_contacts(writer: ResultWriter, joint_contact_forces: JointContactForces) -> None:
     """Forces at contact points, those of their joints, and what the points do not carry."""
-    writer.time(found.time)
-    writer.names("joint_contact", found.point_columns)
-    writer.names("contact_joint", found.joints)
-    writer.texts("joint_contact_point", "joint_contact", found.points)
-    writer.texts("joint_contact_joint", "joint_contact", found.joint_of)
-    writer.fact(JOINT_WEIGHT, repr(found.weight))
-    for name, one in found.variables().items():
-        writer.put(name, one.dimensions, one.values, one.unit, JOINT_MEANINGS[name])
+    writer.time(joint_contact_forces.time)
+    writer.names("joint_contact", joint_contact_forces.point_columns)
+    writer.names("contact_joint", joint_contact_forces.joints)
+    writer.texts("joint_contact_point", "joint_contact", joint_contact_forces.points)
+    writer.texts("joint_contact_joint", "joint_contact", joint_contact_forces.joint_of)
+    writer.fact(JOINT_WEIGHT, repr(joint_contact_forces.weight))
+    for name, variable in joint_contact_forces.variables().items():
+        writer.put(name, variable.dimensions, variable.values, variable.unit, JOINT_MEANINGS[name])
 
 
 def get_joint_contacts(stored: Stored) -> JointContactForces | None:

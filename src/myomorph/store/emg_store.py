@@ -23,9 +23,9 @@ def put_conflicts(writer: ResultWriter, conflicts: Sequence[EmgConflict]) -> Non
     """Write conflicts, none of them too: an empty table says that EMG took part and nothing contradicts it."""
     writer.sizes(PLACE, len(conflicts))
     for name in ("muscle", "coordinate"):
-        writer.texts(f"{PLACE}_{name}", PLACE, [getattr(one, name) for one in conflicts])
+        writer.texts(f"{PLACE}_{name}", PLACE, [getattr(conflict, name) for conflict in conflicts])
     for name, (unit, meaning) in NUMBERS.items():
-        values = np.array([getattr(one, name) for one in conflicts], dtype=np.float64)
+        values = np.array([getattr(conflict, name) for conflict in conflicts], dtype=np.float64)
         writer.put(f"{PLACE}_{name}", (PLACE,), values, unit, meaning)
 
 

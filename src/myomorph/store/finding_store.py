@@ -27,7 +27,7 @@ def get_findings(stored: Stored, name: str) -> tuple[Finding, ...]:
 
 def findings_text(findings: Sequence[Finding]) -> str:
     """Findings as JSON."""
-    return json.dumps([asdict(one) for one in findings])
+    return json.dumps([asdict(finding) for finding in findings])
 
 
 def findings_of(text: str) -> tuple[Finding, ...]:

@@ -48,7 +48,7 @@ class NetcdfFile:
         chunks: tuple[int, ...] | None = None,
     ) -> Any:
         """Make a variable; its values may also come later, part by part."""
-        shape = tuple(self.dimensions[one] for one in dimensions)
+        shape = tuple(self.dimensions[dimension] for dimension in dimensions)
         filler = np.nan if np.dtype(kind).kind == "f" and values is None else None
         made = self._file.create_dataset(name, shape, kind, data=values, chunks=chunks, fillvalue=filler)
         if filler is not None:
@@ -227,7 +227,7 @@ class NetcdfSource:
         """The same with all their attributes."""
         for name, values in self._file.items():
             # Attributes are slow to find: they are read once, but never the long list of who refers to a dimension.
-            attributes = {one: values.attrs[one] for one in values.attrs if one != "REFERENCE_LIST"}
+            attributes = {attr: values.attrs[attr] for attr in values.attrs if attr != "REFERENCE_LIST"}
             if as_text(attributes.get("NAME", "")).startswith(BARE):
                 continue
             told = {one: value for one, value in attributes.items() if one not in INTERNAL}
@@ -238,9 +238,9 @@ class NetcdfSource:
         """Names of a variable's dimensions."""
         if variable.is_scale and not variable.references:
             return (variable.name,)
-        for one in variable.references:
-            if one not in self._names:
-                self._names[one] = self._file[one].name.removeprefix("/")
+        for reference in variable.references:
+            if reference not in self._names:
+                self._names[reference] = self._file[reference].name.removeprefix("/")
         return tuple(self._names[one] for one in variable.references)
 
 
@@ -296,7 +296,7 @@ class HeldFile:
         """Make a variable; its values may also come later, part by part. Chunks are for the disk."""
         kind = np.dtype(kind)
         if values is None:
-            shape = tuple(self.dimensions[one] for one in dimensions)
+            shape = tuple(self.dimensions[dimension] for dimension in dimensions)
             values = np.full(shape, np.nan if kind.kind == "f" else 0, kind)
         else:
             # A copy, since whoever gave them may go on to use them.
@@ -316,10 +316,10 @@ class HeldFile:
 
     def variables(self) -> Iterator[NetcdfVariable]:
         """The same with all their attributes."""
-        for name, one in self._variables.items():
+        for name, variable in self._variables.items():
             # In the order in which a file gives them.
-            told = dict(sorted(one.attrs.items()))
-            yield NetcdfVariable(name, one.values, told, one.dimensions, False)
+            told = dict(sorted(variable.attrs.items()))
+            yield NetcdfVariable(name, variable.values, told, variable.dimensions, False)
 
     @staticmethod
     def dimensions_of(variable: NetcdfVariable) -> tuple[str, ...]:

@@ -145,7 +145,7 @@ class ResultWriter:
         return self._create(name, dimensions, kind, attributes)
 
     def _create(self, name: str, dimensions: tuple[str, ...], kind: Any, attributes: Mapping[str, Any]) -> Any:
-        shape = tuple(self._file.dimensions[one] for one in dimensions)
+        shape = tuple(self._file.dimensions[dimension] for dimension in dimensions)
         chunks = None
         if shape and min(shape) > 0 and np.prod(shape) > BLOCK_ROWS * BLOCK_COLUMNS:
             limits = (BLOCK_ROWS, *(BLOCK_COLUMNS,) * (len(shape) - 1))
@@ -180,7 +180,7 @@ class ResultWriter:
         A step of a result that an older version wrote left its lines among all of them.
         """
         facts = self._file.attributes
-        known = [one for one in steps if REMARKS + one in facts]
+        known = [step for step in steps if REMARKS + step in facts]
         found = [text for one in known for text in json.loads(facts[REMARKS + one])]
         kept = [] if len(known) == len(steps) else json.loads(facts.get("warnings", "[]"))
         self.fact("warnings", json.dumps(list(dict.fromkeys([*found, *others, *kept]))))
@@ -192,10 +192,10 @@ class ResultWriter:
 
     def take(self, other: NetcdfSource | HeldFile, steps: Sequence[str]) -> None:
         """The same from a file that is open, or held in memory."""
-        for one in other.variables():
-            made_by = as_text(one.told.get(STEP, ""))
-            if VARIABLES.get(one.name, one.name) not in self._file and (not made_by or made_by in steps):
-                self._copy_variable(one, other.dimensions_of(one))
+        for variable in other.variables():
+            made_by = as_text(variable.told.get(STEP, ""))
+            if VARIABLES.get(variable.name, variable.name) not in self._file and (not made_by or made_by in steps):
+                self._copy_variable(variable, other.dimensions_of(variable))
         for name, value in other.attributes.items():
             marked = any(name.startswith(one) and name[len(one) :] not in steps for one in (PROVENANCE, REMARKS))
             if FACTS.get(name, name) not in self._file.attributes and not marked:
@@ -209,7 +209,7 @@ class ResultWriter:
             if known != size:
                 raise BadData(f"'{name}' has {size} of {dimension}, what is there already {known}")
         if values.dtype.kind in "OSU":
-            texts = np.array([as_text(one) for one in values[...]], dtype=object)
+            texts = np.array([as_text(value) for value in values[...]], dtype=object)
             copied = self._file.variable(name, dimensions, _texts(), texts)
             self._file.tell(copied, variable.told)
             return

@@ -176,16 +176,16 @@ def attribute_help(owner: type) -> dict[str, str]:
     """What the `Attributes` section of a numpydoc docstring says of each attribute, as one line; those of bases too."""
     text = inspect.cleandoc(owner.__doc__ or "")
     section = re.search(r"^Attributes\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
-    found = {name: text for base in owner.__bases__ for name, text in attribute_help(base).items()}
+    result = {name: text for base in owner.__bases__ for name, text in attribute_help(base).items()}
     names: list[str] = []
     for line in section.group(1).splitlines() if section else []:
         start = re.match(r"(\w+(?:, \w+)*) : (.*)", line)
         if start:
             names = start.group(1).split(", ")
-            found |= dict.fromkeys(names, start.group(2).strip())
+            result |= dict.fromkeys(names, start.group(2).strip())
         elif line.strip():
-            found |= {name: f"{found[name]} {line.strip()}" for name in names}
-    return found
+            result |= {name: f"{result[name]} {line.strip()}" for name in names}
+    return result
 
 
 def with_settings(options: Options, given: Mapping[str, Any]) -> Options:
@@ -223,16 +223,18 @@ class SettingGroup:
     def of(cls, given: Mapping[str, Any]) -> Self:
         """Each with the settings of a command line or a study file that are its own."""
         empty = cls()
-        return cls(**{one.name: with_settings(getattr(empty, one.name), given) for one in dataclasses.fields(cls)})
+        return cls(
+            **{field.name: with_settings(getattr(empty, field.name), given) for field in dataclasses.fields(cls)}
+        )
 
     def plain(self) -> dict[str, object]:
         """All settings as plain values, for provenance."""
-        parts = (getattr(self, one.name) for one in dataclasses.fields(self))
+        parts = (getattr(self, field.name) for field in dataclasses.fields(self))
         return {name: value for part in parts for name, value in plain_settings(part).items()}
 
 
 def _is_simple(kind: Any) -> bool:
     origin = get_origin(kind)
     if origin in (Union, types.UnionType):
-        return all(one is type(None) or _is_simple(one) for one in get_args(kind))
+        return all(arg is type(None) or _is_simple(arg) for arg in get_args(kind))
     return kind in SIMPLE or origin is Literal

@@ -302,8 +302,8 @@ def get_markers(stored: Stored) -> Markers | None:
 
 def put_fibers(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -> None:
     """Fibers and tendons; time and muscles are there already."""
-    for name, one in fibers.variables().items():
-        writer.put(name, one.dimensions, one.values, one.unit or "1", FIBER_MEANINGS[name])
+    for name, variable in fibers.variables().items():
+        writer.put(name, variable.dimensions, variable.values, variable.unit or "1", FIBER_MEANINGS[name])
     rigid = np.array([name in fibers.rigid for name in muscles], bool)
     writer.put("muscle_rigid_tendon", ("muscle",), rigid, "1", "1 where the tendon was taken as rigid")
     frames, worst = np.full(len(muscles), -1, np.int32), np.full(len(muscles), np.nan)
@@ -334,7 +334,7 @@ def get_fibers(stored: Stored) -> Fibers | None:
         tendon_powers=values["tendon_power"],
         transient=values["transient"] != 0,
         bridged=values["bridged"] != 0,
-        rigid=tuple(name for name, one in zip(muscles, values["muscle_rigid_tendon"], strict=True) if one),
+        rigid=tuple(name for name, value in zip(muscles, values["muscle_rigid_tendon"], strict=True) if value),
         unreachable=tuple(
             Unreachable(name, int(frame), float(length))
             for name, frame, length in zip(muscles, frames, worst, strict=True)

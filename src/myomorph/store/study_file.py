@@ -31,8 +31,8 @@ class StudyTable(Strict):
 def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     """The table `[options]`: one table a step, its keys the settings of the step's option dataclasses."""
     tables: dict[str, Any] = {}
-    for step, own in settings.items():
-        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in own}
+    for step, setting in settings.items():
+        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in setting}
         made = create_model(f"{step.capitalize()}Options", __base__=Strict, **keys)
         tables[step] = (made, Field(default_factory=made))
     return create_model("StepOptions", __base__=Strict, **tables)
@@ -145,11 +145,13 @@ def is_folder(path: Path) -> bool:
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
     """The files that a name or a pattern stands for."""
     if is_pattern(pattern) and not is_file(folder / pattern):
-        found = [path for path in globbed(folder, pattern) if path.is_file()]
-        if not found:
+        result = [path for path in globbed(folder, pattern) if path.is_file()]
+        if not result:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
-        problems += [f"{where}: the name of '{one.name}' is not UTF-8: rename it" for one in found if not _is_utf8(one)]
-        return found
+        problems += [
+            f"{where}: the name of '{one.name}' is not UTF-8: rename it" for one in result if not _is_utf8(one)
+        ]
+        return result
     path = existing(folder, pattern, f"{where}: trial", problems)
     return [] if path is None else [path]
 

@@ -26,29 +26,29 @@ SEPARATOR = ": "
 """Between a step and its quantity in a result file."""
 
 
-def put_uncertainty(writer: ResultWriter, found: Uncertainty, units: dict[str, str]) -> None:
+def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[str, str]) -> None:
     """Limits, standard deviations and shares of all tables.
 
     Parameters
     ----------
     units : of each table's columns
     """
-    for name, spread in found.spreads.items():
+    for name, spread in uncertainty.spreads.items():
         dimension = _dimension(name)
         writer.time(spread.time)
         writer.names(dimension, spread.names)
         parts = {"low": spread.low, "high": spread.high, "sd": spread.deviation}
         for ending, meaning in ENDINGS.items():
             writer.put(f"{name}_{ending}", ("time", dimension), parts[ending], units[name], meaning)
-        shares = found.shares.get(name)
+        shares = uncertainty.shares.get(name)
         if shares is not None:
             writer.names(GROUP, shares.groups)
             meanings = {"alone": "share of the variance, by itself", "total": "share of the variance, with all others"}
             for kind, values in (("alone", shares.alone), ("total", shares.total)):
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
-    writer.fact("draws", f"{found.draws} {found.failed}")
-    writer.fact("limits_widened", json.dumps(dict(found.factors)))
-    writer.fact("error_sizes", json.dumps(found.sizes))
+    writer.fact("draws", f"{uncertainty.draws} {uncertainty.failed}")
+    writer.fact("limits_widened", json.dumps(dict(uncertainty.factors)))
+    writer.fact("error_sizes", json.dumps(uncertainty.sizes))
 
 
 def get_uncertainty(stored: Stored) -> Uncertainty | None:
@@ -64,18 +64,20 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
             shares[name] = Shares(stored.names[GROUP], *parts)
     draws, failed = map(int, stored.facts["draws"].split())
     factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
-    sizes = tuple(SourceSize(*one) for one in json.loads(stored.facts.get("error_sizes", "[]")))
+    sizes = tuple(SourceSize(*load) for load in json.loads(stored.facts.get("error_sizes", "[]")))
     return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes)
 
 
-def put_value_errors(writer: ResultWriter, found: ValueErrors) -> None:
+def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:
     """Errors of the numbers of a trial under the draws, and their limits."""
-    if not found.names:
+    if not value_errors.names:
         return
-    writer.names(VALUE, [SEPARATOR.join(one) for one in found.names])
-    writer.sizes("draw", len(found.errors))
-    writer.put(ERRORS, ("draw", VALUE), found.errors.astype(np.float32), "", "error of a value under a draw, widened")
-    for ending, values in zip(ENDINGS, found.limits(), strict=True):
+    writer.names(VALUE, [SEPARATOR.join(name) for name in value_errors.names])
+    writer.sizes("draw", len(value_errors.errors))
+    writer.put(
+        ERRORS, ("draw", VALUE), value_errors.errors.astype(np.float32), "", "error of a value under a draw, widened"
+    )
+    for ending, values in zip(ENDINGS, value_errors.limits(), strict=True):
         writer.put(f"value_{ending}", (VALUE,), values, "", f"{ENDINGS[ending]}, less the value")
 
 
@@ -92,14 +94,14 @@ def read_value_errors(path: Path) -> ValueErrors | None:
     if not path.is_file():
         return None
     with open_netcdf(path) as file:
-        if all(one.name != ERRORS for one in file.variables()):
+        if all(variable.name != ERRORS for variable in file.variables()):
             return None
         stored = stored_values(path, file, only=(VALUE, ERRORS))
     return ValueErrors(_pairs(stored), np.asarray(stored.values[ERRORS], np.float64))
 
 
 def _pairs(stored: Stored) -> tuple[tuple[str, str], ...]:
-    parts = (one.split(SEPARATOR, 1) for one in stored.names[VALUE])
+    parts = (name.split(SEPARATOR, 1) for name in stored.names[VALUE])
     return tuple((step, quantity) for step, quantity in parts)
 
 

@@ -34,11 +34,11 @@ def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
     pulls : (frames, pairs, 6) as of `Paths.pulls`
     tensions : (frames, muscles) [N]
     """
-    found = no_wrenches(paths.tree, len(pulls))
+    result = no_wrenches(paths.tree, len(pulls))
     share = pulls * tensions[:, paths.pull_muscle, None]
     for body in np.unique(paths.pull_body):
-        found[:, body] = share[:, paths.pull_body == body].sum(axis=1)
-    return found
+        result[:, body] = share[:, paths.pull_body == body].sum(axis=1)
+    return result
 
 
 def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces: Array) -> Array:
@@ -53,32 +53,32 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
     UnknownName
         where an actuator names a body that the model does not have
     """
-    found = no_wrenches(tree, len(forces))
-    for one, force in zip(actuators, forces.T, strict=True):
-        if one.kind == "coordinate":
+    result = no_wrenches(tree, len(forces))
+    for actuator, force in zip(actuators, forces.T, strict=True):
+        if actuator.kind == "coordinate":
             continue
-        body = tree.body_number(one.body or GROUND, f"for '{one.name}' the model")
-        other = tree.body_number(one.other_body, f"for '{one.name}' the model") if one.other_body else -1
+        body = tree.body_number(actuator.body or GROUND, f"for '{actuator.name}' the model")
+        other = tree.body_number(actuator.other_body, f"for '{actuator.name}' the model") if actuator.other_body else -1
         R, p = poses.rotations, poses.origins
-        direction = np.broadcast_to(one.direction / (np.linalg.norm(one.direction) or 1.0), (len(forces), 3))
-        if not one.direction_is_global:
+        direction = np.broadcast_to(actuator.direction / (np.linalg.norm(actuator.direction) or 1.0), (len(forces), 3))
+        if not actuator.direction_is_global:
             direction = np.einsum("fij,fj->fi", R[:, body], direction)
-        at = one.point if one.point_is_global else R[:, body] @ one.point + p[:, body]
-        if one.kind == "torque":
+        at = actuator.point if actuator.point_is_global else R[:, body] @ actuator.point + p[:, body]
+        if actuator.kind == "torque":
             wrench = np.concatenate([np.zeros_like(direction), force[:, None] * direction], axis=1)
             opposite = -wrench
-        elif one.kind == "point":
+        elif actuator.kind == "point":
             wrench, opposite = about_origin(force[:, None] * direction, at), None
         else:
             far = max(other, 0)
-            end = one.other_point if one.point_is_global else R[:, far] @ one.other_point + p[:, far]
+            end = actuator.other_point if actuator.point_is_global else R[:, far] @ actuator.other_point + p[:, far]
             apart = at - end
             push = force[:, None] * apart / np.linalg.norm(apart, axis=1, keepdims=True)
             wrench, opposite = about_origin(push, at), about_origin(-push, end)
-        found[:, body] += wrench
+        result[:, body] += wrench
         if other >= 0 and opposite is not None:
-            found[:, other] += opposite
-    return found
+            result[:, other] += opposite
+    return result
 
 
 def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Array) -> Array:
@@ -88,22 +88,22 @@ def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Ar
     ----------
     rates : (frames, coordinates) velocities, consistent
     """
-    found = no_wrenches(tree, len(rates))
-    for one in bushings:
-        q, B = deflection(tree, poses, one)
-        stiffness = np.concatenate([one.rotational_stiffness, one.translational_stiffness])
-        damping = np.concatenate([one.rotational_damping, one.translational_damping])
+    result = no_wrenches(tree, len(rates))
+    for bushing in bushings:
+        q, B = deflection(tree, poses, bushing)
+        stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
+        damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
         load = -(stiffness * q + damping * np.einsum("fij,fj->fi", B, rates))
-        first, second = tree.body_index[one.body_1], tree.body_index[one.body_2]
-        axes = poses.rotations[:, first] @ one.pose_1.rotation
-        point = poses.origins[:, second] + poses.rotations[:, second] @ one.pose_2.translation
+        first, second = tree.body_index[bushing.body_1], tree.body_index[bushing.body_2]
+        axes = poses.rotations[:, first] @ bushing.pose_1.rotation
+        point = poses.origins[:, second] + poses.rotations[:, second] @ bushing.pose_2.translation
         # The generalized forces of the angles are E^T times the moment along the first frame's axes.
         slopes = np.swapaxes(angular_velocities(q[:, 0], q[:, 1]), 1, 2)
         moment = np.linalg.solve(slopes, load[:, :3, None])[..., 0]
         wrench = about_origin(np.einsum("fij,fj->fi", axes, load[:, 3:]), point, np.einsum("fij,fj->fi", axes, moment))
-        found[:, second] += wrench
-        found[:, first] -= wrench
-    return found
+        result[:, second] += wrench
+        result[:, first] -= wrench
+    return result
 
 
 def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
@@ -114,10 +114,10 @@ def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
     UnknownName
         where one acts on a body that the model does not have
     """
-    found = no_wrenches(tree, len(wrenches))
+    result = no_wrenches(tree, len(wrenches))
     still = (wrenches.forces == 0.0).all(axis=2)[..., None]
     points = np.where(still, 0.0, wrenches.points)
-    for k, body in enumerate(wrenches.bodies):
-        wrench = about_origin(wrenches.forces[:, k], points[:, k], wrenches.torques[:, k])
-        found[:, tree.body_number(body, f"for '{wrenches.names[k]}' the model")] += wrench
-    return found
+    for index, body in enumerate(wrenches.bodies):
+        wrench = about_origin(wrenches.forces[:, index], points[:, index], wrenches.torques[:, index])
+        result[:, tree.body_number(body, f"for '{wrenches.names[index]}' the model")] += wrench
+    return result

@@ -78,7 +78,7 @@ class Assembly:
     def coordinate_row(self) -> NDArray[np.int64]:
         """(rows,) place of every coordinate of `rows` in the order of elimination."""
         names = self.tree.model.coordinate_names
-        return self.links.row[[names.index(one) for one in self.rows]]
+        return self.links.row[[names.index(row) for row in self.rows]]
 
 
 def assemble(
@@ -129,12 +129,14 @@ def _rows(
     """Names of the coordinates whose equations are kept, and the row (coordinates,) of each, -1 for none."""
     names = model.coordinate_names
     rows = tuple(
-        one for one in free_coordinates(model) if names.index(one) not in by_loops and (only is None or one in only)
+        coordinate
+        for coordinate in free_coordinates(model)
+        if names.index(coordinate) not in by_loops and (only is None or coordinate in only)
     )
     if not rows:
         raise BadModel(f"model '{model.name}' has no free coordinate: all are locked, prescribed or driven")
     row_of = np.full(len(names), -1, np.int64)
-    row_of[[names.index(one) for one in rows]] = np.arange(len(rows))
+    row_of[[names.index(row) for row in rows]] = np.arange(len(rows))
     return rows, row_of
 
 
@@ -245,9 +247,9 @@ def take_off(T, L, coordinates, slopes, entries, passive, right):
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(right.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
-        for k in range(L.variable.shape[0]):
-            if L.variable[k] < passive.shape[1]:
-                share = entries[frame, L.source[k]] * passive[frame, L.variable[k]]
-                if L.dependent[k] >= 0:
-                    share *= C[L.dependent[k], L.follows[k]]
-                right[frame, L.row[L.follows[k]]] -= share
+        for index in range(L.variable.shape[0]):
+            if L.variable[index] < passive.shape[1]:
+                share = entries[frame, L.source[index]] * passive[frame, L.variable[index]]
+                if L.dependent[index] >= 0:
+                    share *= C[L.dependent[index], L.follows[index]]
+                right[frame, L.row[L.follows[index]]] -= share

@@ -238,21 +238,21 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
     x, shared = solved.x, solved.shared
     lower, upper = (np.tile(one, (len(solved), 1)) for one in (shared.lower, shared.upper))
     tree = problem.assembly.tree
-    for k, one in enumerate(problem.actuators.actuators):
+    for k, actuator in enumerate(problem.actuators.actuators):
         i = solved.muscles + k
-        bounded = np.isfinite([one.min_control, one.max_control]).all()
-        if bounded and not one.name.startswith(RESIDUAL):
+        bounded = np.isfinite([actuator.min_control, actuator.max_control]).all()
+        if bounded and not actuator.name.startswith(RESIDUAL):
             continue
         more = options.reserve
-        if one.name.startswith(RESIDUAL):
-            more = options.residual * subject_weight(tree, one.body)
-        reach = np.abs(x[:, i]) + more / one.optimal_force
+        if actuator.name.startswith(RESIDUAL):
+            more = options.residual * subject_weight(tree, actuator.body)
+        reach = np.abs(x[:, i]) + more / actuator.optimal_force
         lower[:, i], upper[:, i] = np.maximum(lower[:, i], -reach), np.minimum(upper[:, i], reach)
     told = (solved.penalties[:, 2] > 0.0) & (solved.penalties[:, 1] > solved.penalties[:, 0])
     lower = np.where(told, np.maximum(lower, np.minimum(solved.penalties[:, 0], x)), lower)
     upper = np.where(told, np.minimum(upper, np.maximum(solved.penalties[:, 1], x)), upper)
     assert problem.contacts is not None
-    own = np.concatenate([np.full(len(one), one.measured) for one in problem.rows] or [np.zeros(0, np.bool_)])
+    own = np.concatenate([np.full(len(row), row.measured) for row in problem.rows] or [np.zeros(0, np.bool_)])
     measured = len(problem.unknowns) + np.flatnonzero(own)
     reach = np.maximum(np.abs(x[:, measured]), options.deviations)
     lower[:, measured], upper[:, measured] = -reach, reach
@@ -269,12 +269,12 @@ def group_functions(problem: TensionProblem, solved: SolvedFrames, members: Sequ
     generators = problem.contacts.generators
     _, _, pushes, _ = generators.evaluate(problem.coordinates[solved.frames])
     amounts = problem.contacts.amounts[solved.frames]
-    found = np.zeros((len(solved), len(members), 4, solved.x.shape[1]))
+    result = np.zeros((len(solved), len(members), 4, solved.x.shape[1]))
     own = slice(solved.controls, solved.amplitudes)
     for g, mine in enumerate(members):
-        found[:, g, :3, own] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
-        found[:, g, 3, own] = np.where(mine, generators.normal, 0.0) * amounts
-    return found
+        result[:, g, :3, own] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
+        result[:, g, 3, own] = np.where(mine, generators.normal, 0.0) * amounts
+    return result
 
 
 def _part(
@@ -360,16 +360,16 @@ def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
 
 def _smooth_slope(problem: TensionProblem, tension: Tension, solved: SolvedFrames) -> Array:
     """Gradient of the smoothness between frames, (frames, variables)."""
-    found = np.zeros(solved.x.shape)
+    result = np.zeros(solved.x.shape)
     if problem.smooth is None or problem.contacts is None:
-        return found
+        return result
     scale, z = problem.smooth.scale, problem.amplitudes
-    for k, frame in enumerate(solved.frames):
+    for index, frame in enumerate(solved.frames):
         for beside in (frame - 1, frame + 1):
             if 0 <= beside < len(tension) and tension.status[beside] == OPTIMAL:
                 linked = (scale[frame] > 0.0) & (scale[beside] > 0.0)
                 apart = scale[frame] * z[frame] - scale[beside] * np.nan_to_num(z[beside])
                 stiffness = problem.smooth.stiffness[min(frame, beside)] * problem.contacts.cost
                 pull = np.where(linked, 2.0 * stiffness * scale[frame] * apart, 0.0)
-                found[k, solved.controls : solved.amplitudes] += pull
-    return found
+                result[index, solved.controls : solved.amplitudes] += pull
+    return result

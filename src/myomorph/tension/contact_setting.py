@@ -139,11 +139,11 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
     """Touches that always last, cut to a motion's start and stop [s]."""
     touches = (
         replace(
-            one,
-            start=max(one.start, start) if one.start <= -FOREVER else one.start,
-            stop=min(one.stop, stop) if one.stop >= FOREVER else one.stop,
+            interval,
+            start=max(interval.start, start) if interval.start <= -FOREVER else interval.start,
+            stop=min(interval.stop, stop) if interval.stop >= FOREVER else interval.stop,
         )
-        for one in contacts.intervals
+        for interval in contacts.intervals
     )
     return replace(contacts, intervals=tuple(touches))
 
@@ -163,8 +163,8 @@ def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
     texts = []
     for name in reported.sites:
         touches = reported.of(name)
-        if touches and all(one.stop < start or one.start > stop for one in touches):
-            spans = f"{min(one.start for one in touches):g} to {max(one.stop for one in touches):g} s"
+        if touches and all(touch.stop < start or touch.start > stop for touch in touches):
+            spans = f"{min(touch.start for touch in touches):g} to {max(touch.stop for touch in touches):g} s"
             texts.append(
                 f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
             )
@@ -175,7 +175,7 @@ def _shared(
     known: Measurements, model: Model, motion: Motion, sites: tuple[Site, ...], contacts: Contacts
 ) -> tuple[SharedWrench, ...]:
     """What plates tell of the sites that stand on them; with their outlines where these are known."""
-    if any(len(one.forces) for one in known.plates):
+    if any(len(plate.forces) for plate in known.plates):
         return shared_wrenches(model, motion, sites, contacts, known.plates, known.plate_time)
     return () if known.wrenches is None else shared_wrenches(model, motion, sites, contacts, known.wrenches)
 
@@ -202,25 +202,27 @@ def _all_contacts(
     options: ContactStateOptions,
 ) -> Contacts:
     """Touches that files and sound tell; those of every other site from plates and motion."""
-    names = tuple(one.name for one in sites)
+    names = tuple(site.name for site in sites)
     known = {name for one in reported for name in one.sites}
     for name in sorted(known):
         if name not in names:
             raise BadData(f"contact intervals are specified for '{name}', but the contact sites are {', '.join(names)}")
-    by_motion = tuple(one for one in sites if plan.when.get(one.name, "motion") == "motion" and one.name not in known)
+    by_motion = tuple(
+        site for site in sites if plan.when.get(site.name, "motion") == "motion" and site.name not in known
+    )
     standing = tuple(one for one in by_motion if one.against == GROUND)
     holding = tuple(one for one in by_motion if one.against != GROUND)
     found = [find_contacts(model, motion, standing, options, measured)] if standing else []
     found += [find_holds(model, motion, holding)] if holding else []
     parts = (*reported, *found)
-    against = {one.name: one.against for one in sites}
+    against = {site.name: site.against for site in sites}
     # Tables seldom tell the surface; of a site against a body it is that body.
     touches = tuple(
         replace(touch, surface=against[touch.site]) if touch.surface == GROUND else touch
-        for one in parts
-        for touch in one.intervals
+        for part in parts
+        for touch in part.intervals
     )
-    return Contacts(names, touches, tuple(text for one in parts for text in one.warnings))
+    return Contacts(names, touches, tuple(text for part in parts for text in part.warnings))
 
 
 def _raised(
@@ -229,9 +231,9 @@ def _raised(
     """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
     known = {name for one in reported for name in one.sites}
     return {
-        one.name: raised_contacts(model, motion, one, soles, plan.surfaces[one.name])
-        for one in plan.sites
-        if one.name in plan.surfaces and one.against == GROUND and one.name not in known
+        site.name: raised_contacts(model, motion, site, soles, plan.surfaces[site.name])
+        for site in plan.sites
+        if site.name in plan.surfaces and site.against == GROUND and site.name not in known
     }
 
 
@@ -254,16 +256,16 @@ def _beside(first: Wrenches, second: Wrenches) -> Wrenches:
 
 def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
     """Every force that acted on the bodies, one load a body: measured ones and those of contacts."""
-    found = estimated.wrenches("body")
+    result = estimated.wrenches("body")
     if exact is None:
-        return found
-    bodies = tuple(dict.fromkeys((*exact.bodies, *found.bodies)))
-    shape = (len(found), len(bodies), 3)
+        return result
+    bodies = tuple(dict.fromkeys((*exact.bodies, *result.bodies)))
+    shape = (len(result), len(bodies), 3)
     forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for j, body in enumerate(bodies):
-        parts = [(one, i) for one in (exact, found) for i, other in enumerate(one.bodies) if other == body]
+        parts = [(one, i) for one in (exact, result) for i, other in enumerate(one.bodies) if other == body]
         forces[:, j], points[:, j], torques[:, j] = _summed(parts)
-    return Wrenches(found.time, bodies, bodies, forces, points, torques)
+    return Wrenches(result.time, bodies, bodies, forces, points, torques)
 
 
 def _summed(parts: list[tuple[Wrenches, int]]) -> tuple[Array, Array, Array]:

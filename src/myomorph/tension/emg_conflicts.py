@@ -93,17 +93,22 @@ def _stretches(time: Array, values: Array, limit: float) -> Iterator[tuple[int, 
 
 def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:
     """One line for all conflicts, the largest first; () for none."""
-    muscles = sorted((one for one in conflicts if one.muscle), key=lambda one: -abs(one.found - one.emg))
-    reserves = sorted((one for one in conflicts if one.coordinate), key=lambda one: -abs(one.found))
+    muscles = sorted(
+        (conflict for conflict in conflicts if conflict.muscle),
+        key=lambda conflict: -abs(conflict.found - conflict.emg),
+    )
+    reserves = sorted(
+        (conflict for conflict in conflicts if conflict.coordinate), key=lambda conflict: -abs(conflict.found)
+    )
     parts = []
-    names = dict.fromkeys(one.muscle for one in muscles)
+    names = dict.fromkeys(muscle.muscle for muscle in muscles)
     if names:
-        worst = [next(one for one in muscles if one.muscle == name) for name in list(names)[:3]]
+        worst = [next(muscle for muscle in muscles if muscle.muscle == name) for name in list(names)[:3]]
         text = ", ".join(
             f"{one.muscle} {one.found:.2f} where EMG says {one.emg:.2f} at {one.worst:.3g} s" for one in worst
         )
         parts.append(f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})")
-    joints = dict.fromkeys(one.coordinate for one in reserves)
+    joints = dict.fromkeys(reserve.coordinate for reserve in reserves)
     if joints:
         one = reserves[0]
         parts.append(

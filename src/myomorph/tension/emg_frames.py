@@ -91,9 +91,13 @@ def tracked_frames(
         amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
         largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(axis=(0, 1), initial=0.0)
         others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
-    added = {one.name for one in default_reserves(model)} if actuators is None else {one.name for one in actuators}
+    added = (
+        {reserve.name for reserve in default_reserves(model)}
+        if actuators is None
+        else {actuator.name for actuator in actuators}
+    )
     place = problem.unknowns.of(problem.actuators)
-    own = [k for k, name in enumerate(problem.unknowns.names[place]) if name not in added]
+    own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in added]
     others.append(whole[:, :, place][:, :, own])
     reached = np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
     # Contacts that nobody measured act on all rows at once, so that one row says something of the others.

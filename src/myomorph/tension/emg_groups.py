@@ -25,7 +25,7 @@ def synergy_groups(
     frames: Sequence[TrackedFrames], names: tuple[str, ...], tells: Array, peaks: Array
 ) -> tuple[Group, ...]:
     """Channels whose muscles share joints, their synergies, and the unmeasured muscles of these joints."""
-    acts = np.asarray(np.array([np.abs(one.columns).max(axis=0) for one in frames]).max(axis=0) > 0.0)
+    acts = np.asarray(np.array([np.abs(frame.columns).max(axis=0) for frame in frames]).max(axis=0) > 0.0)
     reach = (acts.astype(float) @ tells) > 0.0
     measured = np.asarray(tells.any(axis=1))
     groups, left = list[Group](), list(np.flatnonzero(reach.any(axis=0)))
@@ -43,11 +43,11 @@ def synergy_groups(
         if len(alive) < CROWDED or not len(muscles):
             continue
         taken[muscles] = True
-        values = np.vstack([one.emg.values[:, alive] for one in frames])
+        values = np.vstack([frame.emg.values[:, alive] for frame in frames])
         if not np.isfinite(values).all(axis=1).any():
             continue
-        found = find_synergies(tuple(names[c] for c in alive), values, peaks[alive])
-        groups.append(Group(found, alive, muscles, alike(frames, muscles, tells[:, alive])))
+        synergies = find_synergies(tuple(names[c] for c in alive), values, peaks[alive])
+        groups.append(Group(synergies, alive, muscles, alike(frames, muscles, tells[:, alive])))
     return tuple(groups)
 
 
@@ -70,7 +70,7 @@ def calibration_of(
         shapes,
         fit.gains[:, None] * spread,
         fit.deviation < TOLD * prior,
-        tuple(one for one in synergies if one.muscles),
+        tuple(synergy for synergy in synergies if synergy.muscles),
     )
 
 

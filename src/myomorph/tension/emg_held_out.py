@@ -70,16 +70,16 @@ class HeldOut:
         self.told = told
         self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, found, peaks, maxima
 
-        total = sum(len(one.motion) for one in trials)
+        total = sum(len(trial.motion) for trial in trials)
         step = every * max(total // every // HELD_FRAMES, 1)
-        self.few = [few_frames(one.motion, one.torques, step) for one in trials]
+        self.few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
         self.alone = [solve_tension(model, *one, *told).activations for one in self.few]
 
     def swapped(self) -> tuple[Swap, ...]:
         """Pairs of channels that look exchanged."""
         muscles = {name: self.channels[name] for name in self.found.channels}
         return swapped_channels(
-            np.vstack([self._measured(k) for k in range(len(self.few))]),
+            np.vstack([self._measured(index) for index in range(len(self.few))]),
             np.vstack([channel_means(muscles, self.model.muscle_names, one) for one in self.alone]),
         )
 
@@ -87,24 +87,24 @@ class HeldOut:
         """Envelopes (frames, channels) of a trial at the delay found."""
         return shifted(self.tracking.frames[k].emg, self.few[k][0].time, self.found.delays)
 
-    def chosen(self, found: EmgCalibration) -> EmgCalibration:
+    def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
         """A calibration with the firmest weight at which channels come out as well as without EMG."""
-        names = found.channels
+        names = emg_calibration.channels
         if len(names) < 2:
-            return replace(found, weight=ALONE_WEIGHT)
+            return replace(emg_calibration, weight=ALONE_WEIGHT)
         table = np.array([self._without(c, [c]) for c in range(len(names))])
         # A muscle that acts as none under an electrode fares as channels do without those that act as they do.
         unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
         known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
         if not len(known):
-            return replace(found, weight=ALONE_WEIGHT)
+            return replace(emg_calibration, weight=ALONE_WEIGHT)
         changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
         good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
         held = table[:, [0, 1 + best]]
         weight, others = WEIGHTS[best]
-        warnings = (*found.warnings, *self._warnings(held, best))
-        return replace(found, weight=weight, others_weight=others, held_out=held, warnings=warnings)
+        warnings = (*emg_calibration.warnings, *self._warnings(held, best))
+        return replace(emg_calibration, weight=weight, others_weight=others, held_out=held, warnings=warnings)
 
     def _with_twins(self) -> list[tuple[int, list[int]]]:
         """Channels that have others whose muscles act alike, and these channels with them."""
@@ -120,13 +120,13 @@ class HeldOut:
         rest = np.setdiff1d(np.arange(len(names)), out)
         left = {names[k]: self.channels[names[k]] for k in rest}
         calibration = self._calibrated(rest)
-        emg = [one.emg for one in self.tracking.frames]
+        emg = [frame.emg for frame in self.tracking.frames]
         columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
         measured = [self._measured(k)[:, c] for k in range(len(self.few))]
         ways: list[Sequence[Array]] = [self.alone]
-        for k, (weight, others) in enumerate(WEIGHTS):
+        for index, (weight, others) in enumerate(WEIGHTS):
             given = self.options.unmeasured_weight
-            if not calibration.synergies and k and weight == WEIGHTS[k - 1][0]:
+            if not calibration.synergies and index and weight == WEIGHTS[index - 1][0]:
                 # No muscle without EMG is drawn: how firmly makes no difference.
                 ways.append(ways[-1])
                 continue
@@ -143,7 +143,9 @@ class HeldOut:
     def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
         """Gains and synergies of some channels alone."""
         names = tuple(self.found.channels[k] for k in rest)
-        frames = [replace(one, emg=Emg(one.emg.time, names, one.emg.values[:, rest])) for one in self.tracking.frames]
+        frames = [
+            replace(frame, emg=Emg(frame.emg.time, names, frame.emg.values[:, rest])) for frame in self.tracking.frames
+        ]
         tells, peaks = self.tracking.tells[:, rest], self.peaks[rest]
         groups, wide = synergy_groups(frames, names, tells, peaks), gain_prior(peaks, self.maxima[rest])
         noise = self.tracking.noise[rest]

@@ -63,8 +63,9 @@ def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
 def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ...]:
     """One line for each pair."""
     return tuple(
-        f"EMG channels '{names[one.first]}' and '{names[one.second]}' look exchanged: each follows the other's muscles "
-        f"(correlation with what joint torques ask of them {one.other:.2f}, with their own {one.own:.2f}); they take "
+        f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each follows the "
+        f"other's muscles "
+        f"(correlation with what joint torques ask of them {swap.other:.2f}, with their own {swap.own:.2f}); they take "
         "part under their names"
-        for one in swaps
+        for swap in swaps
     )

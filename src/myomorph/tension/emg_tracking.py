@@ -123,7 +123,7 @@ class Group:
 
 def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
     """(muscles, muscles) cosine between what muscles do at the joints over all frames."""
-    product = np.asarray(sum(one.gram for one in frames))
+    product = np.asarray(sum(frame.gram for frame in frames))
     size = np.sqrt(np.maximum(np.diag(product), 1e-300))
     return np.asarray(product / np.outer(size, size))
 
@@ -138,8 +138,8 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
-    found: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
-    return found
+    result: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
+    return result
 
 
 class TorqueTracking:
@@ -168,14 +168,14 @@ class TorqueTracking:
     ):
         self.frames, self.tells, self.groups, self.prior, self.offsets = frames, tells, groups, prior, offsets
         self.measured = np.flatnonzero(tells.any(axis=1))
-        torques = np.vstack([one.torques for one in frames])
+        torques = np.vstack([frame.torques for frame in frames])
         self._rms = np.sqrt(np.mean(torques**2, axis=0))
         self._least = np.maximum(SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6))
         self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
         self._white: list[tuple[Array, Array]] = []
         self.noise = np.zeros(tells.shape[1]) if noise is None else noise
         self._excess = np.zeros(tells.shape[1])
-        self._courses = [[_courses(one, group) for group in groups] for one in frames]
+        self._courses = [[_courses(frame, group) for group in groups] for frame in frames]
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
     def learn_errors(self, delays: Array, shapes: Array) -> None:
@@ -185,14 +185,14 @@ class TorqueTracking:
             fit = self.fit(delays, shapes)
             sigma, share = self.errors
             squares, count, worth, excess = np.zeros_like(sigma), 0, [], np.zeros_like(self._excess)
-            for k, one in enumerate(self.frames):
-                good, covariance = self._covariance(one, delays)
-                left = self._left(k, fit, delays, shapes)[good]
+            for index, frame in enumerate(self.frames):
+                good, covariance = self._covariance(frame, delays)
+                left = self._left(index, fit, delays, shapes)[good]
                 inverse = np.linalg.inv(covariance)
                 error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
                 rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
                 squares, count = squares + np.sum(error**2 + rest, axis=0), count + len(left)
-                mixed = self._mixed(one, delays)[good]
+                mixed = self._mixed(frame, delays)[good]
                 excess += np.sum(np.einsum("krc,kr->kc", mixed, error / sigma**2) ** 2, axis=0)
                 worth += [independent_samples(e, e) / len(e) for e in error.T if len(e) > 8 and np.std(e) > 0.0]
             sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
@@ -202,7 +202,7 @@ class TorqueTracking:
 
     def fit(self, delays: Array, shapes: Array) -> Fit:
         """The most probable gains at delays (channels,) [s] and shape factors (channels,)."""
-        parts = [self._design(k, delays, shapes) for k in range(len(self.frames))]
+        parts = [self._design(index, delays, shapes) for index in range(len(self.frames))]
         size = parts[0][0].shape[1]
         matrix, slope, square = np.zeros((size, size)), np.zeros(size), 0.0
         for design, target in parts:
@@ -212,36 +212,38 @@ class TorqueTracking:
         worth = self.errors[1]
         return self._most_probable(worth * matrix, worth * slope, worth * square)
 
-    def _covariance(self, one: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
+    def _covariance(self, tracked_frames: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
         """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
-        known = np.isfinite(shifted(one.emg, one.time, delays))
+        known = np.isfinite(shifted(tracked_frames.emg, tracked_frames.time, delays))
         good: np.ndarray = np.asarray(known.any(axis=1))
         silent = (known[good].astype(float) @ self.tells[self.measured].T) == 0.0
-        spread = np.full((int(good.sum()), one.columns.shape[2]), UNMEASURED)
+        spread = np.full((int(good.sum()), tracked_frames.columns.shape[2]), UNMEASURED)
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
-        doubt = self._mixed(one, delays)[good] * (np.exp(self._log_gains) * self.noise)
-        acting = np.concatenate([one.columns[good] * spread[:, None], one.others[good], doubt], axis=2)
+        doubt = self._mixed(tracked_frames, delays)[good] * (np.exp(self._log_gains) * self.noise)
+        acting = np.concatenate(
+            [tracked_frames.columns[good] * spread[:, None], tracked_frames.others[good], doubt], axis=2
+        )
         return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
 
-    def _mixed(self, one: TrackedFrames, delays: Array) -> Array:
+    def _mixed(self, tracked_frames: TrackedFrames, delays: Array) -> Array:
         """Generalized force of an envelope of 1 at a gain of 1, (frames, rows, channels)."""
-        known = np.isfinite(shifted(one.emg, one.time, delays))
-        return np.einsum("krm,kmc->krc", one.columns[..., self.measured], self._shares(known))
+        known = np.isfinite(shifted(tracked_frames.emg, tracked_frames.time, delays))
+        return np.einsum("krm,kmc->krc", tracked_frames.columns[..., self.measured], self._shares(known))
 
     def _shares(self, known: Array) -> Array:
         """(frames, measured, channels) of the known channels (frames, channels) in each muscle's activation."""
         tells = self.tells[self.measured]
-        found: Array = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
-        return found
+        result: Array = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
+        return result
 
     def whiten(self, delays: Array) -> None:
         """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
         self._white = []
-        for one in self.frames:
-            good, covariance = self._covariance(one, delays)
+        for frame in self.frames:
+            good, covariance = self._covariance(frame, delays)
             lower = np.linalg.cholesky(covariance)
-            both = np.concatenate([one.columns[good], one.torques[good][..., None]], axis=2)
-            white = np.zeros((*one.columns.shape[:2], both.shape[2]))
+            both = np.concatenate([frame.columns[good], frame.torques[good][..., None]], axis=2)
+            white = np.zeros((*frame.columns.shape[:2], both.shape[2]))
             white[good] = np.linalg.solve(lower, both)
             self._white.append((white[..., :-1], white[..., -1]))
 
@@ -276,7 +278,7 @@ class TorqueTracking:
 
     def _left(self, k: int, fit: Fit, delays: Array, shapes: Array) -> Array:
         """Torques (frames, rows) that the fit leaves."""
-        parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(one.ravel() for one in fit.weights)]
+        parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(weight.ravel() for weight in fit.weights)]
         rows = self._rows(self.frames[k].columns, k, delays, shapes)
         left: Array = self.frames[k].torques - rows @ np.concatenate(parameters)
         return left
@@ -300,8 +302,8 @@ class TorqueTracking:
             rows.append(part / (NEAR * usual + WEIGHT)[:, None])
             start += len(part)
         whole = np.vstack([np.zeros((0, size)), *rows])
-        found: Array = whole.T @ whole
-        return found
+        result: Array = whole.T @ whole
+        return result
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
         """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.
@@ -313,11 +315,11 @@ class TorqueTracking:
         count = len(self._excess)
         share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * np.diag(matrix)[:count])
         for part in (1.0, 0.5, 0.25, 0.0):
-            found = matrix.copy()
-            found[np.arange(count), np.arange(count)] -= part * share
-            if np.linalg.eigvalsh(found - KEPT * matrix + ridge)[0] > 0.0:
+            result = matrix.copy()
+            result[np.arange(count), np.arange(count)] -= part * share
+            if np.linalg.eigvalsh(result - KEPT * matrix + ridge)[0] > 0.0:
                 break
-        return found
+        return result
 
     def _most_probable(self, matrix: Array, slope: Array, square: float) -> Fit:
         """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
@@ -362,13 +364,15 @@ class TorqueTracking:
         return Fit(cost, gains, offsets, tuple(weights), deviation, misfit)
 
 
-def _courses(one: TrackedFrames, group: Group) -> Emg:
+def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
     """Courses of a group's synergies on a coarse clock of the EMG, as far as delays may reach."""
-    step = max(int(CLOCK / max(float(np.median(np.diff(one.emg.time))), 1e-6)), 1)
-    first, last = np.searchsorted(one.emg.time, [one.time[0] - EARLIER, one.time[-1] + CLOCK]).tolist()
+    step = max(int(CLOCK / max(float(np.median(np.diff(tracked_frames.emg.time))), 1e-6)), 1)
+    first, last = np.searchsorted(
+        tracked_frames.emg.time, [tracked_frames.time[0] - EARLIER, tracked_frames.time[-1] + CLOCK]
+    ).tolist()
     use = slice(first, last, step)
-    courses = group.synergies.courses(one.emg.values[use][:, group.channels])
-    return Emg(one.emg.time[use], tuple(str(k) for k in range(len(group.synergies))), courses)
+    courses = group.synergies.courses(tracked_frames.emg.values[use][:, group.channels])
+    return Emg(tracked_frames.emg.time[use], tuple(str(index) for index in range(len(group.synergies))), courses)
 
 
 def _bounded(matrix: Array, right: Array, upper: Array) -> Array:

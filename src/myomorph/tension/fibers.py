@@ -98,7 +98,7 @@ class Fibers:
         names : present name of every column
         """
         columns = list(muscles)
-        new = {names[k]: own for k, own in muscles.items()}
+        new = {names[k]: muscle for k, muscle in muscles.items()}
         return replace(
             self,
             lengths=self.lengths[:, columns],

@@ -114,7 +114,9 @@ class JointContactForces(Labelled):
         check_name("joint", joint, self.joints, "the contact forces")
         if not point:
             return self.totals[:, self.joints.index(joint)]
-        own = {name: k for k, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True)) if of == joint}
+        own = {
+            name: index for index, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True)) if of == joint
+        }
         check_name("contact point", point, own, f"joint '{joint}'")
         return self.forces[:, own[point]]
 
@@ -208,8 +210,8 @@ def joint_contact_forces(
     if not points:
         raise BadData("no contact points are given: expected at least one")
     known = {one.name: one for one in model.joints}
-    for one in points:
-        check_name("joint", one.joint, known, f"contact point '{one.name}': the model")
+    for point in points:
+        check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
     joints = tuple(dict.fromkeys(one.joint for one in points))
     reactions = joint_reactions(model, motion, tension, wrenches, joints, frame="ground", actuators=actuators)
     tree = compile_tree(model)
@@ -244,13 +246,13 @@ def _in_ground(tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactP
     if twice:
         raise BadData(f"joint '{joint.name}' has two contact points '{twice}': give each a name of its own")
     places, normals = [], []
-    for one in points:
+    for point in points:
         try:
-            _, R, p = frame_in_ground(tree, poses, one.frame or joint.child)
+            _, R, p = frame_in_ground(tree, poses, point.frame or joint.child)
         except UnknownName as error:
-            raise BadData(f"contact point '{one.name}' of joint '{joint.name}': {error}") from None
-        places.append(p + R @ np.asarray(one.point, dtype=np.float64))
-        normals.append(_down(tree, poses, joint, one) if one.normal is None else R @ _unit(one))
+            raise BadData(f"contact point '{point.name}' of joint '{joint.name}': {error}") from None
+        places.append(p + R @ np.asarray(point.point, dtype=np.float64))
+        normals.append(_down(tree, poses, joint, point) if point.normal is None else R @ _unit(point))
     return np.stack(places, axis=1), np.stack(normals, axis=1)
 
 

@@ -77,7 +77,7 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
 def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[list[ContactPoint], str]:
     """Both points of a knee and a note, "" where its own bone told them."""
     side = split_side(knee.child)[1] or split_side(knee.name)[1]
-    hip = next((one for one in model.joints if one.child == knee.parent), None)
+    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
     down, poses = long_axis(model, knee), flexed(model, knee)
     if not side or hip is None or down is None:
         lacking = "no side in its name" if not side else "no hip above it" if hip is None else "no ankle below it"
@@ -146,7 +146,9 @@ def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[A
 
 def _mirror(model: Model, body: str, other: str) -> Array:
     """Signs that turn points of one side's body into those of the other: of the axis along which hips are apart."""
-    hips = [next(one for one in model.joints if one.child == name).parent_frame.translation for name in (body, other)]
+    hips = [
+        next(joint for joint in model.joints if joint.child == name).parent_frame.translation for name in (body, other)
+    ]
     across = int(np.argmax(np.abs(hips[0] - hips[1])))
     return np.where(np.arange(3) == across, -1.0, 1.0)
 
@@ -177,4 +179,4 @@ def _lowest(
             own = region & half
             weights = np.maximum(depth[own] - depth[own].max() + LOWEST * length, 0.0)
             sums[i] += weights @ seen[own] / weights.sum()
-    return [one / len(FLEXIONS) for one in sums]
+    return [part / len(FLEXIONS) for part in sums]

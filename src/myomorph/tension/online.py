@@ -64,7 +64,7 @@ class OnlineTension:
                 f"model '{model.name}' closes loops ('{model.loops[0].name}'), which muscle tensions frame by frame do "
                 "not take: use 'myomorph tension' after the recording"
             )
-        rest = np.array([[one.default for one in model.coordinates]])
+        rest = np.array([[coordinate.default for coordinate in model.coordinates]])
         still = Motion(np.zeros(1), model.coordinate_names, rest, np.zeros_like(rest))
         none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
         self._problem, self.actuators = tension_problem(model, still, none, options, actuators)

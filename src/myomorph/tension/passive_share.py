@@ -61,17 +61,17 @@ def passive_notes(tension: Tension) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def contact_notes(found: Tension) -> tuple[str, ...]:
+def contact_notes(tension: Tension) -> tuple[str, ...]:
     """A line where a muscle's passive force in the problem that found contact forces passes all it can pull with."""
-    if not found.overstretched:
+    if not tension.overstretched:
         return ()
-    order = sorted(found.overstretched, key=lambda name: -found.passive_share[found.muscles.index(name)])
-    at = [found.muscles.index(name) for name in order[:3]]
+    order = sorted(tension.overstretched, key=lambda name: -tension.passive_share[tension.muscles.index(name)])
+    at = [tension.muscles.index(name) for name in order[:3]]
     worst = ", ".join(
-        f"{found.muscles[i]} {found.passive_share[i]:.1f} times at {found.passive_time[i]:.2f} s" for i in at
+        f"{tension.muscles[i]} {tension.passive_share[i]:.1f} times at {tension.passive_time[i]:.2f} s" for i in at
     )
     return (
-        f"contact forces: passive force above the maximum isometric force in {len(order)} of {len(found.muscles)} "
+        f"contact forces: passive force above the maximum isometric force in {len(order)} of {len(tension.muscles)} "
         f"muscles ({worst}{' ...' if len(order) > 3 else ''}): fibers of the model do not fit the motion; compare with "
         "--no-contact-passive",
     )

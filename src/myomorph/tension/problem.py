@@ -94,7 +94,7 @@ def problem_setup(
     coordinates, rates = rates_of(tree, motion)
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
     given = {one.name for one in added}
-    own = [one for one in model.actuators if one.name not in given]
+    own = [actuator for actuator in model.actuators if actuator.name not in given]
     enabled = tuple(one for one in (*own, *added) if one.enabled)
     names = tuple(one.name for one in enabled)
     if len(set(names)) != len(names):
@@ -117,13 +117,13 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
     refuse_other_times("torques", torques.time, motion.time)
     needed = set(free_coordinates(tree.model))
     columns = {name: i for i, name in enumerate(torques.names)}
-    found = np.zeros((len(motion), len(tree.model.coordinates)))
+    result = np.zeros((len(motion), len(tree.model.coordinates)))
     for j, name in enumerate(tree.model.coordinate_names):
         if name in columns:
-            found[:, j] = torques.values[:, columns[name]]
+            result[:, j] = torques.values[:, columns[name]]
         elif name in needed:
             raise UnknownName("coordinate", name, torques.names, "the table of torques")
-    return found
+    return result
 
 
 class Balance(NamedTuple):
@@ -175,24 +175,24 @@ class TensionProblem:
     ):
         self.options, self.terms, self._time = options, tuple(terms), time
         self.coordinates, self._rates, self._tau = coordinates, rates, torques
-        self.muscles = next(one for one in terms if isinstance(one, MuscleTerm))
-        self.actuators = next(one for one in terms if isinstance(one, ActuatorTerm))
-        self.contacts = next((one for one in terms if isinstance(one, ContactTerm)), None)
-        parts = [one.variables() for one in terms]
+        self.muscles = next(term for term in terms if isinstance(term, MuscleTerm))
+        self.actuators = next(term for term in terms if isinstance(term, ActuatorTerm))
+        self.contacts = next((term for term in terms if isinstance(term, ContactTerm)), None)
+        parts = [term.variables() for term in terms]
         own = joined(parts)
-        first = np.cumsum([0, *(len(one) for one in parts)]).tolist()
+        first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
         places = tuple(slice(*ends) for ends in pairwise(first))
         self.unknowns = Unknowns(own.names, tree.model.muscle_names, time, self.terms, places)
         basis = loop_basis(tree, coordinates) if tree.model.loops else None
         self._slopes = loop_slopes(basis, coordinates)
-        self._adding = [(one, rows) for one in terms if (rows := one.rows(self.unknowns)) is not None]
+        self._adding = [(term, rows) for term in terms if (rows := term.rows(self.unknowns)) is not None]
         self.rows = [rows for _, rows in self._adding]
-        entries = [(first[k] + i, j) for k, one in enumerate(terms) for i, j in one.entries()]
+        entries = [(first[k] + i, j) for k, term in enumerate(terms) for i, j in term.entries()]
         self.assembly = assemble(tree, entries, len(own), self.rows, basis, only)
         self.separable = self._separable(own)
-        penalties = [drawn for one in terms if (drawn := one.penalties(self.unknowns)) is not None]
+        penalties = [drawn for term in terms if (drawn := term.penalties(self.unknowns)) is not None]
         self.penalties = added_up(penalties, self.unknowns, len(self.separable.weight))
-        linked = [links for one in terms if (links := one.smoothing(self.unknowns)) is not None]
+        linked = [links for term in terms if (links := term.smoothing(self.unknowns)) is not None]
         if len(linked) > 1:
             raise BadData(f"{len(linked)} terms of the tension problem link frames: expected one")
         self.smooth = linked[0] if linked else None
@@ -211,13 +211,13 @@ class TensionProblem:
         self._status = np.empty(frames, np.int8)
         self._passive: list[PassivePeaks] = []
 
-    def _separable(self, own: Variables) -> Separable:
+    def _separable(self, variables: Variables) -> Separable:
         """Weights, exponents and bounds of all unknowns, checked."""
-        for name, low, high in zip(own.names, own.lower, own.upper, strict=True):
+        for name, low, high in zip(variables.names, variables.lower, variables.upper, strict=True):
             if not low <= high:
                 raise BadModel(f"'{name}' has bounds {low:g} ... {high:g}: the first must not be greater")
-        parts = [Variables(one.names, one.weight, np.full(len(one), 2.0), one.lower, one.upper) for one in self.rows]
-        every, shape = joined([own, *parts]), self.assembly.pattern
+        parts = [Variables(row.names, row.weight, np.full(len(row), 2.0), row.lower, row.upper) for row in self.rows]
+        every, shape = joined([variables, *parts]), self.assembly.pattern
         costs = (every.weight, every.exponent, every.lower, every.upper)
         if self.options.recruitment == "minmax":
             # Muscles that work at the common bound tie all coordinates together: no envelope to keep to.
@@ -248,8 +248,11 @@ class TensionProblem:
         assembly, part, count = self.assembly, slice(start, stop), stop - start
         c = np.ascontiguousarray(self.coordinates[part])
         frames = Frames(part, c, self._rates[part])
-        columns = [one.columns(frames) for one in self.terms]
-        entries, forces = np.hstack([one.entries for one in columns]), np.hstack([one.forces for one in columns])
+        columns = [term.columns(frames) for term in self.terms]
+        entries, forces = (
+            np.hstack([column.entries for column in columns]),
+            np.hstack([column.forces for column in columns]),
+        )
         values, right = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
         slopes, arrays, links = self._slopes[part], assembly.tree.arrays, assembly.links
         fold(arrays, links, c, slopes, entries, forces, self._tau[part], values, right)
@@ -257,7 +260,7 @@ class TensionProblem:
         take_off(arrays, links, c, slopes, entries, _given(columns), right)
         if self._adding:
             filled = [one.row_values(rows, frames) for one, rows in self._adding]
-            own = np.broadcast_to(-np.concatenate([one.unit for one in self.rows]), (count, len(assembly.extra_row)))
+            own = np.broadcast_to(-np.concatenate([row.unit for row in self.rows]), (count, len(assembly.extra_row)))
             values[:, assembly.extra_place] = np.hstack([*(one for one, _ in filled), own])
             right[:, assembly.extra_row] = np.hstack([one for _, one in filled])
         muscles = self.muscles.forces(frames)
@@ -285,26 +288,26 @@ class TensionProblem:
         self._tau -= joint_forces(self.assembly.tree, coordinates, rates)
 
     def solved(
-        self, given: Balance, begin: int = 0, warm: Array | None = None
+        self, balance: Balance, begin: int = 0, warm: Array | None = None
     ) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
         """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and status.
 
         Parameters
         ----------
-        given : what to balance in the frames from `begin` on
+        balance : what to balance in the frames from `begin` on
         warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
         """
-        frames, count = len(given.right), len(self.separable.weight)
-        x, y = np.empty((frames, count)), np.empty(given.right.shape)
+        frames, count = len(balance.right), len(self.separable.weight)
+        x, y = np.empty((frames, count)), np.empty(balance.right.shape)
         residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
         solve_separable(
             self.separable,
-            given.values,
-            given.right,
+            balance.values,
+            balance.right,
             np.zeros((1, count)),
             self.penalties[begin : begin + frames],
             no_links() if self.smooth is None else self.smooth.links(begin, begin + frames),
-            np.zeros(given.right.shape[1]) if warm is None else warm,
+            np.zeros(balance.right.shape[1]) if warm is None else warm,
             x,
             y,
             residual,
@@ -313,16 +316,16 @@ class TensionProblem:
         )
         return x, y, residual, iterations, status
 
-    def _store(self, part: slice, x: Array, given: Balance) -> None:
+    def _store(self, part: slice, x: Array, balance: Balance) -> None:
         """Keep what was found in some frames."""
         muscles = self._forces.shape[1]
         self._activations[part], self._others[part] = x[:, :muscles], x[:, muscles:]
-        self._forces[part] = given.active * x[:, :muscles] + given.passive + given.viscous
-        self._balanced[part] = given.torques
+        self._forces[part] = balance.active * x[:, :muscles] + balance.passive + balance.viscous
+        self._balanced[part] = balance.torques
         if self.muscles.viscous:
-            self._viscous[part] = given.viscous
+            self._viscous[part] = balance.viscous
         if self.options.passive:
-            self._passive.append(passive_peaks(given.passive, self.muscles.strength, self._time[part]))
+            self._passive.append(passive_peaks(balance.passive, self.muscles.strength, self._time[part]))
         if self.contacts is not None:
             found = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
             self._contact_forces[:, part] = found
@@ -361,6 +364,6 @@ class TensionProblem:
 
 def _given(columns: Sequence[Columns]) -> Array:
     """Forces that act whatever the unknowns are, (frames, unknowns up to the last that has any)."""
-    last = max((k for k, one in enumerate(columns) if one.given is not None), default=-1)
-    parts = [np.zeros_like(one.forces) if one.given is None else one.given for one in columns[: last + 1]]
+    last = max((index for index, one in enumerate(columns) if one.given is not None), default=-1)
+    parts = [np.zeros_like(column.forces) if column.given is None else column.given for column in columns[: last + 1]]
     return np.hstack([np.zeros((len(columns[0].forces), 0)), *parts])

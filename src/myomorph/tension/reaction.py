@@ -244,9 +244,9 @@ class _Loads:
             for k in np.flatnonzero(paths.arm_free & work.any(axis=0)):
                 self.moved[:, paths.arm_coordinate[k]] += work[:, k] * tensions[:, paths.arm_muscle[k]]
         self.bodies += of_actuators(self.tree, self.poses, helpers, forces)
-        for one, force in zip(helpers, forces.T, strict=True):
-            if one.kind == "coordinate":
-                self.along[:, index_of("coordinate", one.coordinate, self.tree.model.coordinate_names)] += force
+        for helper, force in zip(helpers, forces.T, strict=True):
+            if helper.kind == "coordinate":
+                self.along[:, index_of("coordinate", helper.coordinate, self.tree.model.coordinate_names)] += force
 
     def _named(
         self, tension: Tension | Series, actuators: Sequence[Actuator] | None
@@ -257,7 +257,10 @@ class _Loads:
         known = {one.name: one for one in (*model.actuators, *added)}
         if isinstance(tension, Tension):
             names, values = tension.reserve_names, tension.reserves
-            order = [index_of("muscle", one, tension.muscles, "the table of forces") for one in model.muscle_names]
+            order = [
+                index_of("muscle", muscle_name, tension.muscles, "the table of forces")
+                for muscle_name in model.muscle_names
+            ]
             tensions = tension.forces[:, order]
         else:
             names = tuple(name for name in tension.names if name not in model.muscle_names)
@@ -275,7 +278,7 @@ class _Loads:
     def generalized(self) -> Array:
         """Forces along coordinates (frames, coordinates), gathered, that act on no body."""
         tree = self.tree
-        springs = joint_forces(tree, self.c, self.cdot, [one.name for one in tree.model.bushings])
+        springs = joint_forces(tree, self.c, self.cdot, [bushing.name for bushing in tree.model.bushings])
         return gathered(tree, self.c, self.along + springs) + self.moved
 
 
@@ -288,7 +291,7 @@ def _each(given: str | Sequence[str], count: int, what: str) -> list[str]:
 
 
 def _joint(model: Model, name: str) -> Joint:
-    names = tuple(one.name for one in model.joints)
+    names = tuple(joint.name for joint in model.joints)
     return model.joints[index_of("joint", name, names)]
 
 
@@ -338,4 +341,4 @@ def _named_frames(tree: Tree) -> Mapping[str, tuple[str, Transform]]:
         ):
             if end and end not in tree.body_index:
                 fixed[end] = fixed[f"{joint.name}/{end}"] = (body, pose)
-    return fixed | {one.name: (one.body, one.pose) for one in tree.model.frames}
+    return fixed | {frame.name: (frame.body, frame.pose) for frame in tree.model.frames}

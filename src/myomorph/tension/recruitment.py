@@ -46,13 +46,13 @@ def recruitment_terms(
     model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None, options: RecruitmentOptions
 ) -> tuple[Term, ...]:
     """The terms that options ask for; errors are those of `crossed_joints` and `CoContractionTerm`."""
-    found: list[Term] = []
+    terms: list[Term] = []
     if options.joint_load:
-        found.append(joint_load_term(model, motion, wrenches, options.joint_load, _names(options.joint_load_joints)))
+        terms.append(joint_load_term(model, motion, wrenches, options.joint_load, _names(options.joint_load_joints)))
     if options.co_contraction:
         coordinates = _names(options.co_contraction_coordinates)
-        found.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
-    return tuple(found)
+        terms.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
+    return tuple(terms)
 
 
 def joint_load_term(

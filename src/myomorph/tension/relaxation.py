@@ -109,7 +109,9 @@ def relaxations(
             continue
         force, moment = left[frame].sum(axis=0)
         sites = problem.contacts.generators.sites
-        touching = tuple(one.name for k, one in enumerate(sites) if problem.contacts.strengths[frame, k] > 0.0)
+        touching = tuple(
+            site.name for index, site in enumerate(sites) if problem.contacts.strengths[frame, index] > 0.0
+        )
         named = tuple(one for one in allowed if one.size > options.named * roots.weight) or allowed[:1]
         time = float(tension.time[frame])
         lacking = what_lacks(touching, force, moment, roots.up)
@@ -122,15 +124,15 @@ def relaxations(
     return tuple(found)
 
 
-def relaxation_lines(found: Sequence[Relaxation]) -> tuple[str, ...]:
+def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
     """One line for each run of neighbouring frames that the same would help: that of the frame that lacks most."""
     runs: list[list[Relaxation]] = []
-    for one in found:
+    for relaxation in relaxations:
         last = runs[-1][-1] if runs else None
-        if last is not None and one.frame == last.frame + 1 and _names(one) == _names(last):
-            runs[-1].append(one)
+        if last is not None and relaxation.frame == last.frame + 1 and _names(relaxation) == _names(last):
+            runs[-1].append(relaxation)
         else:
-            runs.append([one])
+            runs.append([relaxation])
     lines = []
     for run in runs:
         worst = max(run, key=lambda one: one.size)
@@ -139,5 +141,5 @@ def relaxation_lines(found: Sequence[Relaxation]) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _names(one: Relaxation) -> tuple[tuple[str, str], ...]:
-    return tuple(sorted((part.kind, part.where) for part in one.allowances))
+def _names(relaxation: Relaxation) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted((part.kind, part.where) for part in relaxation.allowances))

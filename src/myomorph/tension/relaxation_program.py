@@ -68,23 +68,23 @@ def what_lacks(touching: Sequence[str], force: Array, moment: Array, up: Array) 
 
 def what_would_do(allowances: Sequence[Allowance]) -> str:
     """What would have to be allowed, as a clause."""
-    return " and ".join(_words(one) for one in allowances) + " would do"
+    return " and ".join(_words(allowance) for allowance in allowances) + " would do"
 
 
-def _words(one: Allowance) -> str:
-    if one.kind == "contact":
-        return f"contact of '{one.where}' ({1000.0 * one.needed:.0f} mm above its support)"
-    if one.kind == "friction" and np.isfinite(one.needed):
-        return f"friction of {one.needed:.2f} at '{one.where}'"
-    if one.kind == "friction":
-        return f"{one.force:.0f} N across the cone of '{one.where}'"
-    if one.kind == "most":
-        return f"{one.force:.0f} N more at '{one.where}' than its greatest force"
-    if one.kind == "pull":
-        return f"a pull of {one.force:.0f} N at '{one.where}'"
-    if one.force >= one.moment:
-        return f"{one.force:.0f} N at '{one.where}' from nowhere"
-    return f"{one.moment:.0f} N m at '{one.where}' from nowhere"
+def _words(allowance: Allowance) -> str:
+    if allowance.kind == "contact":
+        return f"contact of '{allowance.where}' ({1000.0 * allowance.needed:.0f} mm above its support)"
+    if allowance.kind == "friction" and np.isfinite(allowance.needed):
+        return f"friction of {allowance.needed:.2f} at '{allowance.where}'"
+    if allowance.kind == "friction":
+        return f"{allowance.force:.0f} N across the cone of '{allowance.where}'"
+    if allowance.kind == "most":
+        return f"{allowance.force:.0f} N more at '{allowance.where}' than its greatest force"
+    if allowance.kind == "pull":
+        return f"a pull of {allowance.force:.0f} N at '{allowance.where}'"
+    if allowance.force >= allowance.moment:
+        return f"{allowance.force:.0f} N at '{allowance.where}' from nowhere"
+    return f"{allowance.moment:.0f} N m at '{allowance.where}' from nowhere"
 
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
@@ -179,23 +179,23 @@ class Roots:
 
     def _residuals(self) -> Array:
         tree, c = self.problem.assembly.tree, self.problem.coordinates
-        added = [one for one in default_reserves(tree.model, 1.0, 1.0) if one.kind != "coordinate"]
+        added = [reserve for reserve in default_reserves(tree.model, 1.0, 1.0) if reserve.kind != "coordinate"]
         P = compile_body_actuators(tree, added)
         entries = np.empty((len(c), len(P.coordinate)))
         body_directions(tree.arrays, P, np.array(c, order="C"), entries)
         return self._spread(entries, P.coordinate, np.repeat(np.arange(len(added)), np.diff(P.start)), len(added))
 
     def _spread(self, entries: Array, coordinate: np.ndarray, owner: np.ndarray, count: int) -> Array:
-        found = np.zeros((len(entries), len(self._rows), count))
+        result = np.zeros((len(entries), len(self._rows), count))
         for i, j in enumerate(self._rows):
             mine = coordinate == j
-            found[:, i, owner[mine]] = entries[:, mine]
-        return found
+            result[:, i, owner[mine]] = entries[:, mine]
+        return result
 
 
 def _levels(heights: Array, contacts: ContactTerm) -> Array:
     """Height (sites,) at which each site's group touches."""
-    groups = np.array([one.group for one in contacts.generators.sites])
+    groups = np.array([site.group for site in contacts.generators.sites])
     touching = contacts.strengths > 0.0
     every = float(np.nanmedian(heights[touching] if touching.any() else heights.min(axis=1)))
     levels = np.full(len(groups), every)
@@ -240,13 +240,13 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     limits : (bodies, 2) of residual force and moment [N], [N m]
     """
     columns = [*_residuals(roots, frame, limits), *_edges(roots, frame), *_beyond_cones(roots, frame)]
-    matrix = np.array([one.column for one in columns]).T
+    matrix = np.array([column.column for column in columns]).T
     rows, count = matrix.shape
     limited = _limited(roots, frame)
     # Each greatest force: sum of normal forces = what is allowed + what is beyond.
     A = np.zeros((rows + len(limited), count + 2 * len(limited)))
     A[:rows, :count] = matrix
-    start = np.array([one.at for one in columns])
+    start = np.array([column.at for column in columns])
     normals = [_normals(roots, columns, k) for k in limited]
     for r, k in enumerate(limited):
         most, now = roots.contacts.generators.sites[k].cone.most, float(normals[r] @ start)
@@ -255,31 +255,33 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
         still = np.zeros(rows)
         columns.append(_Column("most", k, True, STILL, still, 0.0, -most, most, min(now, most)))
         columns.append(_Column("most", k, False, STILL, still, COSTS["most"], 0.0, np.inf, max(now - most, 0.0)))
-    x, low, high, price = (np.array([getattr(one, name) for one in columns]) for name in ("at", "low", "high", "price"))
+    x, low, high, price = (
+        np.array([getattr(column, name) for column in columns]) for name in ("at", "low", "high", "price")
+    )
     _, points = extremes(A, x, np.minimum(low, x), np.maximum(high, x), price[None])
     return _allowances(roots, frame, columns, points[0])
 
 
 def _residuals(roots: Roots, frame: int, limits: Array) -> list[_Column]:
     """What residuals give within their limits, and what would go beyond."""
-    found = []
+    result = []
     for i, amount in enumerate(roots.left[frame]):
         # A box inside the ball of the limit.
         most = float(limits.reshape(-1)[i // 3]) / np.sqrt(3.0)
         given = float(np.clip(amount, -most, most))
         column = roots.residuals[frame, :, i]
-        found.append(_Column("residual", i, True, STILL, column, 0.0, -most, most, given))
+        result.append(_Column("residual", i, True, STILL, column, 0.0, -most, most, given))
         for sign in (1.0, -1.0):
             push, over = sign * np.eye(3)[i % 3], max(sign * (amount - given), 0.0)
-            found.append(_Column("residual", i, False, push, sign * column, COSTS["residual"], 0.0, np.inf, over))
-    return found
+            result.append(_Column("residual", i, False, push, sign * column, COSTS["residual"], 0.0, np.inf, over))
+    return result
 
 
 def _edges(roots: Roots, frame: int) -> list[_Column]:
     """Forces inside the cones of sites that touch, and of those that do not."""
     generators = roots.contacts.generators
     _, _, pushes, _ = generators.evaluate(roots.problem.coordinates[frame : frame + 1])
-    found = []
+    result = []
     for e in range(len(generators)):
         k = int(generators.site[e])
         touches = bool(roots.contacts.strengths[frame, k] > 0.0)
@@ -289,17 +291,17 @@ def _edges(roots: Roots, frame: int) -> list[_Column]:
         ways = (1.0, -1.0) if generators.lower[e] < 0.0 else (1.0,)
         for sign in ways:
             at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
-            found.append(
+            result.append(
                 _Column(
                     "contact", e, touches, sign * pushes[0, e], sign * roots.edges[frame, :, e], price, 0.0, np.inf, at
                 )
             )
-    return found
+    return result
 
 
 def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
     """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
-    found = []
+    result = []
     for k in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
         cone = roots.contacts.generators.sites[k].cone
         if cone.direction is None:
@@ -310,8 +312,8 @@ def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
             one = np.linalg.svd(direction[None])[2][1:]
             ways += [("friction", sign * across) for across in one for sign in (1.0, -1.0)]
         for kind, push in ways:
-            found.append(_Column(kind, k, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
-    return found
+            result.append(_Column(kind, k, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
+    return result
 
 
 def _limited(roots: Roots, frame: int) -> list[int]:
@@ -324,8 +326,8 @@ def _limited(roots: Roots, frame: int) -> list[int]:
 def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
     """Force along a site's cone of one unit of each variable."""
     owner, normal = roots.contacts.generators.site, roots.contacts.generators.normal
-    mine = [one.kind == "contact" and int(owner[one.place]) == site for one in columns]
-    return np.array([normal[one.place] if own else 0.0 for one, own in zip(columns, mine, strict=True)])
+    mine = [column.kind == "contact" and int(owner[column.place]) == site for column in columns]
+    return np.array([normal[column.place] if own else 0.0 for column, own in zip(columns, mine, strict=True)])
 
 
 def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> tuple[Allowance, ...]:
@@ -334,22 +336,22 @@ def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> t
     residual = np.zeros((len(roots.bodies), 2, 3))
     beyond, carried = dict[tuple[Kind, str], Array](), {site.group: STILL for site in sites}
     heights = dict[str, float]()
-    for one, amount in zip(columns, x, strict=True):
-        if one.kind == "residual":
-            residual.reshape(-1, 3)[one.place // 3] += 0.0 if one.given else amount * one.push
+    for column, amount in zip(columns, x, strict=True):
+        if column.kind == "residual":
+            residual.reshape(-1, 3)[column.place // 3] += 0.0 if column.given else amount * column.push
             continue
-        k = int(owner[one.place]) if one.kind == "contact" else one.place
+        k = int(owner[column.place]) if column.kind == "contact" else column.place
         group = sites[k].group
-        carried[group] = carried[group] + amount * one.push
-        if not one.given and amount > 1e-9 * roots.weight:
-            push = amount * (np.array([1.0, 0.0, 0.0]) if one.kind == "most" else one.push)
-            beyond[one.kind, group] = beyond.get((one.kind, group), STILL) + push
+        carried[group] = carried[group] + amount * column.push
+        if not column.given and amount > 1e-9 * roots.weight:
+            push = amount * (np.array([1.0, 0.0, 0.0]) if column.kind == "most" else column.push)
+            beyond[column.kind, group] = beyond.get((column.kind, group), STILL) + push
             heights[group] = min(float(roots.heights[frame, k]), heights.get(group, np.inf))
     found = []
     for (kind, group), force in beyond.items():
         needed = heights[group] if kind == "contact" else 0.0
         if kind == "friction":
-            direction = roots.direction(frame, next(k for k, site in enumerate(sites) if site.group == group))
+            direction = roots.direction(frame, next(index for index, site in enumerate(sites) if site.group == group))
             along = float(carried[group] @ direction)
             across = float(np.linalg.norm(carried[group] - along * direction))
             needed = across / along if along > 1e-6 * roots.weight else np.inf

@@ -158,7 +158,7 @@ def torques_under(problem: TensionProblem, torques: Series) -> Series:
     """
     assert problem.contacts is not None
     names = problem.assembly.tree.model.coordinate_names
-    mine = [k for k, name in enumerate(torques.names) if name in names]
+    mine = [index for index, name in enumerate(torques.names) if name in names]
     carried = problem.contacts.torques_of(problem.coordinates, problem.amplitudes)
     left = np.array(torques.values)
     left[:, mine] -= carried[:, [names.index(torques.names[k]) for k in mine]]

@@ -98,7 +98,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     n = len(shared.weight)
     # A run of frames at once, others one by one.
     together = len(frames) > 0 and int(frames[-1] - frames[0]) == len(frames) - 1
-    spans = [(int(frames[0]), int(frames[-1]) + 1)] if together else [(int(one), int(one) + 1) for one in frames]
+    spans = [(int(frames[0]), int(frames[-1]) + 1)] if together else [(int(frame), int(frame) + 1) for frame in frames]
     given = [problem.balance(*span) for span in spans]
     values, b = (np.concatenate([getattr(one, name) for one in given]) for name in ("values", "right"))
     A = np.zeros((len(frames), b.shape[1], n))
@@ -111,7 +111,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     x[:, muscles:controls] = tension.reserves[frames] / problem.actuators.optimal_forces
     if problem.rows:
         left = np.einsum("frn,fn->fr", A, x) - b
-        x[:, first:] = left[:, problem.assembly.extra_row] / np.concatenate([one.unit for one in problem.rows])
+        x[:, first:] = left[:, problem.assembly.extra_row] / np.concatenate([row.unit for row in problem.rows])
     penalties = np.broadcast_to(problem.penalties[frames], (len(frames), 3, n))
     amplitudes = controls + problem.amplitudes.shape[1]
     return SolvedFrames(frames, A, b, x, shared, penalties, values, muscles, controls, amplitudes)
@@ -184,25 +184,25 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
     still = np.zeros(many)
 
     def part(start: int, stop: int) -> None:
-        for k in range(start, stop):
-            values, right = (np.repeat(one[k][None], many, axis=0) for one in (solved.values, solved.b))
-            penalties = np.array(solved.penalties[k])[None]
+        for index in range(start, stop):
+            values, right = (np.repeat(one[index][None], many, axis=0) for one in (solved.values, solved.b))
+            penalties = np.array(solved.penalties[index])[None]
             status = np.empty(many, np.int8)
             solve_separable(
-                solved.shared._replace(lower=frozen_array(bounds[0][k]), upper=frozen_array(bounds[1][k])),
+                solved.shared._replace(lower=frozen_array(bounds[0][index]), upper=frozen_array(bounds[1][index])),
                 values,
                 right,
-                targets[k],
+                targets[index],
                 penalties,
                 no_links(),
                 np.zeros(right.shape[1]),
-                x[k],
+                x[index],
                 np.empty(right.shape),
                 still.copy(),
                 np.empty(many, np.int64),
                 status,
             )
-            x[k, status != OPTIMAL] = np.nan
+            x[index, status != OPTIMAL] = np.nan
 
     over_frames(part, frames, chunk=4)
     return x

@@ -99,8 +99,11 @@ class ContactWarnings:
 
     def table(self) -> Table:
         """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
-        time = np.concatenate([one.time for one in self.intervals])
-        parts = [np.concatenate([getattr(one, name) for one in self.intervals]) for name in ("forces", "low", "high")]
+        time = np.concatenate([interval.time for interval in self.intervals])
+        parts = [
+            np.concatenate([getattr(interval, name) for interval in self.intervals])
+            for name in ("forces", "low", "high")
+        ]
         names = tuple(
             f"{group}_f{axis}{ending}"
             for group in self.intervals[0].groups
@@ -185,8 +188,8 @@ class TensionTask:
         """Force of every contact, its sites together, on the body in ground: `<group>_fx`, `_fy`, `_fz`, `_f` [N]."""
         assert tension.contacts is not None
         sites, forces = tension.contacts.sites, tension.contacts.forces
-        groups = tuple(dict.fromkeys(one.group for one in sites))
-        sums = np.stack([forces[:, [one.group == name for one in sites]].sum(axis=1) for name in groups], axis=1)
+        groups = tuple(dict.fromkeys(site.group for site in sites))
+        sums = np.stack([forces[:, [site.group == name for site in sites]].sum(axis=1) for name in groups], axis=1)
         values = np.concatenate([sums, np.linalg.norm(sums, axis=2, keepdims=True)], axis=2)
         names = tuple(f"{name}_{end}" for name in groups for end in ("fx", "fy", "fz", "f"))
         facts = FrozenMap({"name": "Forces of contacts"})
@@ -276,7 +279,7 @@ def emg_targets_of(
     # Gains of all trials may lack a channel that is noise, or absent, in another trial.
     lacking = [name for name in muscles if name not in calibration.channels]
     notes = (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
-    known = {name: one for name, one in muscles.items() if name in calibration.channels}
+    known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
     target = emg_targets(emg, known or muscles, model, motion.time, chosen, calibration)
     return EmgTargets(target, calibration, (*notes, *calibration.warnings))
 
@@ -289,8 +292,8 @@ def added_reserves(model: Model, options: TensionOptions, objects: Collection[st
     objects : their bodies
     """
     return tuple(
-        replace(one, optimal_force=OBJECT_RESIDUAL * one.optimal_force) if one.body in objects else one
-        for one in default_reserves(model, options.reserve, options.residual)
+        replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force) if reserve.body in objects else reserve
+        for reserve in default_reserves(model, options.reserve, options.residual)
     )
 
 

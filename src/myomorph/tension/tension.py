@@ -91,7 +91,7 @@ class TensionOptions:
                 raise BadData(f"the optimal force of a {name} is {given:g}: expected above 0")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
-                listed = ", ".join(f"'{one}'" for one in choices)
+                listed = ", ".join(f"'{choice}'" for choice in choices)
                 raise BadData(f"unknown {name.replace('_', ' ')} '{getattr(self, name)}': there are {listed}")
 
     @property
@@ -203,7 +203,7 @@ class Tension(Labelled):
 
     def summary(self) -> dict[str, int]:
         """Number of frames by status."""
-        return {name: int(np.sum(self.status == k)) for k, name in enumerate(STATUS_NAMES)}
+        return {name: int(np.sum(self.status == index)) for index, name in enumerate(STATUS_NAMES)}
 
 
 def tension_of(whole: Tension, part: str) -> Tension:
@@ -245,4 +245,4 @@ def tension_of(whole: Tension, part: str) -> Tension:
 
 def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
     """Columns of a part, and its own names of them."""
-    return {k: own for k, name in enumerate(names) if (own := own_name(name, part)) is not None}
+    return {index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None}

@@ -75,16 +75,16 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
         # Where a body floats in the laboratory, no joint holds it.
-        joints = (one if floating.intersection(one.coordinates) else _joint(one, draw) for one in model.joints)
+        joints = (joint if floating.intersection(joint.coordinates) else _joint(joint, draw) for joint in model.joints)
         parts["joints"] = tuple(joints)
     if has.placement:
-        parts["markers"] = tuple(_marker(one, draw) for one in model.markers)
+        parts["markers"] = tuple(_marker(marker, draw) for marker in model.markers)
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
     if has.attachment or has.strength or has.fiber_length or has.slack_length:
-        parts["muscles"] = tuple(_muscle(one, draw) for one in model.muscles)
+        parts["muscles"] = tuple(_muscle(muscle, draw) for muscle in model.muscles)
     if has.wrap_radius:
-        parts["wrap_objects"] = tuple(_surface(one, draw) for one in model.wrap_objects)
+        parts["wrap_objects"] = tuple(_surface(item, draw) for item in model.wrap_objects)
     return replace(model, **parts) if parts else model
 
 
@@ -112,16 +112,16 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
     return made
 
 
-def _with_fitted_tendons(made: Model, given: Model) -> Model:
+def _with_fitted_tendons(made: Model, model: Model) -> Model:
     """Slack lengths with which normalized fiber lengths in the default pose are those of the model that was given."""
     muscles = []
-    for one, old, length, before in zip(
-        made.muscles, given.muscles, default_path_lengths(made), _lengths(given), strict=True
+    for muscle, old, length, before in zip(
+        made.muscles, model.muscles, default_path_lengths(made), _lengths(model), strict=True
     ):
         stretched = max(float(before) - old.tendon_slack_length, 0.0)
-        more = float(length - before) - (one.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
+        more = float(length - before) - (muscle.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
         least = 0.5 * old.tendon_slack_length
-        muscles.append(changed(one, tendon_slack_length=max(one.tendon_slack_length + more, least)))
+        muscles.append(changed(muscle, tendon_slack_length=max(muscle.tendon_slack_length + more, least)))
     return replace(made, muscles=tuple(muscles))
 
 
@@ -130,7 +130,7 @@ _lengths = Latest(default_path_lengths)
 
 def stronger(model: Model, factor: float) -> Model:
     """The same with all muscles stronger, compiled as the one that was given."""
-    muscles = (changed(one, max_isometric_force=factor * one.max_isometric_force) for one in model.muscles)
+    muscles = (changed(muscle, max_isometric_force=factor * muscle.max_isometric_force) for muscle in model.muscles)
     made = replace(model, muscles=tuple(muscles))
     compile_tree_as(made, model)
     compile_paths_as(made, model)
@@ -140,10 +140,10 @@ def stronger(model: Model, factor: float) -> Model:
 
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
     """Bodies whose masses sum up to the same, but for the error of the whole."""
-    masses = {one.name: one.mass * draw.factor("segment_mass", one.name) for one in model.bodies}
+    masses = {body.name: body.mass * draw.factor("segment_mass", body.name) for body in model.bodies}
     whole = sum(masses.values())
     scale = draw.factor("body_mass", "body") * (model.mass / whole if whole > 0.0 else 1.0)
-    return tuple(_body(one, scale * masses[one.name], draw) for one in model.bodies)
+    return tuple(_body(body, scale * masses[body.name], draw) for body in model.bodies)
 
 
 def _body(body: Body, mass: float, draw: Draw) -> Body:
@@ -170,8 +170,8 @@ def _bowed(model: Model, parts: Mapping[str, Any], draw: Draw) -> dict[str, Any]
     joints, markers = parts.get("joints", model.joints), parts.get("markers", model.markers)
     for name, leg in legs_of(model).items():
         angle = float(draw.of("leg_alignment", name)[0])
-        joints = tuple(bowed_knee(one, leg, angle) if one.name == name else one for one in joints)
-        markers = tuple(beside_bowed_bones(one, leg, angle) for one in markers)
+        joints = tuple(bowed_knee(joint, leg, angle) if joint.name == name else joint for joint in joints)
+        markers = tuple(beside_bowed_bones(marker, leg, angle) for marker in markers)
     return {"joints": joints, "markers": markers}
 
 
@@ -196,10 +196,12 @@ def _path(path: Path, muscle: str, draw: Draw) -> Path:
     if not draw.sources.attachment:
         return path
     points = tuple(
-        changed(one, location=one.location + draw.of("attachment", f"{muscle} {k}", 3, f"{muscle}/{one.name}"))
-        if isinstance(one, PathPoint)
-        else one
-        for k, one in enumerate(path.points)
+        changed(
+            point, location=point.location + draw.of("attachment", f"{muscle} {index}", 3, f"{muscle}/{point.name}")
+        )
+        if isinstance(point, PathPoint)
+        else point
+        for index, point in enumerate(path.points)
     )
     return changed(path, points=points)
 
@@ -209,4 +211,4 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
     sizes = surface.size
     if surface.kind == "cylinder":
         return replace(surface, size=(factor * sizes[0], *sizes[1:]))
-    return replace(surface, size=tuple(factor * one for one in sizes))
+    return replace(surface, size=tuple(factor * size for size in sizes))

@@ -43,13 +43,13 @@ def _legs(model: Model) -> Mapping[str, Leg]:
 
 def _leg(model: Model, knee: Joint) -> Leg | None:
     down, poses = long_axis(model, knee), flexed(model, knee)
-    hip = next((one for one in model.joints if one.child == knee.parent), None)
+    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
     if down is None or poses is None or hip is None:
         return None
     index = compile_tree(model).body_index
     thigh, shank = (poses.rotations[0, index[one]] for one in (knee.parent, knee.child))
     axis = np.cross(down, hinge_axis(model, knee, poses, down))
-    below = [one.parent_frame.translation for one in model.joints if one.parent == knee.child]
+    below = [joint.parent_frame.translation for joint in model.joints if joint.parent == knee.child]
     ankle = max(below, key=lambda one: float((one - knee.child_frame.translation) @ down))
     return Leg(knee.parent, knee.child, thigh.T @ shank @ axis, axis, hip.child_frame.translation, ankle)
 

@@ -18,7 +18,7 @@ def drawn_sites(sites: Sequence[Site], draw: Draw) -> tuple[Site, ...]:
     if not draw.sources.contact_point:
         return tuple(sites)
     return tuple(
-        replace(one, points=one.points + draw.of("contact_point", f"{one.group} {one.body}", 3)) for one in sites
+        replace(site, points=site.points + draw.of("contact_point", f"{site.group} {site.body}", 3)) for site in sites
     )
 
 
@@ -32,9 +32,9 @@ def drawn_strengths(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
     if not draw.sources.contact_time or len(ready) < 2:
         return ready
     values = np.array(ready.values)
-    for group in dict.fromkeys(one.group for one in sites):
+    for group in dict.fromkeys(site.group for site in sites):
         begin, end = draw.of("contact_time", group, 2)
-        own = [k for k, one in enumerate(sites) if one.group == group]
+        own = [index for index, one in enumerate(sites) if one.group == group]
         values[:, own] = _moved(ready.time, values[:, own], float(begin), float(end))
     return replace(ready, values=values)
 
@@ -46,7 +46,7 @@ def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
     """
     on = (values > 0.0).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    found = np.zeros_like(values)
+    result = np.zeros_like(values)
     for start, stop in edges.reshape(-1, 2):
         first = begin if start > 0 else 0.0
         last = end if stop < len(time) else 0.0
@@ -57,6 +57,6 @@ def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
         length = max(time[stop - 1] - time[start] + last - first, 1e-9)
         late = first + (last - first) * np.clip((time - time[start] - first) / length, 0.0, 1.0)
         at = time - (late if stop - start > 2 else np.where(time < middle, first, last))
-        for k in range(values.shape[1]):
-            found[:, k] = np.maximum(found[:, k], np.interp(at, time, alone[:, k]))
-    return found
+        for index in range(values.shape[1]):
+            result[:, index] = np.maximum(result[:, index], np.interp(at, time, alone[:, index]))
+    return result

@@ -71,8 +71,8 @@ class FoundSizes:
     def with_step(self, step: str, sizes: Iterable[ItemSize]) -> FoundSizes:
         """The same with what a later step found, which replaces all that earlier ones said of its sources."""
         found: dict[str, dict[str, ItemSize]] = {}
-        for one in sizes:
-            found.setdefault(one.source, {})[one.item] = one
+        for size in sizes:
+            found.setdefault(size.source, {})[size.item] = size
         items = {**self.items, **{source: FrozenMap(own) for source, own in found.items()}}
         return FoundSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(found, step)}))
 
@@ -87,16 +87,16 @@ class FoundSizes:
 NOTHING = FoundSizes()
 
 
-def source_sizes(sources: Sources, found: FoundSizes) -> tuple[SourceSize, ...]:
+def source_sizes(sources: Sources, found_sizes: FoundSizes) -> tuple[SourceSize, ...]:
     """Every source with its size and where that comes from; one that is left out has size 0."""
     rows = []
     for group, names in GROUPS.items():
         for name in names:
-            own = np.array([one.size for one in found.items.get(name, {}).values()])
+            own = np.array([one.size for one in found_sizes.items.get(name, {}).values()])
             size, origin = float(getattr(sources, name)), _origin(sources, name)
             if len(own) and origin == USUAL:
                 least, middle, greatest = (float(one) for one in np.quantile(own, (0.0, 0.5, 1.0)))
-                rows.append(SourceSize(group, name, middle, found.origins[name], len(own), least, greatest))
+                rows.append(SourceSize(group, name, middle, found_sizes.origins[name], len(own), least, greatest))
             else:
                 rows.append(SourceSize(group, name, size, origin, 0, size, size))
     return tuple(rows)

@@ -53,9 +53,9 @@ class Normals:
         """(frames, names, size) numbers of several items at once."""
         before = int(np.ceil(REACH * width)) if width > 0.0 else 0
         white = np.empty((frames + 2 * before, len(names), size))
-        for k, name in enumerate(names):
+        for index, name in enumerate(names):
             rng = np.random.default_rng((self.seed, crc32(source.encode()), crc32(name.encode()), draw))
-            white[:, k] = rng.standard_normal((len(white), size))
+            white[:, index] = rng.standard_normal((len(white), size))
         if not before:
             return white
         from scipy.signal import oaconvolve  # Takes half a second to import, and only draws need it.

@@ -47,8 +47,8 @@ class SlowNoise:
         impulse = CausalStream(filter, 1)
         answer = []
         first = int(np.ceil(FORGETS * delay / self._step))
-        for k in range(-1, first):
-            impulse.push(np.array([k * self._step]), np.array([[1.0 if k == 0 else 0.0]]))
+        for index in range(-1, first):
+            impulse.push(np.array([index * self._step]), np.array([[1.0 if index == 0 else 0.0]]))
             answer.append(float(impulse.state[0]))
         self._scale, self._count = 1.0 / float(np.linalg.norm(answer)), count
         self._until, self._most = np.nan, first
@@ -99,7 +99,7 @@ class MarkerErrors:
         self._places = [_Places(one, self._names) for one in (compile_tree(model), *drawn)]
         bodies = [model.marker(name).body for name in self._names]
         hold = list(dict.fromkeys(bodies))
-        self._of = [hold.index(one) for one in bodies]
+        self._of = [hold.index(body) for body in bodies]
         self._shape = len(draws), len(self._names) + len(hold), 3
         sources = draws[0].sources
         seed = draws[0].normals.seed
@@ -125,9 +125,9 @@ class MarkerErrors:
         slopes = self._slopes.at(pose[None], seen[None])[0]
         yield
         apart = self._moved(time)
-        for k, one in enumerate(self._places[1:]):
-            apart[k] -= one.at(pose) - places
-            if k % TOGETHER == TOGETHER - 1:
+        for index, place in enumerate(self._places[1:]):
+            apart[index] -= place.at(pose) - places
+            if index % TOGETHER == TOGETHER - 1:
                 yield
         apart[:, ~seen] = 0.0
         errors[:] = apart.reshape(len(apart), -1) @ slopes.T
@@ -153,10 +153,13 @@ class AngleErrors:
     """Errors of angles of a body without markers, as of `drawn_angles`; `rate` as of `MarkerErrors`."""
 
     def __init__(self, model: Model, draws: Sequence[Draw], rate: float):
-        driven, floating = {one.dependent for one in model.couplers}, floating_coordinates(model)
+        driven, floating = {coupler.dependent for coupler in model.couplers}, floating_coordinates(model)
         free = [
-            one.motion == "rotational" and not one.locked and one.name not in driven and one.name not in floating
-            for one in model.coordinates
+            coordinate.motion == "rotational"
+            and not coordinate.locked
+            and coordinate.name not in driven
+            and coordinate.name not in floating
+            for coordinate in model.coordinates
         ]
         self._sizes = draws[0].sources.angle * np.array(free, dtype=np.float64)
         self._noise = SlowNoise(draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed, rate)

@@ -120,7 +120,7 @@ class SlopeFinder:
         seen : (frames, markers) whether a marker is; what is hidden has no derivative
         """
         blocks = range(0, len(coordinates), BLOCK)
-        parts = [self._block(coordinates[k : k + BLOCK], seen[k : k + BLOCK]) for k in blocks]
+        parts = [self._block(coordinates[block : block + BLOCK], seen[block : block + BLOCK]) for block in blocks]
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _block(self, coordinates: Array, seen: np.ndarray) -> Array:

@@ -35,15 +35,15 @@ def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict
         segments = segments_of(model)
     except BadData:  # No human body: the trunk's size for all of it.
         segments = {}
-    found = {}
+    result = {}
     for marker in model.markers:
         part = segments.get(marker.body)
         size = getattr(draw.sources, SKIN.get(part.name if part else "", "skin_trunk"))
         own = np.sqrt(1.0 - TOGETHER) * size
         # Residuals are distances in space; nothing is added where the source is left out.
         seen = residuals.get(marker.name, 0.0) / np.sqrt(3.0)
-        found[marker.name] = (np.sqrt(TOGETHER) * size, max(own, seen) if size else 0.0)
-    return found
+        result[marker.name] = (np.sqrt(TOGETHER) * size, max(own, seen) if size else 0.0)
+    return result
 
 
 def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping[str, float]) -> Markers:
@@ -55,9 +55,9 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
     """
     frames, width = len(markers), _width(markers.time, draw.sources.skin_time)
     sizes = skin_sizes(model, draw, residuals)
-    bodies = {one.name: one.body for one in model.markers}
+    bodies = {marker.name: marker.body for marker in model.markers}
     values, noise = np.array(markers.values), draw.sources.marker_noise
-    known = [k for k, name in enumerate(markers.names) if name in sizes]
+    known = [index for index, name in enumerate(markers.names) if name in sizes]
     names = [markers.names[k] for k in known]
     if noise:
         values[:, known] += noise * draw.normals.processes(draw.number, "noise", names, frames, 0.0)
@@ -74,14 +74,14 @@ def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
     """A motion with errors in all angles that are free; where a body floats, its place is kept."""
     frames, width = len(motion), _width(motion.time, draw.sources.skin_time)
     values, size = np.array(motion.values), draw.sources.angle
-    driven = {one.dependent for one in model.couplers}
+    driven = {coupler.dependent for coupler in model.couplers}
     floating = floating_coordinates(model)
-    for k, name in enumerate(motion.names):
+    for index, name in enumerate(motion.names):
         coordinate = model.coordinate(name)
         slides = coordinate.motion != "rotational"
         if not size or coordinate.locked or name in driven or slides or name in floating:
             continue
-        values[:, k] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+        values[:, index] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
     return replace(motion, values=values)
 
 
@@ -93,10 +93,10 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
     up : (3,) unit vector of the vertical
     """
     points, forces = np.array(wrenches.points), np.array(wrenches.forces)
-    for k, name in enumerate(wrenches.names):
+    for index, name in enumerate(wrenches.names):
         shift = draw.of("plate_position", name, 3)
-        points[:, k] += shift - (shift @ up) * up
-        forces[:, k] *= np.exp(draw.of("plate_gain", name, 3))
+        points[:, index] += shift - (shift @ up) * up
+        forces[:, index] *= np.exp(draw.of("plate_gain", name, 3))
     moved = replace(wrenches, points=points, forces=forces)
     late = float(draw.of("clock", "forces")[0])
     return shifted(moved, late) if late else moved

@@ -96,10 +96,10 @@ class Sources:
     criterion: float = 1.0
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
+        for field in fields(self):
+            value = getattr(self, field.name)
             if not 0.0 <= value < math.inf:
-                raise BadData(f"uncertainty '{one.name}' is {value:g}: expected 0 or more")
+                raise BadData(f"uncertainty '{field.name}' is {value:g}: expected 0 or more")
         if not self.skin_time > 0.0:
             raise BadData("uncertainty 'skin_time' is 0: expected a time [s] above 0")
 

@@ -97,7 +97,9 @@ class Uncertainty:
     @property
     def summary(self) -> str:
         """How limits were found, as the end of a line."""
-        wider = ", ".join(f"{name.replace('_', ' ')} {one:g}" for name, one in self.factors.items() if one != 1.0)
+        wider = ", ".join(
+            f"{name.replace('_', ' ')} {factor:g}" for name, factor in self.factors.items() if factor != 1.0
+        )
         found = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
         return f"{found}, widened by factors ({wider})" if wider else found
 

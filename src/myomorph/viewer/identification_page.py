@@ -173,7 +173,7 @@ class WebViewer(Page):
         colors = (255.0 * level_color(np.asarray(levels, dtype=np.float64)) ** DEEPER).astype(int)
         with self._server.atomic():
             for body, mesh in self._links.handles.items():
-                mesh.color = (190, 190, 190) if body == 0 else tuple(int(one) for one in colors[body - 1])
+                mesh.color = (190, 190, 190) if body == 0 else tuple(int(color) for color in colors[body - 1])
             self._progress.value = 100.0 * min(max(progress, 0.0), 1.0)
             self._text.content = text
 

@@ -81,13 +81,13 @@ class ChainViewer(Page):
         super().__init__(port, "Myomorph live")
         self._model, view = model, BodyView(model, surfaces)
         self._paths = compile_paths(model)
-        self._strength = np.array([max(one.max_isometric_force, 1e-9) for one in model.muscles])
+        self._strength = np.array([max(muscle.max_isometric_force, 1e-9) for muscle in model.muscles])
         scene = view.scene
         self._size = min(scene.size, TALL * (scene.high - scene.low))
         gravity = float(np.linalg.norm(model.gravity)) or 9.81
         self._weight = max(gravity * model.mass, 1e-9)
         self._show_body(view, bone_solids(scene, self._size) if view.meshed else view.limbs(THIN), 0.9)
-        rest = np.array([one.default for one in model.coordinates])
+        rest = np.array([coordinate.default for coordinate in model.coordinates])
         unknown = np.full(len(model.muscles), np.nan)
         self._muscles = add_batch(self._page, "/around/muscles", tube(), self._strings(rest, unknown, unknown))
         none = np.full((wrenches, 2, 3), np.nan)
@@ -141,7 +141,7 @@ class Rows:
     """Muscles and coordinates that a table tells of: those that were strongest of late, kept for a while."""
 
     def __init__(self, model: Model):
-        self._turning = np.array([one.motion == "rotational" for one in model.coordinates], np.bool_)
+        self._turning = np.array([coordinate.motion == "rotational" for coordinate in model.coordinates], np.bool_)
         self._forces, self._torques = np.zeros(len(model.muscles)), np.zeros(len(model.coordinates))
         self._sorted = -np.inf
         self._chosen: tuple[list[int], list[int]] = ([], [])

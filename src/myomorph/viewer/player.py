@@ -120,12 +120,12 @@ class Player(Page):
         scene = bodies[0].scene
         self.bodies, self.found = bodies, [()] * len(bodies)
         self._offsets = _together(bodies)
-        ends = [(one.time[0] - late, one.time[-1] - late) for one, late in zip(bodies, self._offsets, strict=True)]
+        ends = [(body.time[0] - late, body.time[-1] - late) for body, late in zip(bodies, self._offsets, strict=True)]
         self.span = float(min(one for one, _ in ends)), float(max(one for _, one in ends))
         self.now = self.span[0]
-        first = [one.at(self._frame(i)) for i, one in enumerate(bodies)]
+        first = [body.at(self._frame(i)) for i, body in enumerate(bodies)]
         self._lay_floor(scene, first[0].origins[1])
-        self.shown = [ShownBody(self._page, f"/around/body{i}", one, i) for i, one in enumerate(bodies)]
+        self.shown = [ShownBody(self._page, f"/around/body{i}", body, i) for i, body in enumerate(bodies)]
         self._frames = [-1] * len(bodies)
         spread = float(np.linalg.norm(np.ptp([one.middle for one in first], axis=0)))
         near = len(bodies) > 1 and spread < TOO_NEAR * scene.size
@@ -142,8 +142,8 @@ class Player(Page):
         """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""
         scene = self.bodies[0].scene
         roots = [
-            one.at(self._frame(i)).middle + self.around.position + shown.node.position
-            for i, (one, shown) in enumerate(zip(self.bodies, self.shown, strict=True))
+            body.at(self._frame(i)).middle + self.around.position + shown.node.position
+            for i, (body, shown) in enumerate(zip(self.bodies, self.shown, strict=True))
         ]
         mean = np.mean(roots, axis=0)
         middle: np.ndarray = mean + (0.5 * (scene.floor + scene.high) - mean @ scene.up) * scene.up
@@ -196,7 +196,7 @@ def _label(name: str, activation: float, tension: float) -> str:
 
 def _together(bodies: Sequence[PlayedBody]) -> list[float]:
     """What to take off each body's clock: nothing, unless recordings share no time; then all begin at 0 [s]."""
-    first, last = max(one.time[0] for one in bodies), min(one.time[-1] for one in bodies)
+    first, last = max(body.time[0] for body in bodies), min(body.time[-1] for body in bodies)
     if len(bodies) == 1 or first < last:
         return [0.0] * len(bodies)
-    return [float(one.time[0]) for one in bodies]
+    return [float(body.time[0]) for body in bodies]

@@ -61,7 +61,7 @@ class Replay(Player):
     def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
         super().__init__(port)
         self.choices = choices
-        self.chosen = [next(iter(one)) for one in choices]
+        self.chosen = [next(iter(choice)) for choice in choices]
         self._stopped = threading.Event()
         try:
             with self.lock:
@@ -69,7 +69,7 @@ class Replay(Player):
                 self._server.on_client_connect(self._welcome)
                 if served is not None:
                     served(self.port)
-                self._build([PlayedBody(one[name]()) for one, name in zip(choices, self.chosen, strict=True)])
+                self._build([PlayedBody(choice[name]()) for choice, name in zip(choices, self.chosen, strict=True)])
         except BaseException:
             self._stopped.set()
             with quiet():
@@ -96,7 +96,7 @@ class Replay(Player):
     def _build(self, bodies: list[PlayedBody]) -> None:
         """Make all that the page shows."""
         self._load(bodies)
-        names = [tuple(one) for one in self.choices]
+        names = [tuple(choice) for choice in self.choices]
         self.panel = Panel(self, self._server, names, self.chosen, self.choose)
         self._draw(slow=True)
 
@@ -143,7 +143,7 @@ class Panel:
     ):
         self._player, self._server, self._gui = player, server, server.gui
         self._recordings, self._chosen, self._choose = recordings, chosen, choose
-        self._indices = [MuscleIndex(one.muscles, [who.prefix for who in one.subjects]) for one in player.bodies]
+        self._indices = [MuscleIndex(body.muscles, [who.prefix for who in body.subjects]) for body in player.bodies]
         self._subject, self._missed = 0, ""
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(WIDTH)
@@ -204,7 +204,7 @@ class Panel:
         gui, player = self._gui, self._player
         with gui.add_folder("Muscles"):
             if len(player.bodies) > 1:
-                subjects = tuple(f"{i + 1}: {one.given.head.title}" for i, one in enumerate(player.bodies))
+                subjects = tuple(f"{i + 1}: {body.given.head.title}" for i, body in enumerate(player.bodies))
                 subject = gui.add_dropdown("Subject", subjects)
                 self._on(subject, lambda value: self._choose_subject(subjects.index(value)))
             self._text = gui.add_text("Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'")
@@ -212,7 +212,7 @@ class Panel:
             names = self._indices[0].names
             self._muscle = gui.add_dropdown("Muscle", (ALL, *names), initial_value=ALL, hint="Type to search")
             self._on(self._muscle, lambda name: self._stand_out(() if name == ALL else (name,)))
-            if any(one.given.tension is not None for one in player.bodies):
+            if any(body.given.tension is not None for body in player.bodies):
                 gui.add_html(_scale())
             self._numbers = gui.add_markdown("")
         for number, shown in enumerate(player.shown):
@@ -243,10 +243,10 @@ class Panel:
 
     def _add_about(self) -> None:
         with self._gui.add_folder("About", expand_by_default=False):
-            for one in self._player.bodies:
-                lines = [f"**{_plain(one.given.head.title)}**"]
-                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in one.given.head.notes]
-                lines += [f"*warning*: {_plain(text)}" for text in one.given.head.warnings]
+            for body in self._player.bodies:
+                lines = [f"**{_plain(body.given.head.title)}**"]
+                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in body.given.head.notes]
+                lines += [f"*warning*: {_plain(text)}" for text in body.given.head.warnings]
                 self._gui.add_markdown("\n\n".join(lines))
 
     def _look(self, event: Any) -> None:
@@ -385,7 +385,7 @@ class MuscleIndex:
 
 
 def _words(name: str, side: str, prefixes: Sequence[str]) -> str:
-    own = next((name.removeprefix(one) for one in prefixes if one and name.startswith(one)), name)
+    own = next((name.removeprefix(prefix) for prefix in prefixes if prefix and name.startswith(prefix)), name)
     base = split_side(own.rsplit("__", 1)[-1])[0]
     titles = [label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)]
     return " ".join([name, name.replace("_", " "), side, *titles]).lower()

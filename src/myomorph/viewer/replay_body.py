@@ -137,7 +137,9 @@ class PlayedBody:
         self._muscles = _Muscles(model, given, motion.time)
         self._markers = _Markers(model, given, motion.time, self._tree.body_index)
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
-        self.centers: Array = np.stack([one.values for one in centroids(model, motion, self.subjects)], axis=1)
+        self.centers: Array = np.stack(
+            [centroid.values for centroid in centroids(model, motion, self.subjects)], axis=1
+        )
         weight = self.scene.weight * self._heaviest
         self._measured = _Arrows(given.dynamics.wrenches, motion.time, weight, self.size)
         estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
@@ -177,7 +179,7 @@ class PlayedBody:
     @property
     def _heaviest(self) -> float:
         """Share of the heaviest subject in the mass of all, by whose weight arrows are drawn."""
-        masses = [sum(self.model.body(name).mass for name in one.bodies) for one in self.subjects]
+        masses = [sum(self.model.body(name).mass for name in subject.bodies) for subject in self.subjects]
         return max(masses) / self.model.mass if self.model.mass > 0.0 else 1.0
 
     @property
@@ -274,7 +276,7 @@ class _Muscles:
     def __init__(self, model: Model, given: ReportInput, time: Array):
         shape = (len(time), len(model.muscles))
         self.activations, self.tensions = np.full(shape, np.nan), np.full(shape, np.nan)
-        self._strengths = np.array([max(one.max_isometric_force, 0.0) for one in model.muscles])
+        self._strengths = np.array([max(muscle.max_isometric_force, 0.0) for muscle in model.muscles])
         self._solved = given.tension is not None
         self.fibers: tuple[Array, Array] | None = None
         if given.tension is not None and len(given.tension.time):
@@ -288,7 +290,7 @@ class _Muscles:
             if given.tension.fibers is not None:
                 fibers = given.tension.fibers
                 self.fibers = np.full(shape, np.nan), np.full(shape, np.nan)
-                optimal = np.array([one.optimal_fiber_length for one in model.muscles])
+                optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
                 for values, each in zip(self.fibers, (fibers.lengths, fibers.tendon_strains), strict=True):
                     values[:, own >= 0] = each[near][:, own[own >= 0]]
                     values[~inside] = np.nan

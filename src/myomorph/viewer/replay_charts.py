@@ -70,7 +70,9 @@ class Chart:
     @property
     def banded(self) -> tuple[int, ...]:
         """Numbers of the curves whose limits are drawn."""
-        known = tuple(k for k, one in enumerate(self.curves) if one.low is not None and one.high is not None)
+        known = tuple(
+            index for index, curve in enumerate(self.curves) if curve.low is not None and curve.high is not None
+        )
         return known if len(known) <= MAX_BANDS else ()
 
 
@@ -87,8 +89,8 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
     angle = _are_angles(body, names)
     scale = np.rad2deg(1.0) if angle else 1.0
     curves = tuple(
-        _with_limits(body, "coordinates", name, Curve(name, scale * body.motion[name], _ink(name, k)), scale)
-        for k, name in enumerate(names)
+        _with_limits(body, "coordinates", name, Curve(name, scale * body.motion[name], _ink(name, index)), scale)
+        for index, name in enumerate(names)
     )
     return Chart(f"{label} [{'°' if angle else 'm'}]", curves)
 
@@ -101,14 +103,15 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     unit = "N m" if _are_angles(body, names) else "N"
     known = [name for name in names if name in torques.names]
     drawn = (
-        Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, k)) for k, name in enumerate(known)
+        Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
+        for index, name in enumerate(known)
     )
     curves = tuple(_with_limits(body, "torques", name, one) for name, one in zip(known, drawn, strict=True))
     return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", curves)
 
 
 def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
-    return set(names) <= {one.name for one in body.model.coordinates if one.motion == "rotational"}
+    return set(names) <= {coordinate.name for coordinate in body.model.coordinates if coordinate.motion == "rotational"}
 
 
 def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
@@ -116,7 +119,7 @@ def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     if body.given.tension is None or not len(muscles):
         return None
     curves = _of_muscles(body, muscles, "activations", body.activations)
-    emg, names = body.given.recorded.emg, {one.label for one in curves}
+    emg, names = body.given.recorded.emg, {curve.label for curve in curves}
     for channel in () if emg is None else emg.names:
         if emg is not None and names & set(body.given.recorded.emg_muscles.get(channel, ())):
             curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
@@ -132,7 +135,10 @@ def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
 
 def _of_muscles(body: PlayedBody, muscles: Sequence[int], table: str, values: Array) -> list[Curve]:
     names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
-    drawn = [Curve(name, values[:, m], _ink(name, k)) for k, (name, m) in enumerate(zip(names, muscles, strict=False))]
+    drawn = [
+        Curve(name, values[:, m], _ink(name, index))
+        for index, (name, m) in enumerate(zip(names, muscles, strict=False))
+    ]
     return [_with_limits(body, table, one.label, one) for one in drawn]
 
 
@@ -152,16 +158,16 @@ def strongest(body: PlayedBody) -> tuple[int, ...]:
         return ()
     mean = np.nan_to_num(body.tensions).mean(axis=0)
     name = body.muscles[int(np.argmax(mean))]
-    chosen = next(one for one in pairs(body.muscles) if name in one.names)
+    chosen = next(pair for pair in pairs(body.muscles) if name in pair.names)
     return tuple(body.muscles.index(one) for one in chosen.names)
 
 
 def force_chart(body: PlayedBody) -> Chart | None:
     """The vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
-    given: ReportInput = body.given
-    estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
-    for wrenches, dashed in ((given.dynamics.wrenches, False), (estimated, True)):
+    report_input: ReportInput = body.given
+    estimated = None if report_input.contacts.forces is None else report_input.contacts.forces.wrenches("group")
+    for wrenches, dashed in ((report_input.dynamics.wrenches, False), (estimated, True)):
         if wrenches is not None and len(wrenches):
             curves += _vertical(body, wrenches, dashed)
     return Chart("Vertical force [N]", tuple(curves[:MAX_CURVES])) if curves else None
@@ -170,26 +176,26 @@ def force_chart(body: PlayedBody) -> Chart | None:
 def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]:
     values = np.where(np.isfinite(wrenches.forces), wrenches.forces, 0.0) @ body.scene.up
     acts = np.abs(values).max(axis=0) > 1e-6
-    found = []
-    for k in np.flatnonzero(acts):
-        name = wrenches.names[k]
-        side = split_side(wrenches.bodies[k])[1] or split_side(name)[1]
-        color = INK[side] if side else SEVERAL[k % len(SEVERAL)]
+    result = []
+    for act in np.flatnonzero(acts):
+        name = wrenches.names[act]
+        side = split_side(wrenches.bodies[act])[1] or split_side(name)[1]
+        color = INK[side] if side else SEVERAL[act % len(SEVERAL)]
         label = f"{name}, estimated" if dashed else name
-        found.append(Curve(label, at_times(body.time, wrenches.time, values[:, k]), color, dashed))
-    return found
+        result.append(Curve(label, at_times(body.time, wrenches.time, values[:, act]), color, dashed))
+    return result
 
 
 def center_chart(body: PlayedBody) -> Chart | None:
     """Where every subject's center of mass is against its mean: upwards, ahead and to the right."""
     scene, curves = body.scene, []
     ways = (("up", scene.up), ("ahead", scene.forward), ("right", scene.right))
-    for k, subject in enumerate(body.subjects):
+    for index, subject in enumerate(body.subjects):
         for (label, axis), color in zip(ways, SEVERAL, strict=False):
-            values = body.centers[:, k] @ axis
+            values = body.centers[:, index] @ axis
             if np.isfinite(values).any():
                 name = f"{subject.name} {label}".strip()
-                curves.append(Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=k > 0))
+                curves.append(Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=index > 0))
     return Chart("Center of mass from its mean [cm]", tuple(curves[:MAX_CURVES])) if curves else None
 
 
@@ -286,8 +292,8 @@ class Plot:
         step = max(-(-len(time) // MAX_POINTS), 1)
         self._time = time[::step]
         banded = [chart.curves[k] for k in chart.banded]
-        lines = [one.values for one in chart.curves] + [end for one in banded for end in (one.high, one.low)]
-        self._lines = np.stack([np.asarray(one)[::step] for one in lines])
+        lines = [curve.values for curve in chart.curves] + [end for one in banded for end in (one.high, one.low)]
+        self._lines = np.stack([np.asarray(line)[::step] for line in lines])
         limits = (_plain(LIMIT),) * (2 * len(banded))
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
@@ -296,7 +302,7 @@ class Plot:
         with self._tab:
             self._handle = self._gui.add_uplot(
                 self._data(now),
-                ({"label": "t [s]"}, *(_series(one) for one in chart.curves), *limits, _plain(NOW)),
+                ({"label": "t [s]"}, *(_series(curve) for curve in chart.curves), *limits, _plain(NOW)),
                 title=f"{chart.title}, 90 % limits" if banded else chart.title,
                 bands=_bands(chart) or None,
                 scales={
@@ -331,8 +337,8 @@ def _bands(chart: Chart) -> tuple[dict[str, Any], ...]:
     """What to fill between the ends of each band, which stand behind all curves, the upper one first."""
     first = 1 + len(chart.curves)
     return tuple(
-        {"series": (first + 2 * k, first + 2 * k + 1), "fill": chart.curves[number].color + BAND_ALPHA}
-        for k, number in enumerate(chart.banded)
+        {"series": (first + 2 * index, first + 2 * index + 1), "fill": chart.curves[number].color + BAND_ALPHA}
+        for index, number in enumerate(chart.banded)
     )
 
 

@@ -78,7 +78,7 @@ class ShownBody:
             self._layers[name] = [self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
-            traces = [self._add_trace(k) for k in range(len(first.centers))]
+            traces = [self._add_trace(index) for index in range(len(first.centers))]
             self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
         self._add_plates()
         self._visible = dict.fromkeys(LAYERS, True)
@@ -116,12 +116,12 @@ class ShownBody:
         """Name muscles at their middles, by their indices; nothing takes the names away."""
         while len(self._labels) > len(texts):
             self._labels.pop().remove()
-        for k, (muscle, text) in enumerate(texts.items()):
+        for index, (muscle, text) in enumerate(texts.items()):
             place = self.body.middle_of(frame, muscle)
-            if k == len(self._labels):
-                name = f"{self._root}/label{k}"
+            if index == len(self._labels):
+                name = f"{self._root}/label{index}"
                 self._labels.append(self._page.add_label(name, text, position=place, anchor="bottom-left"))
-            self._labels[k].text, self._labels[k].position = text, place
+            self._labels[index].text, self._labels[index].position = text, place
 
     def on_muscle(self, clicked: Any) -> None:
         """Call `clicked(index of the muscle)` where a muscle is clicked."""
@@ -145,8 +145,8 @@ class ShownBody:
         """A color for every subject, by the numbers of its bodies; `number` colors come before."""
         names = self.body.model.body_names
         return {
-            names.index(name) + 1: BONES[(number + k) % len(BONES)]
-            for k, subject in enumerate(self.body.subjects)
+            names.index(name) + 1: BONES[(number + index) % len(BONES)]
+            for index, subject in enumerate(self.body.subjects)
             for name in subject.bodies
         }
 
@@ -164,17 +164,17 @@ class ShownBody:
         ]
 
     def _add_plates(self) -> None:
-        corners = [one.corners[outline(one.corners)] for one in self.body.given.recorded.plates]
+        corners = [plate.corners[outline(plate.corners)] for plate in self.body.given.recorded.plates]
         if not corners:
             return
         lift = 0.001 * self.body.scene.up
-        edges = np.concatenate([np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in corners]) + lift
+        edges = np.concatenate([np.stack([corner, np.roll(corner, -1, axis=0)], axis=1) for corner in corners]) + lift
         self._layers["floor"].append(self._lines("plates", edges, (70, 78, 84), 2.5))
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
         sheet = self._page.add_mesh_simple(
             f"{self._root}/sheets",
             (np.concatenate(corners) + lift).astype(np.float32),
-            np.concatenate([faces + 4 * k for k in range(len(corners))]),
+            np.concatenate([faces + 4 * index for index in range(len(corners))]),
             color=(150, 164, 172),
             opacity=0.45,
             side="double",
@@ -195,10 +195,11 @@ class ShownBody:
 def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:
     """The solids of a body of a size [m], with no more triangles than a page can draw."""
     shapes = [
-        one.surface if len(one.surface.faces) < SIMPLE else coarser(one.surface, DETAIL * size) for one in scene.solids
+        solid.surface if len(solid.surface.faces) < SIMPLE else coarser(solid.surface, DETAIL * size)
+        for solid in scene.solids
     ]
     shapes = reduced(shapes, size, MAX_TRIANGLES)
-    return tuple(Solid(one.body, shape) for one, shape in zip(scene.solids, shapes, strict=True))
+    return tuple(Solid(solid.body, shape) for solid, shape in zip(scene.solids, shapes, strict=True))
 
 
 def add_batch(page: Any, name: str, shape: Surface, shown: Tubes) -> Any:

@@ -197,8 +197,8 @@ class Links:
         colors: Mapping[int, tuple[int, int, int]] = FrozenMap({}),
     ):
         self.handles: dict[int, Any] = {}
-        for body in sorted({one.body for one in solids}):
-            surface = joined_surfaces([outward(one.surface) for one in solids if one.body == body])
+        for body in sorted({solid.body for solid in solids}):
+            surface = joined_surfaces([outward(solid.surface) for solid in solids if solid.body == body])
             self.handles[body] = page.add_mesh_simple(
                 f"{root}/link{body}",
                 np.asarray(surface.vertices, dtype=np.float32),
@@ -218,10 +218,10 @@ class Links:
 
 def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
     """Several surfaces as one."""
-    starts = np.cumsum([0, *(len(one.vertices) for one in surfaces[:-1])])
+    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
     return Surface(
-        np.concatenate([one.vertices for one in surfaces]),
-        np.concatenate([one.faces + start for one, start in zip(surfaces, starts, strict=True)]),
+        np.concatenate([surface.vertices for surface in surfaces]),
+        np.concatenate([surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]),
     )
 
 

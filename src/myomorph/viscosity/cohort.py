@@ -48,7 +48,7 @@ class PublishedSpecimen:
     @property
     def values(self) -> dict[str, float]:
         """What is printed, by quantity."""
-        return {one.name: float(getattr(self, one.name)) for one in fields(self) if one.name != "name"}
+        return {field.name: float(getattr(self, field.name)) for field in fields(self) if field.name != "name"}
 
 
 SPECIMENS = (
@@ -117,20 +117,20 @@ class CohortLine:
     count: int
 
 
-def specimen_row(found: SpecimenViscosity) -> Row:
+def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
     known: dict[str, Estimate | None] = {}
-    if found.without is not None:
-        one = found.without
+    if specimen_viscosity.without is not None:
+        one = specimen_viscosity.without
         known |= {"mass_muscles_removed": one.mass, "com_muscles_removed": one.com, "joint_viscosity": one.viscosity}
-    if found.intact is not None:
-        one = found.intact
+    if specimen_viscosity.intact is not None:
+        one = specimen_viscosity.intact
         known |= {"mass_intact": one.mass, "com_intact": one.com, "total_viscosity": one.viscosity}
-    if found.muscles is not None:
-        known["muscle_viscosity"] = found.muscles.common
-    known["estimated_muscle_mass"] = found.muscle_mass
-    if found.measured_muscle_mass is not None:
-        known["measured_muscle_mass"] = Estimate(*[found.measured_muscle_mass] * 3)
+    if specimen_viscosity.muscles is not None:
+        known["muscle_viscosity"] = specimen_viscosity.muscles.common
+    known["estimated_muscle_mass"] = specimen_viscosity.muscle_mass
+    if specimen_viscosity.measured_muscle_mass is not None:
+        known["measured_muscle_mass"] = Estimate(*[specimen_viscosity.measured_muscle_mass] * 3)
     return FrozenMap({name: one for name, one in known.items() if one is not None})
 
 

@@ -129,8 +129,8 @@ def joint_bushing(
     lost = _lost(R[some], omega[some], D)
     begun = np.log(np.maximum(D, 1e-3 * max(D.max(), 1e-12)))
     found = [
-        least_squares(lost, np.concatenate([*Rotation.random(2, random_state=k).as_rotvec(), begun]), max_nfev=60)
-        for k in range(STARTS)
+        least_squares(lost, np.concatenate([*Rotation.random(2, random_state=index).as_rotvec(), begun]), max_nfev=60)
+        for index in range(STARTS)
     ]
     best = min(found, key=lambda one: float(one.cost)).x
     turns = Rotation.from_rotvec(best[:6].reshape(2, 3)).as_matrix()
@@ -165,7 +165,7 @@ def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
 
 
 def identified_model(
-    tracked: TrackedSpecimen, found: SpecimenViscosity, cutoff: float
+    tracked: TrackedSpecimen, specimen_viscosity: SpecimenViscosity, cutoff: float
 ) -> tuple[Model, tuple[str, ...]] | None:
     """The specimen as it stood, its joint damped as found and every muscle with the common viscosity.
 
@@ -181,10 +181,14 @@ def identified_model(
     BadData
         the motion cannot be differentiated
     """
-    if found.without is None:
+    if specimen_viscosity.without is None:
         return None
-    specimen, condition = tracked.specimen, found.without
-    muscles = {} if found.muscles is None else dict.fromkeys(found.muscles.muscles, found.muscles.common.value)
+    specimen, condition = tracked.specimen, specimen_viscosity.without
+    muscles = (
+        {}
+        if specimen_viscosity.muscles is None
+        else dict.fromkeys(specimen_viscosity.muscles.muscles, specimen_viscosity.muscles.common.value)
+    )
     viscosity = strand_viscosity(muscles, specimen.muscles)
     if len(specimen.joint_coordinates) == 1:
         damping = {specimen.joint_coordinates[0]: condition.viscosity.value}

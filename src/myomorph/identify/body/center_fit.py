@@ -120,7 +120,7 @@ def hinge_cues(
     rotation: Array,
 ) -> list[Cue]:
     """Points that turn thighs and upper arms about their length, where both models have a hinge below."""
-    rest, found = first_frame(None, higher), []
+    rest, result = first_frame(None, higher), []
     places = center_positions(lower, centers[0], lower_pose)
     for key in shared:
         if centers[0][key].name not in HINGES:
@@ -134,8 +134,8 @@ def hinge_cues(
         joint = centers[1][key].joint
         local = frames_in_ground(higher, rest)[higher.body_names.index(joint.parent), :3, :3].T @ own
         location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ own) * local
-        found.append(Cue(f"{key} axis", joint.parent, location, rotation @ places[key] + AXIS_LENGTH * wanted))
-    return found
+        result.append(Cue(f"{key} axis", joint.parent, location, rotation @ places[key] + AXIS_LENGTH * wanted))
+    return result
 
 
 def _started(coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, Region]) -> Coordinate:
@@ -177,7 +177,9 @@ class CenterFit:
         self._model, self._regions, self._centers = model, regions, centers
         self._targets, self._cues = targets, cues
         own = {name: joint for joint in model.joints for name in joint.coordinates}
-        self._started = tuple(_started(one, own.get(one.name), regions) for one in model.coordinates)
+        self._started = tuple(
+            _started(coordinate, own.get(coordinate.name), regions) for coordinate in model.coordinates
+        )
         bounds: dict[Region, list[str]] = {}
         for key, center in centers.items():
             for region in dict.fromkeys((center.inner, center.outer)):
@@ -246,7 +248,7 @@ class CenterFit:
         best = self._posed(model, self._started)
         for region in dict.fromkeys(self._regions.values()):
             ball = self._ball(model, region)
-            below = [key for key, one in self._centers.items() if one.inner == region]
+            below = [key for key, center in self._centers.items() if center.inner == region]
             if not ball or not below or self._off(model, best, below) < OFF:
                 continue
             for shares in product((0.25, 0.75), repeat=len(ball)):
@@ -268,12 +270,12 @@ class CenterFit:
             return {}
         own = {name for joint in model.joints if self._regions[joint.child] == region for name in joint.coordinates}
         found = {
-            one.name: one.range
-            for one in model.coordinates
-            if one.name in own
-            and one.name not in model.dependent_coordinates
-            and np.isfinite(np.ptp(one.range))
-            and one.motion == "rotational"
+            coordinate.name: coordinate.range
+            for coordinate in model.coordinates
+            if coordinate.name in own
+            and coordinate.name not in model.dependent_coordinates
+            and np.isfinite(np.ptp(coordinate.range))
+            and coordinate.motion == "rotational"
         }
         return found if 2 <= len(found) <= 3 else {}
 
@@ -314,7 +316,7 @@ class CenterFit:
             number = higher.body_names.index(center.joint.parent)
             local = frames_in_ground(larger, pose)[number, :3, :3].T @ missing
             distances[center.key] = float(np.linalg.norm(missing))
-            model = replace(model, joints=tuple(_moved(one, center, local, factors) for one in model.joints))
+            model = replace(model, joints=tuple(_moved(joint, center, local, factors) for joint in model.joints))
         return distances, model
 
     def lengths(self, places: Mapping[str, Array]) -> tuple[LengthMatch, ...]:

@@ -230,7 +230,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
     values = tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))
     pose = Motion(np.zeros(1), model.coordinate_names, values[:1])
     links = links_of(model, pose)
-    heavy = [i for i, one in enumerate(model.bodies) if one.mass > 0.0]
+    heavy = [i for i, body in enumerate(model.bodies) if body.mass > 0.0]
     within = inside(skin, links.centers[heavy])
     outside = [links.names[i] for i, one in zip(heavy, within, strict=True) if not one]
     if within.mean() < SHARE_INSIDE:

@@ -96,7 +96,7 @@ def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict
     for name in reversed(model.body_names):
         if parents[name] != GROUND:
             below[parents[name]] |= below[name]
-    found = {}
+    result = {}
     for name, segment in segments.items():
         if name in pelvis:
             region = "pelvis"
@@ -108,8 +108,8 @@ def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict
             region = _part_of_foot(name)
         else:
             region = segment.name
-        found[name] = Region(region, "" if region in MIDDLE else segment.side)
-    return found
+        result[name] = Region(region, "" if region in MIDDLE else segment.side)
+    return result
 
 
 def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str, str]) -> set[str]:
@@ -120,16 +120,16 @@ def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str,
     }
     if not carriers:
         raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis is unknown")
-    found = set(carriers)
+    result = set(carriers)
     while True:
-        size = len(found)
+        size = len(result)
         for joint in model.joints:
             pair = {joint.parent, joint.child}
             still = not any(axis.function.arity for axis in joint.axes)
-            if still and GROUND not in pair and pair & found:
-                found |= {name for name in pair if segments[name].name == "lower_trunk"}
-        if len(found) == size:
-            return found
+            if still and GROUND not in pair and pair & result:
+                result |= {name for name in pair if segments[name].name == "lower_trunk"}
+        if len(result) == size:
+            return result
 
 
 def _part_of_foot(body: str) -> str:
@@ -149,7 +149,7 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
     for name in reversed(model.body_names):
         if parents[name] != GROUND:
             below[parents[name]] += below[name]
-    found: dict[str, Center] = {}
+    result: dict[str, Center] = {}
     for joint in model.joints:
         if joint.parent == GROUND or regions[joint.parent] == regions[joint.child]:
             continue
@@ -160,16 +160,16 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
         anchors = [axis.origin for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
         location = joint.child_frame.apply(np.mean(anchors, axis=0) if anchors else np.zeros(3))
         center = Center(name, outer.side, inner, outer, joint, location)
-        other = found.get(center.key)
+        other = result.get(center.key)
         if other is None or below[joint.child] > below[other.joint.child]:
-            found[center.key] = center
-    return found
+            result[center.key] = center
+    return result
 
 
 def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
     frames = dict(zip(model.body_names, frames_in_ground(model, pose), strict=True))
-    found = {key: (frames[one.joint.child], one.location) for key, one in centers.items()}
+    found = {key: (frames[center.joint.child], center.location) for key, center in centers.items()}
     return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in found.items()}
 
 
@@ -218,9 +218,9 @@ def spread(own: Array, target: Array) -> Array:
     less = V * np.minimum(values, 1.0) @ V.T
     more = V * np.maximum(values - 1.0, 0.0) @ V.T
     G = inverse @ _root(half @ less @ half) @ inverse
-    found = _moved(own, total, target, G)
-    found[:, :3, :3] += found[:, 3, 3, None, None] * more
-    return found
+    result = _moved(own, total, target, G)
+    result[:, :3, :3] += result[:, 3, 3, None, None] * more
+    return result
 
 
 def spread_mass(own: Array, target: Array) -> Array:

@@ -293,7 +293,7 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
 
     hips = {side: places[f"upperleg01.{side}"] for side in "RL"}
     width = float(np.linalg.norm(hips["R"] - hips["L"])) / 0.72
-    found = {
+    result = {
         "C7": leaving(places["neck01"], -FORWARD),
         "sternum": leaving(0.5 * (places["clavicle.R"] + places["clavicle.L"]), FORWARD),
         "head top": int(used[np.argmax(vertices[used, 1])]),
@@ -307,7 +307,7 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
         level = hips[letter] + 0.30 * width * UP
         foot = [v for v in used if np.linalg.norm(vertices[v] - ankle) < 0.25 and vertices[v, 1] < ankle[1]]
         forward = vertices[foot, 0]
-        found |= {
+        result |= {
             f"{side} ASIS": leaving(level + 0.14 * width * out, FORWARD),
             f"{side} PSIS": leaving(level - 0.18 * width * out, -FORWARD),
             f"{side} acromion": leaving(shoulder, UP),
@@ -320,7 +320,7 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
             f"{side} heel": int(foot[int(np.argmin(forward))]),
             f"{side} toe tip": int(foot[int(np.argmax(forward))]),
         }
-    return found
+    return result
 
 
 def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) -> Array:

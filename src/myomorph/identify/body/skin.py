@@ -236,10 +236,12 @@ def _up(vertices: Array) -> str:
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     few = vertices[:: max(1, len(vertices) // 3000)] - middle
     tree, extent = cKDTree(vertices - middle), np.ptp(vertices, axis=0)
-    asymmetry = np.array([np.median(tree.query(few * np.where(np.arange(3) == k, -1.0, 1.0))[0]) for k in range(3)])
+    asymmetry = np.array(
+        [np.median(tree.query(few * np.where(np.arange(3) == index, -1.0, 1.0))[0]) for index in range(3)]
+    )
     across = int(asymmetry.argmin())
-    others = [k for k in range(3) if k != across]
+    others = [index for index in range(3) if index != across]
     if asymmetry[across] > 0.5 * np.sort(asymmetry)[1]:
         return ""
-    tall, deep = sorted(others, key=lambda k: -extent[k])
+    tall, deep = sorted(others, key=lambda other: -extent[other])
     return "xyz"[tall] if extent[tall] > 2.0 * extent[deep] else ""

@@ -130,8 +130,8 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
         prior = problem.prior
         T = tangents(at.parameters[prior.moved])
         blocks = np.zeros((10 * len(T) + 1, 10 * len(T)))
-        for k, block in enumerate(prior.rows @ T):
-            blocks[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] = block
+        for index, block in enumerate(prior.rows @ T):
+            blocks[10 * index : 10 * index + 10, 10 * index : 10 * index + 10] = block
         total = MASS_SD * prior.reference[:, 0].sum()
         blocks[-1] = T[:, 0].ravel() / total
         miss = (at.parameters[:, 0].sum() - prior.reference[:, 0].sum()) / total
@@ -173,7 +173,7 @@ def linearize(problem: Problem, at: Unknowns) -> Equations:
 
 def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
     """Trees and marker positions with each length a little longer."""
-    found = []
+    result = []
     tree = problem.arrays(at)
     for i in range(len(at.factors) if problem.body else 0):
         factors = at.factors.copy()
@@ -184,14 +184,14 @@ def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]
             post_p=tree.post_p + LENGTH_STEP * post,
             functions=tree.functions._replace(coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients),
         )
-        found.append((longer, problem.placed(factors, at.shifts)))
-    return found
+        result.append((longer, problem.placed(factors, at.shifts)))
+    return result
 
 
 @lru_cache(maxsize=4)
 def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
     """How each length changes the constants of the tree: all but linear, so that once is enough."""
-    given, found = compile_tree(problem.model).arrays, []
+    given, result = compile_tree(problem.model).arrays, []
     for i in range(len(problem.lengths)):
         factors = np.ones(len(problem.lengths))
         factors[i] += LENGTH_STEP
@@ -202,8 +202,8 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
             (longer.functions.coefficients, given.functions.coefficients),
         )
         pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
-        found.append((pre, post, coefficients))
-    return found
+        result.append((pre, post, coefficients))
+    return result
 
 
 @read_only
@@ -244,7 +244,7 @@ def slopes(
     def part(start: int, stop: int) -> None:
         s = slice(start, stop)
         difference_frames(
-            tree, problem.markers.body, locations, free, *(one[s] for one in rates), wrench[s],
+            tree, problem.markers.body, locations, free, *(rate[s] for rate in rates), wrench[s],
             of_rates[0, s], of_rates[1, s], of_rates[2, s], moved[s],
         )  # fmt: skip
 
@@ -269,13 +269,13 @@ def slopes(
 def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: tuple[Array, Array, Array]) -> Array:
     moved, model = problem.prior.moved, problem.stretched(at.factors)
     T = tangents(at.parameters[moved])
-    found = np.zeros((len(trial.time), 6, 10 * len(moved)))
-    motion = Motion(trial.time, problem.model.coordinate_names, *(one.copy() for one in rates))
+    result = np.zeros((len(trial.time), 6, 10 * len(moved)))
+    motion = Motion(trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates))
     for block in regressor_blocks(model, motion):
         by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
-        found[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(len(by_link), 6, -1)
-    found[~trial.use] = 0.0
-    return found
+        result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(len(by_link), 6, -1)
+    result[~trial.use] = 0.0
+    return result
 
 
 def _trial_equations(

@@ -72,7 +72,7 @@ def refine(
     mass = model.mass if mass is None else mass
     given = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
-        recorded = [opened(given, one, options) for one in trials]
+        recorded = [opened(given, trial, options) for trial in trials]
         choice = _choice(given, trials, recorded, options, progress)
         problem = problem_of(given, trials, recorded, choice.options)
         solution = settle(thinned(problem), progress)
@@ -141,7 +141,7 @@ def _refinement(
         model=model_of(model, problem, at, path_lengths),
         given=model,
         trials=refined,
-        lengths=tuple(one.name for one in problem.lengths),
+        lengths=tuple(length.name for length in problem.lengths),
         factors=at.factors,
         factors_sd=deviations[lengths] if problem.body else np.zeros(len(at.factors)),
         parameters=at.parameters,
@@ -157,15 +157,15 @@ def _refinement(
 
 def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns) -> Iterator[RefinedTrial]:
     tree, places = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    for k, (data, one) in enumerate(zip(problem.trials, recorded, strict=True)):
+    for index, (data, one) in enumerate(zip(problem.trials, recorded, strict=True)):
         # Against what the plates say, whatever gain they were given.
         said = replace(data, gain=1.0)
-        distances, residual = problem.predict(tree, places, said, problem.rates(data, at.motions[k]))
+        distances, residual = problem.predict(tree, places, said, problem.rates(data, at.motions[index]))
         seen = np.isfinite(data.observed).all(axis=2)
         used = residual[data.use]
         yield RefinedTrial(
             data.name,
-            motion_of(problem, at, k),
+            motion_of(problem, at, index),
             errors_on(model, one, np.ones(len(one.usable.use), bool)),
             Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
             int(data.use.sum()),

@@ -33,11 +33,11 @@ def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
     ----------
     spread : (shared, shared) as by `covariance`
     """
-    found = np.zeros(len(problem.prior.reference))
+    result = np.zeros(len(problem.prior.reference))
     if problem.masses:
         masses = problem.columns()[2]
         rows = tangents(at.parameters[problem.prior.moved])[:, 0]
-        for k, link in enumerate(problem.prior.moved):
-            own = slice(masses.start + 10 * k, masses.start + 10 * k + 10)
-            found[link] = np.sqrt(rows[k] @ spread[own, own] @ rows[k])
-    return found
+        for index, link in enumerate(problem.prior.moved):
+            own = slice(masses.start + 10 * index, masses.start + 10 * index + 10)
+            result[link] = np.sqrt(rows[index] @ spread[own, own] @ rows[index])
+    return result

@@ -30,14 +30,16 @@ def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: Refine
     kept = "lengths and marker positions" if options.masses else "body and masses"
     texts = []
     for what, predictions in tried:
-        worst = max(predictions, key=lambda one: max(one.ratio, one.markers_ratio * WORSE / LEAVES_MARKERS))
+        worst = max(
+            predictions, key=lambda prediction: max(prediction.ratio, prediction.markers_ratio * WORSE / LEAVES_MARKERS)
+        )
         texts.append(f"refined {what} predict {_numbers(worst)}")
     yield f"{kept} are those of the given model, only {refined_parts(options)} were refined: {'; '.join(texts)}"
 
 
 def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
     """That refined motions lie farther from their own markers than inverse kinematics on the given model."""
-    left = [one for one in trials if one.after.markers > LEAVES_MARKERS * one.before.markers]
+    left = [trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers]
     if left:
         listed = ", ".join(
             f"{one.name} {1e3 * one.after.markers:.1f} mm (before {1e3 * one.before.markers:.1f})" for one in left[:4]
@@ -56,8 +58,16 @@ def refined_parts(options: RefineOptions) -> str:
 
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     """That some recordings are predicted worse than by the given model, although all together are not."""
-    left = [one for one in predictions if one.refined.markers > LEAVES_MARKERS * one.given.markers]
-    worse = [one for one in predictions if max(one.ratios) > WORSE or (one.markers_ratio > WORSE and one not in left)]
+    left = [
+        prediction
+        for prediction in predictions
+        if prediction.refined.markers > LEAVES_MARKERS * prediction.given.markers
+    ]
+    worse = [
+        prediction
+        for prediction in predictions
+        if max(prediction.ratios) > WORSE or (prediction.markers_ratio > WORSE and prediction not in left)
+    ]
     if worse:
         listed = "; ".join(_numbers(one) for one in worse[:4])
         yield (
@@ -73,11 +83,13 @@ def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
         )
 
 
-def _numbers(one: Prediction) -> str:
+def _numbers(prediction: Prediction) -> str:
     return (
-        f"{one.name} at {one.refined.force:.1f} N, {one.refined.moment:.1f} N m, markers "
-        f"{1e3 * one.refined.markers:.1f} mm (given model {one.given.force:.1f} N, {one.given.moment:.1f} N m, "
-        f"{1e3 * one.given.markers:.1f} mm; a body refined without forces {1e3 * one.markers_alone:.1f} mm)"
+        f"{prediction.name} at {prediction.refined.force:.1f} N, {prediction.refined.moment:.1f} N m, markers "
+        f"{1e3 * prediction.refined.markers:.1f} mm (given model {prediction.given.force:.1f} N, "
+        f"{prediction.given.moment:.1f} N m, "
+        f"{1e3 * prediction.given.markers:.1f} mm; a body refined without forces "
+        f"{1e3 * prediction.markers_alone:.1f} mm)"
     )
 
 

@@ -30,7 +30,7 @@ LEAVES_MARKERS = 1.1
 not taken, whatever its forces."""
 
 
-def errors_on(model: Model, one: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
+def errors_on(model: Model, opened: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
     """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
 
     Parameters
@@ -38,18 +38,18 @@ def errors_on(model: Model, one: Opened, within: np.ndarray | None = None, use: 
     within : (frames,) of the forces' clock that count; all by default
     use : (frames,) in which the plates carry all; by default as the model itself says
     """
-    recording = one.usable.recording
-    counts = one.usable.use if use is None else use
+    recording = opened.usable.recording
+    counts = opened.usable.use if use is None else use
     residual = _needed(model, recording.motion) - base_wrench(model, recording.motion, recording.wrenches)
     residual = residual[counts if within is None else counts & within]
-    distances = one.distances if within is None else one.distances[_inside(one, within)]
+    distances = opened.distances if within is None else opened.distances[_inside(opened, within)]
     return Errors(float(np.sqrt(np.nanmean(distances**2))), rms(residual[:, 3:]), rms(residual[:, :3]))
 
 
-def _inside(one: Opened, within: np.ndarray) -> np.ndarray:
+def _inside(opened: Opened, within: np.ndarray) -> np.ndarray:
     """(frames,) of the markers' clock that lie where the frames of the forces' clock count."""
-    time = one.usable.recording.motion.time[within]
-    return (one.motion.time >= time[0] - 1e-9) & (one.motion.time <= time[-1] + 1e-9)
+    time = opened.usable.recording.motion.time[within]
+    return (opened.motion.time >= time[0] - 1e-9) & (opened.motion.time <= time[-1] + 1e-9)
 
 
 def rms(vectors: Array) -> float:
@@ -75,11 +75,11 @@ def predictions_of(
             _prediction(
                 trial.name,
                 model,
-                problem_of(model, _without(trials, k), _without(recorded, k), options),
-                (trial, recorded[k], None),
+                problem_of(model, _without(trials, index), _without(recorded, index), options),
+                (trial, recorded[index], None),
                 progress,
             )
-            for k, trial in enumerate(trials)
+            for index, trial in enumerate(trials)
         )
     use = recorded[0].usable.use
     middle = np.cumsum(use) * 2 >= use.sum()
@@ -134,8 +134,8 @@ def worse(predictions: Sequence[Prediction]) -> bool:
     """Whether the refined body predicts forces worse than the given one, or lets go of the markers."""
     if not predictions:
         return False
-    forces = float(np.mean([one.ratio for one in predictions]))
-    markers = float(np.mean([one.markers_ratio for one in predictions]))
+    forces = float(np.mean([prediction.ratio for prediction in predictions]))
+    markers = float(np.mean([prediction.markers_ratio for prediction in predictions]))
     return forces > WORSE or markers > LEAVES_MARKERS
 
 
@@ -145,5 +145,5 @@ def model_of(
     """The given model with the lengths, marker positions and masses of a point."""
     made = scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths) if problem.body else model
     places = dict(zip(problem.names, problem.placed(at.factors, at.shifts), strict=True))
-    placed = tuple(replace(one, location=places.get(one.name, one.location)) for one in made.markers)
+    placed = tuple(replace(marker, location=places.get(marker.name, marker.location)) for marker in made.markers)
     return with_inertial_parameters(made.with_markers(placed), at.parameters)

@@ -138,7 +138,7 @@ class Problem:
     def begin(self) -> Unknowns:
         """Splines nearest to inverse kinematics, on the model as it is."""
         free = self.markers.free
-        motions = tuple(one.basis.fitted(one.start[:, free]) for one in self.trials)
+        motions = tuple(trial.basis.fitted(trial.start[:, free]) for trial in self.trials)
         shifts = np.zeros_like(self.locations)
         return Unknowns(motions, np.ones(len(self.lengths)), shifts, self.prior.reference)
 
@@ -184,7 +184,7 @@ class Problem:
                 tree,
                 self.markers.body,
                 locations,
-                *(one[s] for one in rates),
+                *(rate[s] for rate in rates),
                 wrench[s],
                 places[s],
                 residual[s],

@@ -135,16 +135,16 @@ class Refinement:
     @property
     def before(self) -> Errors:
         """Of all trials together."""
-        return _together([one.before for one in self.trials], [one.used for one in self.trials], self._frames)
+        return _together([trial.before for trial in self.trials], [trial.used for trial in self.trials], self._frames)
 
     @property
     def after(self) -> Errors:
         """Of all trials together."""
-        return _together([one.after for one in self.trials], [one.used for one in self.trials], self._frames)
+        return _together([trial.after for trial in self.trials], [trial.used for trial in self.trials], self._frames)
 
     @property
     def _frames(self) -> list[int]:
-        return [one.frames for one in self.trials]
+        return [trial.frames for trial in self.trials]
 
 
 def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:
@@ -152,7 +152,7 @@ def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[in
         return float(np.sqrt(np.average(np.square(values), weights=counts)))
 
     return Errors(
-        mean([one.markers for one in errors], frames),
-        mean([one.force for one in errors], used),
-        mean([one.moment for one in errors], used),
+        mean([error.markers for error in errors], frames),
+        mean([error.force for error in errors], used),
+        mean([error.moment for error in errors], used),
     )

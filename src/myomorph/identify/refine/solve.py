@@ -89,13 +89,13 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
     H, g = equations.H.copy(), equations.g.copy()
     H[np.diag_indices_from(H)] *= 1.0 + damping
     solved = []
-    for one in equations.trials:
-        band = one.band.copy()
+    for trial in equations.trials:
+        band = trial.band.copy()
         band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
         factor = cholesky_banded(band, lower=True, overwrite_ab=True)
-        found = cho_solve_banded((factor, True), np.column_stack([one.right, one.cross]))
-        H -= one.cross.T @ found[:, 1:]
-        g -= one.cross.T @ found[:, 0]
+        found = cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
+        H -= trial.cross.T @ found[:, 1:]
+        g -= trial.cross.T @ found[:, 0]
         solved.append(found)
     return H, g, solved
 

@@ -45,10 +45,10 @@ class Basis:
         weights = np.empty((3, len(time), WIDTH))
         # All pieces are the same function: the piece of each coefficient, shifted into the first interval.
         local = (time - start - first * step)[:, None] + start
-        for k in range(WIDTH):
-            one = BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[k], DEGREE, extrapolate=True)
+        for index in range(WIDTH):
+            bspline = BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True)
             for nu in range(3):
-                weights[nu, :, k] = one(local, nu)[:, 0]
+                weights[nu, :, index] = bspline(local, nu)[:, 0]
         return cls(first, weights, pieces + DEGREE)
 
     def at(self, coefficients: Array, derivative: int = 0) -> Array:
@@ -69,5 +69,5 @@ class Basis:
                 if known[f]:
                     right[at + i] += w[i] * values[f]
         band[0] += 1e-12
-        found: Array = cho_solve_banded((cholesky_banded(band, lower=True), True), right)
-        return found
+        result: Array = cho_solve_banded((cholesky_banded(band, lower=True), True), right)
+        return result

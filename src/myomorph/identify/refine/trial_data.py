@@ -81,12 +81,12 @@ def problem_of(
     masses = inertial_parameters(model)
     if options.masses:
         inside = within or {}
-        parts = [_weighed(_only(one.usable, inside.get(k)), model.mass) for k, one in enumerate(recorded)]
+        parts = [_weighed(_only(one.usable, inside.get(index)), model.mass) for index, one in enumerate(recorded)]
         masses = identified_masses(model, parts, options.cutoff)
     arrays = marker_arrays(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
-        _trial_data(model, names, trial, one, options, None if within is None else within.get(k))
-        for k, (trial, one) in enumerate(zip(trials, recorded, strict=True))
+        _trial_data(model, names, trial, one, options, None if within is None else within.get(index))
+        for index, (trial, one) in enumerate(zip(trials, recorded, strict=True))
     ]
     return Problem(
         bare,
@@ -104,43 +104,43 @@ def problem_of(
     )
 
 
-def _only(one: Usable, within: np.ndarray | None) -> Usable:
+def _only(usable: Usable, within: np.ndarray | None) -> Usable:
     """A recording of which no more frames are used than those within a part."""
     if within is None:
-        return one
-    return replace(one, recording=replace(one.recording, use=one.use & within))
+        return usable
+    return replace(usable, recording=replace(usable.recording, use=usable.use & within))
 
 
-def gain_of(one: Usable, mass: float) -> float:
+def gain_of(usable: Usable, mass: float) -> float:
     """By which forces are multiplied where plates weigh the body otherwise than stated by more than `MASS_TOLERANCE`.
 
     A motion that had to explain what is missing would fall or rise all the time, far from the markers.
     """
-    off = np.isfinite(one.weighs) and abs(one.weighs / mass - 1.0) > MASS_TOLERANCE
-    return mass / one.weighs if off else 1.0
+    off = np.isfinite(usable.weighs) and abs(usable.weighs / mass - 1.0) > MASS_TOLERANCE
+    return mass / usable.weighs if off else 1.0
 
 
-def _weighed(one: Usable, mass: float) -> Usable:
+def _weighed(usable: Usable, mass: float) -> Usable:
     """A recording whose plates weigh the body, see `gain_of`."""
-    gain, wrenches = gain_of(one, mass), one.recording.wrenches
+    gain, wrenches = gain_of(usable, mass), usable.recording.wrenches
     if gain == 1.0:
-        return one
+        return usable
     wrenches = replace(wrenches, forces=gain * wrenches.forces, torques=gain * wrenches.torques)
-    return replace(one, recording=replace(one.recording, wrenches=wrenches))
+    return replace(usable, recording=replace(usable.recording, wrenches=wrenches))
 
 
 def thinned(problem: Problem) -> Problem:
     """The problem with as many frames as its knots need: skin stays alike for longer, and forces are filtered."""
     rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
     trials = []
-    for one in problem.trials:
-        step = max(1, int(1.0 / (rate * float(np.median(np.diff(one.time)))) + 1e-6))
-        every, span = slice(None, None, step), (float(one.time[0]), float(one.time[-1]))
-        basis = Basis.of(one.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
+    for trial in problem.trials:
+        step = max(1, int(1.0 / (rate * float(np.median(np.diff(trial.time)))) + 1e-6))
+        every, span = slice(None, None, step), (float(trial.time[0]), float(trial.time[-1]))
+        basis = Basis.of(trial.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
         trials.append(
             replace(
-                one, time=one.time[every], observed=one.observed[every], measured=one.measured[every],
-                use=one.use[every], trust=one.trust[every], start=one.start[every], basis=basis,
+                trial, time=trial.time[every], observed=trial.observed[every], measured=trial.measured[every],
+                use=trial.use[every], trust=trial.trust[every], start=trial.start[every], basis=basis,
             )
         )  # fmt: skip
     return replace(problem, trials=tuple(trials))

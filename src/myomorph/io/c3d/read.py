@@ -133,10 +133,10 @@ def _points(
     quantity = [label in computed or bool(QUANTITY_NAME.search(label)) for label in labels]
     if all(plain):
         found.append(f"no point has a label: the {count} points were named unnamed_1, ...")
-        labels, plain = [f"unnamed_{one + 1}" for one in range(count)], [None] * count
+        labels, plain = [f"unnamed_{index + 1}" for index in range(count)], [None] * count
     names = _without_prefix(labels, facts)
-    real = [one for one in range(count) if not plain[one] and not quantity[one]]
-    other = [one for one in range(count) if quantity[one] and not plain[one]]
+    real = [index for index in range(count) if not plain[index] and not quantity[index]]
+    other = [index for index in range(count) if quantity[index] and not plain[index]]
     if any(plain):
         facts["unlabelled points"] = str(sum(1 for one in plain if one))
     values = raw.points[:, real] * meters
@@ -192,7 +192,7 @@ def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
         return None
     rate = raw.analog_rate if raw.analog_rate > 0 else raw.point_rate * samples / max(len(raw.points), 1)
     labels, units = (_filled(raw.texts("ANALOG", name), channels) for name in ("LABELS", "UNITS"))
-    names = [label or f"channel_{one + 1}" for one, label in enumerate(labels)]
+    names = [label or f"channel_{index + 1}" for index, label in enumerate(labels)]
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     if np.isnan(values).any():
         found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")

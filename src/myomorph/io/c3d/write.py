@@ -81,7 +81,7 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
     rate = round(markers.rate, 4) if len(markers) > 1 else 100.0
     channels, plates = _plate_channels(trial)
     channels += _other_channels(trial)
-    every = _samples_a_frame(len(markers), [len(one.values) for one in channels])
+    every = _samples_a_frame(len(markers), [len(channel.values) for channel in channels])
     first = round(float(markers.time[0]) * rate) + 1
     groups = _groups(trial, markers, rate, every, channels, plates, first)
     section = _section(groups)
@@ -133,8 +133,8 @@ def _other_channels(trial: Trial) -> list[Channel]:
     plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
     units = trial.analog.units or ("",) * len(trial.analog.names)
     return [
-        Channel(name, unit, trial.analog.values[:, k])
-        for k, (name, unit) in enumerate(zip(trial.analog.names, units, strict=True))
+        Channel(name, unit, trial.analog.values[:, index])
+        for index, (name, unit) in enumerate(zip(trial.analog.names, units, strict=True))
         if name not in plates
     ]
 
@@ -183,8 +183,8 @@ def _groups(
             "RATE": np.array([rate * every]),
             "SCALE": np.ones(len(channels)),
             "OFFSET": np.zeros(len(channels), np.int16),
-            "LABELS": tuple(one.name for one in channels),
-            "UNITS": tuple(one.unit for one in channels),
+            "LABELS": tuple(channel.name for channel in channels),
+            "UNITS": tuple(channel.unit for channel in channels),
             "FORMAT": ("SIGNED",),
         },
         "MANUFACTURER": {"SOFTWARE": ("Myomorph",)},
@@ -200,11 +200,11 @@ def _groups(
             "CHANNEL": np.array([numbers + [0] * (wide - len(numbers)) for _, _, numbers in plates], np.int16).T,
         }
     if trial.events:
-        times = np.array([[one.time // 60.0, one.time % 60.0] for one in trial.events]).T
+        times = np.array([[event.time // 60.0, event.time % 60.0] for event in trial.events]).T
         groups["EVENT"] = {
             "USED": np.array([len(trial.events)], np.int16),
-            "LABELS": tuple(one.label for one in trial.events),
-            "CONTEXTS": tuple(one.side or "General" for one in trial.events),
+            "LABELS": tuple(event.label for event in trial.events),
+            "CONTEXTS": tuple(event.side or "General" for event in trial.events),
             "TIMES": times,
         }
     return groups
@@ -233,11 +233,11 @@ def _section(groups: dict[str, dict[str, object]]) -> bytes:
 def _continued(label: str, value: object) -> list[tuple[str, object]]:
     """A parameter in parts of no more entries than one can hold: LABELS, LABELS2, ..."""
     if isinstance(value, tuple):
-        parts: list[object] = [value[k : k + MOST] for k in range(0, len(value), MOST)] or [()]
+        parts: list[object] = [value[index : index + MOST] for index in range(0, len(value), MOST)] or [()]
     else:
         assert isinstance(value, np.ndarray)
-        parts = [value[..., k : k + MOST] for k in range(0, value.shape[-1], MOST)] or [value]
-    return [(label if k == 0 else f"{label}{k + 1}", part) for k, part in enumerate(parts)]
+        parts = [value[..., index : index + MOST] for index in range(0, value.shape[-1], MOST)] or [value]
+    return [(label if index == 0 else f"{label}{index + 1}", part) for index, part in enumerate(parts)]
 
 
 def _body(value: object) -> bytes:
@@ -280,5 +280,5 @@ def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:
     points[:, :, 3] = np.where(seen, 0.0, -1.0)
     if not channels:
         return points.tobytes()
-    samples = np.stack([one.values[: frames * every] for one in channels], axis=1).reshape(frames, -1)
+    samples = np.stack([channel.values[: frames * every] for channel in channels], axis=1).reshape(frames, -1)
     return np.hstack([points.reshape(frames, -1), samples.astype("<f4")]).tobytes()

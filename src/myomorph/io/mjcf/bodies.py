@@ -139,7 +139,7 @@ def left_out(m: Any, names: MjcfNames) -> list[Kept]:
         ("joint friction", _dofs(m, names, m.dof_frictionloss), "joint friction is not part of inverse dynamics"),
         (
             "joint stiffness",
-            [name for name, k in zip(names.joints, _rows(m.jnt_stiffness), strict=True) if np.any(k)],
+            [name for name, row in zip(names.joints, _rows(m.jnt_stiffness), strict=True) if np.any(row)],
             "passive joint torques are not part of inverse dynamics",
         ),
         ("flexible bodies", [str(i) for i in range(m.nflex)], "they are not modelled"),

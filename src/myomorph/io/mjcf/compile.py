@@ -242,7 +242,7 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
                 spec.delete(geom)
     for mesh in [one for one in spec.meshes if _name(one) in gone]:
         spec.delete(mesh)
-    for height_field in [one for one in spec.hfields if _name(one) in fields]:
+    for height_field in [hfield for hfield in spec.hfields if _name(hfield) in fields]:
         spec.delete(height_field)
     return [name for name in weightless if name != "world"]
 

@@ -64,10 +64,10 @@ def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, W
     divisors: list[float] = []
     divisor, apart = 1.0, False
     start = int(m.tendon_adr[tendon])
-    for k in range(start, start + int(m.tendon_num[tendon])):
-        kind, what = int(m.wrap_type[k]), int(m.wrap_objid[k])
+    for index in range(start, start + int(m.tendon_num[tendon])):
+        kind, what = int(m.wrap_type[index]), int(m.wrap_objid[index])
         if kind == PULLEY:
-            divisor, apart = float(m.wrap_prm[k]), True
+            divisor, apart = float(m.wrap_prm[index]), True
         elif kind == SITE:
             if points:
                 divisors.append(0.0 if apart else divisor / gear)
@@ -76,7 +76,7 @@ def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, W
         else:
             if what not in wraps:
                 wraps[what] = _wrap_object(m, names, what, kind)
-            side = round(float(m.wrap_prm[k]))
+            side = round(float(m.wrap_prm[index]))
             used.append(
                 TendonWrap(
                     names.geoms[what],
@@ -142,7 +142,7 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
 
 def actuators_of(m: Any, names: MjcfNames) -> tuple[tuple[Actuator, ...], list[Kept]]:
     """Force actuators on hinge and slide joints; servos and other transmissions are left out by name."""
-    found: list[Actuator] = []
+    actuators: list[Actuator] = []
     lost: list[Kept] = []
     on_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     one_dof = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -163,5 +163,5 @@ def actuators_of(m: Any, names: MjcfNames) -> tuple[tuple[Actuator, ...], list[K
         limited = bool(m.actuator_ctrllimited[i])
         low, high = (float(x) for x in m.actuator_ctrlrange[i]) if limited else (-np.inf, np.inf)
         strength = float(m.actuator_gainprm[i, 0] * m.actuator_gear[i, 0])
-        found.append(Actuator(name, "coordinate", strength, low, high, coordinate=names.joints[joint]))
-    return tuple(found), lost
+        actuators.append(Actuator(name, "coordinate", strength, low, high, coordinate=names.joints[joint]))
+    return tuple(actuators), lost

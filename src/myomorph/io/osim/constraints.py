@@ -83,7 +83,7 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
     UnknownName
         One names a coordinate that the model does not have.
     """
-    by_name = {one.name: one for one in coordinates}
+    by_name = {coordinate.name: coordinate for coordinate in coordinates}
     found: list[PassiveTorque] = []
     for node in model.items("ForceSet"):
         if node.kind not in KINDS or not node.is_applied:
@@ -125,7 +125,7 @@ def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
     unit = np.pi / 180.0 if coordinate.motion == "rotational" else 1.0
     width = node.number("transition", 0.1) * unit
     damping = node.number("damping", 0.001) / unit
-    found = []
+    result = []
     for side, sign in (("upper", 1.0), ("lower", -1.0)):
         limit = sign * node.number(f"{side}_limit", 0.0) * unit
         stiffness = node.number(f"{side}_stiffness", 1.0) / unit
@@ -136,8 +136,8 @@ def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
         damped = _pieces(limit, width, damping * step, [damping])
         if sign < 0.0:
             torque, damped = _mirrored(torque).scaled(-1.0), _mirrored(damped)
-        found.append(PassiveTorque(f"{node.name}_{side}", coordinate.name, torque, damped))
-    return found
+        result.append(PassiveTorque(f"{node.name}_{side}", coordinate.name, torque, damped))
+    return result
 
 
 def _pieces(limit: float, width: float, within: np.ndarray, beyond: list[float]) -> PiecewisePolynomial:

@@ -87,13 +87,13 @@ class Node:
     def find(self, *tags: str) -> etree._Element | None:
         """First child element of one of the tags, or the defaults section's."""
         for tag in tags:
-            found = self.element.find(tag)
-            if found is not None:
-                return found
+            result = self.element.find(tag)
+            if result is not None:
+                return result
         default = self.document.defaults.get(self.kind)
         if default is None or default is self.element:
             return None
-        return next((found for tag in tags if (found := default.find(tag)) is not None), None)
+        return next((result for tag in tags if (result := default.find(tag)) is not None), None)
 
     def child(self, *tags: str) -> Node | None:
         """First child of one of the tags as a node."""

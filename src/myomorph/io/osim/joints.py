@@ -157,10 +157,10 @@ def free_joint(child: str) -> ReadJoint:
     return ReadJoint(joint, tuple(Coordinate(one, _motion(axes, one), range=(-10.0, 10.0)) for one in names))
 
 
-def _named(node: Node, given: tuple[Coordinate, ...], needed: int) -> list[str]:
-    if given and len(given) != needed:
-        raise node.bad(f"has {len(given)} coordinates", f"a {node.kind} has {needed}")
-    names = [one.name for one in given] or [""] * needed
+def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list[str]:
+    if coordinates and len(coordinates) != needed:
+        raise node.bad(f"has {len(coordinates)} coordinates", f"a {node.kind} has {needed}")
+    names = [coordinate.name for coordinate in coordinates] or [""] * needed
     return [name or f"{node.name}_coord_{i}" for i, name in enumerate(names)]
 
 
@@ -171,12 +171,14 @@ def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
     )
 
 
-def _custom(node: Node, given: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
+def _custom(node: Node, coordinates: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
     """Axes of a custom joint, and its coordinates in the order in which the axes name them."""
     spatial = node.child("SpatialTransform")
     if spatial is None:
         raise node.bad("has no SpatialTransform")
-    transforms = {one.get("name", ""): spatial.node(one) for one in spatial.element.findall("TransformAxis")}
+    transforms = {
+        element.get("name", ""): spatial.node(element) for element in spatial.element.findall("TransformAxis")
+    }
     usual = dict(zip(SPATIAL, (X, Y, Z, X, Y, Z), strict=True))
     axes: list[Axis] = []
     motions: dict[str, Motion] = {}
@@ -196,13 +198,13 @@ def _custom(node: Node, given: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...]
         vectors = [axis.vector for axis in three]
         if min(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)) < 1e-5:
             raise node.bad(f"two of its {three[0].kind} axes are parallel")
-    known = [one.name for one in given]
+    known = [coordinate.name for coordinate in coordinates]
     for one in motions:
         check_name("coordinate", one, known, f"{node.document.path}: joint '{node.name}'")
     unused = [one for one in known if one not in motions]
     if unused:
         raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
-    ordered = tuple(replace(given[known.index(one)], motion=motion) for one, motion in motions.items())
+    ordered = tuple(replace(coordinates[known.index(one)], motion=motion) for one, motion in motions.items())
     return (*axes[3:], *axes[:3]), ordered
 
 

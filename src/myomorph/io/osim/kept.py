@@ -58,17 +58,17 @@ def kept_force(node: Node) -> Kept:
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
     """Controllers, probes, contact geometry and further components, of the model and of its bodies."""
-    found = [keep(one, "Model", HARMLESS) for tag in WORDS if (one := model.child(tag)) is not None]
+    result = [keep(one, "Model", HARMLESS) for tag in WORDS if (one := model.child(tag)) is not None]
     for room, effect in ROOMS.items():
         for one in model.items(room):
             if one.kind in OFFSET_KINDS or one.kind.endswith("Joint"):
                 continue
-            found.append(keep(one, room, effect))
+            result.append(keep(one, room, effect))
     for body in bodies:
         for one in body.items("components"):
             if one.kind not in OFFSET_KINDS:
-                found.append(keep(one, f"/bodyset/{body.name}", HARMLESS))
-    return found
+                result.append(keep(one, f"/bodyset/{body.name}", HARMLESS))
+    return result
 
 
 def warnings_of(kept: Iterable[Kept]) -> list[str]:

@@ -26,7 +26,7 @@ def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker,
         A marker is on a body or frame that the model does not have.
     """
     node = read_document(path, ("MarkerSet",), "an OpenSim MarkerSet")
-    return tuple({one.name: _marker(one, model) for one in named_markers(node)}.values())
+    return tuple({marker.name: _marker(marker, model) for marker in named_markers(node)}.values())
 
 
 def named_markers(marker_set: Node) -> list[Node]:
@@ -39,11 +39,11 @@ def named_markers(marker_set: Node) -> list[Node]:
     """
     inside = marker_set.element.find("objects")
     holder = marker_set.element if inside is None else inside
-    found = [marker_set.node(element) for element in holder.findall("Marker")]
-    for one in found:
+    result = [marker_set.node(element) for element in holder.findall("Marker")]
+    for one in result:
         if not one.name:
             raise one.bad("has no name")
-    return found
+    return result
 
 
 def holder_of(marker: Node) -> str:

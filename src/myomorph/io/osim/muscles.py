@@ -89,8 +89,8 @@ def _same(first: Any, second: Any) -> bool:
     if isinstance(first, float | np.ndarray):
         return np.shape(first) == np.shape(second) and np.allclose(first, second, rtol=1e-9, atol=1e-9)
     if is_dataclass(first):
-        parts = [one.name for one in fields(first) if one.name != "name"]
-        return type(first) is type(second) and all(_same(getattr(first, one), getattr(second, one)) for one in parts)
+        parts = [field.name for field in fields(first) if field.name != "name"]
+        return type(first) is type(second) and all(_same(getattr(first, part), getattr(second, part)) for part in parts)
     if isinstance(first, tuple):
         return isinstance(second, tuple) and len(first) == len(second) and all(map(_same, first, second))
     return bool(first == second)
@@ -150,7 +150,7 @@ def _controls(node: Node) -> tuple[float, float]:
 
 def _parameters(node: Node) -> dict[str, float]:
     """Every other number of the muscle and of its curves, where the file or its defaults give it."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for owner, prefix in ((node, ""), *((node.child(curve), f"{curve}/") for curve in CURVES)):
         if owner is None:
             continue
@@ -163,8 +163,8 @@ def _parameters(node: Node) -> dict[str, float]:
                 continue
             value = _value(owner, tag)
             if value is not None:
-                found[prefix + tag] = value
-    return found
+                result[prefix + tag] = value
+    return result
 
 
 def _value(node: Node, tag: str) -> float | None:

@@ -125,7 +125,7 @@ def write_path(
 def _warn_of_path(path: Path, warnings: list[str]) -> None:
     if any(not isinstance(wrap, PathWrap) for wrap in path.wraps):
         warnings.append("wraps of MuJoCo tendons cannot be written: their muscles run straight between points")
-    if any(one != 1.0 for one in path.divisors):
+    if any(divisor != 1.0 for divisor in path.divisors):
         warnings.append("pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ")
 
 
@@ -156,7 +156,7 @@ def _write_point(
 
 def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:
     """The ligaments among forces that are kept as the file has them."""
-    found = [one for one in forces if one.kind in SLACK and one.child("GeometryPath") is not None]
+    found = [force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None]
     return tuple(
         Ligament(one.name, one.kind, paths.read(one), one.number(SLACK[one.kind], float("nan"))) for one in found
     )

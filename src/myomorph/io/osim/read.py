@@ -46,12 +46,12 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
             actuators.append(_actuator(one, frames, coordinates))
         else:
             others.append(one)
-    names = unique([one.name for one in muscles], "muscle", model.document)
-    muscles = [replace(one, name=name) for one, name in zip(muscles, names, strict=True)]
+    names = unique([muscle.name for muscle in muscles], "muscle", model.document)
+    muscles = [replace(muscle, name=name) for muscle, name in zip(muscles, names, strict=True)]
     muscles, others = with_dampers(muscles, others, paths)
-    names = unique([one.name for one in actuators], "actuator", model.document)
-    actuators = [replace(one, name=name) for one, name in zip(actuators, names, strict=True)]
-    kept = tuple(kept_force(one) for one in others)
+    names = unique([actuator.name for actuator in actuators], "actuator", model.document)
+    actuators = [replace(actuator, name=name) for actuator, name in zip(actuators, names, strict=True)]
+    kept = tuple(kept_force(other) for other in others)
     return Forces(tuple(muscles), tuple(actuators), kept, read_ligaments(others, paths))
 
 
@@ -63,15 +63,15 @@ def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actua
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:
     """Groups of each member, in the file's order."""
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     forces = model.child("ForceSet", "ActuatorSet")
     if forces is None:
-        return found
+        return result
     for element in forces.element.findall("groups/ObjectGroup"):
         group = forces.node(element)
         for member in group.words("members"):
-            found[member] = (*found.get(member, ()), group.name)
-    return found
+            result[member] = (*result.get(member, ()), group.name)
+    return result
 
 
 def read_osim(path: str | os.PathLike[str]) -> Model:
@@ -105,7 +105,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     joints = _joints(node, bodies, frames)
     tree = _tree(node, [read_body(one) for one in bodies], joints)
     wraps, wrap_names = _wraps(node, ground, bodies, [body.name for body in tree.bodies], frames)
-    names = tuple(one.name for one in tree.coordinates)
+    names = tuple(coordinate.name for coordinate in tree.coordinates)
     forces = read_forces(node, frames, names, wrap_names)
     couplers, loops, constraints = read_constraints(node, frames, names)
     kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
@@ -182,7 +182,7 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
         twice = next(name for name in names if names.count(name) > 1)
         raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
     placed = {GROUND}
-    tree = Tree([], [], [one for joint in joints for one in joint.coordinates], [])
+    tree = Tree([], [], [coordinate for joint in joints for coordinate in joint.coordinates], [])
     waiting = list(joints)
     while len(placed) <= len(bodies):
         step = next((one for one in waiting if (one.joint.parent in placed) != (one.joint.child in placed)), None)
@@ -212,7 +212,7 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
     """A joint that closes a loop leads to a massless copy of its child, welded to it."""
     if joint.parent == joint.child or joint.child == GROUND:
         raise BadModel(f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'")
-    name = f"{joint.child}_slave_{sum(one.name.startswith(f'{joint.child}_slave_') for one in tree.bodies)}"
+    name = f"{joint.child}_slave_{sum(body.name.startswith(f'{joint.child}_slave_') for body in tree.bodies)}"
     node.document.warn(f"joint '{joint.name}' closes a loop: it was cut at body '{joint.child}'")
     still = Transform.identity()
     tree.bodies.append(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))))
@@ -228,7 +228,7 @@ def _wraps(
     for body in bodies:
         holders += [body, *(one for one in body.items("components") if one.kind in OFFSET_KINDS)]
     holders += [one for one in node.items("components") if one.kind in OFFSET_KINDS]
-    found = [wrap for one in holders for wrap in read_wrap_objects(one, frames)]
+    found = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
     names = [one.name for one in found]
     wraps: list[WrapObject] = []
     meant: dict[str, str] = {}
@@ -242,8 +242,8 @@ def _wraps(
 
 def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:
     markers = read_markers(node, frames)
-    names = unique([one.name for one in markers], "marker", node.document)
-    return tuple(replace(one, name=name) for one, name in zip(markers, names, strict=True))
+    names = unique([marker.name for marker in markers], "marker", node.document)
+    return tuple(replace(marker, name=name) for marker, name in zip(markers, names, strict=True))
 
 
 def _massless(bodies: list[Body]) -> list[str]:

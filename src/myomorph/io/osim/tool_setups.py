@@ -241,7 +241,7 @@ def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
 
 def _analyze(node: Node) -> AnalyzeSetup:
     found = node.find("AnalysisSet", "Analyses")
-    analyses = [] if found is None else [node.node(one) for one in found.findall("objects/*")]
+    analyses = [] if found is None else [node.node(element) for element in found.findall("objects/*")]
     files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in UNASSIGNED]
     return AnalyzeSetup(
         node.name,
@@ -255,7 +255,7 @@ def _analyze(node: Node) -> AnalyzeSetup:
         _cutoff(node),
         _results(node),
         node.flag("solve_for_equilibrium_for_auxiliary_states", False),
-        tuple(_analysis(one) for one in analyses if one.flag("on", True)),
+        tuple(_analysis(analysis) for analysis in analyses if analysis.flag("on", True)),
         unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
     )
 

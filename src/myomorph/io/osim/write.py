@@ -80,7 +80,7 @@ def _renamed(model: Model) -> list[str]:
 
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     plan = plan_joints(model, warnings)
-    coordinates = {one.name: one for one in model.coordinates}
+    coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
     joints = {name: legal(joint.name) for joint in plan.joints for name in joint.coordinates}
     kept = usable_parts(model.kept, warnings)
     put_back(element, kept, "Model")
@@ -140,4 +140,4 @@ def _write_groups(parent: etree._Element, model: Model) -> None:
         waiting.remove(name)
         written_group = child(groups, "ObjectGroup")
         written_group.set("name", name)
-        child(written_group, "members", " ".join(legal(one) for one in members[name]))
+        child(written_group, "members", " ".join(legal(member) for member in members[name]))

@@ -150,9 +150,9 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
     if not all(np.array_equal(axis.vector, frame[:, i % 3]) for i, axis in enumerate(axes[:6])):
         return None
     sines = [axis.function for axis in axes[:3]]
-    if not all(isinstance(one, SineProduct) for one in sines):
+    if not all(isinstance(sine, SineProduct) for sine in sines):
         return None
-    radii = [abs(one.factor) for one in sines if isinstance(one, SineProduct)]
+    radii = [abs(sine.factor) for sine in sines if isinstance(sine, SineProduct)]
     if joint.kind == "EllipsoidJoint":
         return {"radii_x_y_z": numbers(radii)}
     wing = axes[6]

@@ -61,7 +61,7 @@ def run_guarded(
                 __name__,
                 *function.split(":"),
                 str(gigabytes),
-                *(os.fspath(one) for one in arguments),
+                *(os.fspath(argument) for argument in arguments),
             ],
             cwd=home,
             env=environment,

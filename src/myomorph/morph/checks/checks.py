@@ -68,10 +68,10 @@ def check_morph(
     deep = _penetrations(morph, pairs, ours, theirs, options)
     advance(1.0)
     folded = _folded(morph)
-    order = {one.pair.source: _rank_correlation(one) for one in arms}
+    order = {arm.pair.source: _rank_correlation(arm) for arm in arms}
     sizes = muscle_sizes(morph.source, morph.bones)
     longest = max((solid.length for solid in theirs.values()), default=np.inf)
-    sliding = {one.name for one in morph.model.coordinates if one.motion == "translational"}
+    sliding = {coordinate.name for coordinate in morph.model.coordinates if coordinate.motion == "translational"}
     found = [
         *bone_warnings(deep, longest, options, sliding),
         *arm_warnings(morph.source, arms, sizes, options),
@@ -93,13 +93,13 @@ KINDS = ("bone", "sign", "jump", "fold", "arm", "surface", "fiber", "joint", "or
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
     """The bones, but of bodies that share one surface, as where bones are fused in the target, the first alone."""
-    found: list[BoneMap] = []
+    bone_maps: list[BoneMap] = []
     for bone in morph.bones.values():
         ours = bone.source
-        known = [one.source for one in found if one.target_body == bone.target_body and one.source is not None]
+        known = [map_.source for map_ in bone_maps if map_.target_body == bone.target_body and map_.source is not None]
         if ours is None or not any(np.array_equal(ours.faces, one.faces) for one in known):
-            found.append(bone)
-    return tuple(found)
+            bone_maps.append(bone)
+    return tuple(bone_maps)
 
 
 def target_surface(bone: BoneMap) -> Surface | None:
@@ -145,38 +145,38 @@ def _penetrations(
     if not ours or not morph.source.muscles:
         return []
     values, target_values = paired_values(morph.source, morph.model, pairs, options.poses)
-    before = path_depths(morph.source, ours, range_poses(morph.source, [one.source for one in pairs], values))
-    poses = range_poses(morph.model, [one.target for one in pairs], target_values)
+    before = path_depths(morph.source, ours, range_poses(morph.source, [pair.source for pair in pairs], values))
+    poses = range_poses(morph.model, [pair.target for pair in pairs], target_values)
     bodies = {bone.body: bone.target_body for bone in morph.bones.values()}
     merged: dict[str, Solid] = {bodies[body]: solid for body, solid in theirs.items()}
     after = path_depths(morph.model, merged, poses)
-    found = []
+    result = []
     for muscle, body in dict.fromkeys([*((m, bodies[b]) for m, b in before), *after]):
         depth = after.get((muscle, body), NOWHERE)
         # Of several source bones that became one, the deepest counts.
-        was = {one: before.get((muscle, one), NOWHERE).depth for one in ours if bodies[one] == body}
+        was = {our: before.get((muscle, our), NOWHERE).depth for our in ours if bodies[our] == body}
         grown = max(morph.bones[one].whole.scale * deep for one, deep in was.items())
         name = poses.moved[depth.pose]
         value = float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(name)]) if name else 0.0
         increase, length = depth.depth - grown, merged[body].length
-        found.append(Penetration(muscle, body, max(was.values()), depth.depth, increase, name, value, length))
-    return found
+        result.append(Penetration(muscle, body, max(was.values()), depth.depth, increase, name, value, length))
+    return result
 
 
-def _rank_correlation(one: MomentArms) -> float:
+def _rank_correlation(moment_arms: MomentArms) -> float:
     """Spearman's, of the muscles' mean moment arms; NaN of fewer than four muscles."""
-    if len(one.muscles) < 4:
+    if len(moment_arms.muscles) < 4:
         return float("nan")
     from scipy.stats import spearmanr  # Takes half a second to import, for every report that is written.
 
-    return float(spearmanr(one.source.mean(axis=0), one.target.mean(axis=0)).statistic)
+    return float(spearmanr(moment_arms.source.mean(axis=0), moment_arms.target.mean(axis=0)).statistic)
 
 
 def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
     """Muscle points at which the map of their bone does not keep orientation."""
     found = []
     for body, bone in morph.bones.items():
-        own = [one for one in morph.points if one.body == body]
+        own = [point for point in morph.points if point.body == body]
         if own:
             turned = inverted(bone.map, np.array([one.source for one in own]))
             found += [(one.owner, one.name, body) for one, bad in zip(own, turned, strict=True) if bad]

@@ -99,7 +99,7 @@ def cleared(
     points : on their way so far
     table : the target's coordinate of each of the source's; None where they are the same
     """
-    donor = replace(source, muscles=tuple(source.muscle(one.name) for one in target.muscles))
+    donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in target.muscles))
     known = {bone.body: bone for bone in bones}
     pairs = compared_coordinates(donor, target, table)
     ground = Ground.of(donor, target, known.values(), pairs, CheckOptions())
@@ -110,19 +110,19 @@ def cleared(
     if odd:
         found = found.without(odd, ground)
     shifts = found.shifts
-    places = {(one.name, at.name): at.location for one in found.model.muscles for at in _fixed(one.path)}
+    places = {(muscle.name, at.name): at.location for muscle in found.model.muscles for at in _fixed(muscle.path)}
     moved = (
-        replace(one, target=places[one.owner, one.name], cleared=shifts[one.owner, one.name])
-        if (one.owner, one.name) in shifts
-        else one
-        for one in points
+        replace(point, target=places[point.owner, point.name], cleared=shifts[point.owner, point.name])
+        if (point.owner, point.name) in shifts
+        else point
+        for point in points
     )
     return found.model, tuple(moved), (*found.notes, *_beyond_interval(points, shifts))
 
 
 def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]) -> list[str]:
     """Lines where points were brought out of bone further than they may have been wrong by, or nobody knows by what."""
-    known = {(one.owner, one.name): one.within for one in points}
+    known = {(point.owner, point.name): point.within for point in points}
     far = {name: shift for name, shift in shifts.items() if shift > known.get(name, np.nan)}
     unknown = {name: shift for name, shift in shifts.items() if not np.isfinite(known.get(name, np.nan))}
     lines = []
@@ -211,28 +211,28 @@ def _taken_back(
         most |= dict.fromkeys(again, 1.0)
 
 
-def _between(start: Model, found: Model, shares: Mapping[str, float]) -> Model:
+def _between(start: Model, model: Model, shares: Mapping[str, float]) -> Model:
     """A model with its muscles' points and wrap objects so far on their way from one model to another."""
 
     def point(old: PathPoint, new: PathPoint, share: float) -> PathPoint:
         return replace(new, location=old.location + share * (new.location - old.location))
 
-    muscles, wraps = list(found.muscles), list(found.wrap_objects)
-    for k, (old, new) in enumerate(zip(start.muscles, found.muscles, strict=True)):
+    muscles, wraps = list(model.muscles), list(model.wrap_objects)
+    for index, (old, new) in enumerate(zip(start.muscles, model.muscles, strict=True)):
         share = shares.get(new.name, 1.0)
         if share < 1.0:
             points = tuple(
                 point(a, b, share) if isinstance(a, PathPoint) and isinstance(b, PathPoint) else b
                 for a, b in zip(old.path.points, new.path.points, strict=True)
             )
-            muscles[k] = replace(new, path=replace(new.path, points=points))
-    for k, (first, last) in enumerate(zip(start.wrap_objects, found.wrap_objects, strict=True)):
+            muscles[index] = replace(new, path=replace(new.path, points=points))
+    for index, (first, last) in enumerate(zip(start.wrap_objects, model.wrap_objects, strict=True)):
         share = shares.get(last.name, 1.0)
         if share < 1.0:
             # An infinite cylinder stays one.
             sizes = (a if a == b else a + share * (b - a) for a, b in zip(first.size, last.size, strict=True))
-            wraps[k] = replace(last, size=tuple(sizes))
-    return replace(found, muscles=tuple(muscles), wrap_objects=tuple(wraps))
+            wraps[index] = replace(last, size=tuple(sizes))
+    return replace(model, muscles=tuple(muscles), wrap_objects=tuple(wraps))
 
 
 def without_worse(
@@ -267,9 +267,9 @@ def _new_oddities(
     few = replace(source, muscles=tuple(one for one in source.muscles if one.name in moved))
 
     def odd(model: Model) -> frozenset[tuple[str, str]]:
-        same = replace(model, muscles=tuple(model.muscle(one.name) for one in few.muscles))
+        same = replace(model, muscles=tuple(model.muscle(muscle.name) for muscle in few.muscles))
         warnings = arm_warnings(few, compare_moment_arms(few, same, pairs), sizes, CheckOptions())
-        return frozenset((one.kind, one.name) for one in warnings if one.kind in ("sign", "jump"))
+        return frozenset((warning.kind, warning.name) for warning in warnings if warning.kind in ("sign", "jump"))
 
     return frozenset(name for _, name in odd(cleared.model) - odd(cleared.start)) if moved else frozenset()
 
@@ -277,21 +277,21 @@ def _new_oddities(
 def watched_with(model: Model, names: Collection[str]) -> tuple[str, ...]:
     """Names of muscles, and of those that run around the same wrap objects."""
     wraps = wraps_of(*map(model.muscle, names))
-    return tuple(one.name for one in model.muscles if one.name in names or wraps & wraps_of(one))
+    return tuple(muscle.name for muscle in model.muscles if muscle.name in names or wraps & wraps_of(muscle))
 
 
 def _shifts(before: Model, after: Model) -> dict[tuple[str, str], float]:
-    found = {}
+    result = {}
     for old, new in zip(before.muscles, after.muscles, strict=True):
         for a, b in zip(_fixed(old.path), _fixed(new.path), strict=True):
             away = float(np.linalg.norm(b.location - a.location))
             if away > 0.0:
-                found[old.name, a.name] = away
-    return found
+                result[old.name, a.name] = away
+    return result
 
 
 def _fixed(path: Path) -> list[PathPoint]:
-    return [one for one in path.points if isinstance(one, PathPoint)]
+    return [point for point in path.points if isinstance(point, PathPoint)]
 
 
 def _growth(before: Model, after: Model) -> dict[str, float]:

@@ -44,27 +44,27 @@ class Ground:
         values, target_values = paired_values(source, target, pairs, options.poses)
         ours = {body: Solid(bone.source) for body, bone in known.items() if bone.source is not None}
         allowed: dict[tuple[str, str], float] = {}
-        poses = range_poses(source, [one.source for one in pairs], values)
-        for (muscle, body), one in path_depths(source, ours, poses).items():
+        poses = range_poses(source, [pair.source for pair in pairs], values)
+        for (muscle, body), depth in path_depths(source, ours, poses).items():
             key, size = (muscle, known[body].target_body), known[body].whole.scale
-            allowed[key] = max(allowed.get(key, 0.0), size * one.depth)
+            allowed[key] = max(allowed.get(key, 0.0), size * depth.depth)
         return Ground(
             {bone.target_body: Solid(bone.target) for bone in known.values() if bone.target is not None},
-            range_poses(target, [one.target for one in pairs], target_values),
+            range_poses(target, [pair.target for pair in pairs], target_values),
             options.deeper,
             allowed,
         )
 
     def too_deep(self, model: Model, muscles: Sequence[str]) -> Iterator[tuple[str, Depth, float]]:
         """Muscles that run deeper through a bone than they may, where, and by how much [m]."""
-        for (muscle, body), one in path_depths(model, self.target, self.poses, muscles).items():
-            over = one.depth - self.allowed.get((muscle, body), 0.0) - self.deeper * self.target[body].length
+        for (muscle, body), depth in path_depths(model, self.target, self.poses, muscles).items():
+            over = depth.depth - self.allowed.get((muscle, body), 0.0) - self.deeper * self.target[body].length
             if over > 0.0:
-                yield muscle, one, over
+                yield muscle, depth, over
 
     def excess(self, model: Model, muscles: Sequence[str]) -> dict[str, float]:
         """By muscle how much too deep it runs at most, where it does [m]."""
-        found: dict[str, float] = {}
+        result: dict[str, float] = {}
         for muscle, _, over in self.too_deep(model, muscles):
-            found[muscle] = max(found.get(muscle, 0.0), over)
-        return found
+            result[muscle] = max(result.get(muscle, 0.0), over)
+        return result

@@ -84,7 +84,7 @@ def paired_postures(
 def _standing(model: Model, values: Mapping[str, float]) -> Array:
     for name in values:
         check_name("coordinate", name, model.coordinate_names)
-    row = [values.get(one.name, one.default) for one in model.coordinates]
+    row = [values.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]
     return np.tile(np.array(row, dtype=np.float64), (COUNT + 1, 1))
 
 
@@ -158,7 +158,7 @@ def paired_values(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], count: int
 ) -> tuple[list[Array], list[Array]]:
     """`CoordinatePair.values` (count,) of each pair: those of the source's coordinates and of the target's."""
-    both = [one.values(source, target, count) for one in pairs]
+    both = [pair.values(source, target, count) for pair in pairs]
     return [ours for ours, _ in both], [theirs for _, theirs in both]
 
 
@@ -200,12 +200,12 @@ def swept(model: Model) -> tuple[Coordinate, ...]:
         return ()
     moving = set(compile_paths(model).arm_coordinate.tolist())
     found = []
-    for i, one in enumerate(model.coordinates):
-        bounded = np.isfinite(one.range).all() and one.range[1] - one.range[0] > 0.0
-        if one.motion == "rotational":
-            bounded = bounded and one.range[1] - one.range[0] <= WIDEST
-        if i in moving and bounded and not one.locked and one.name not in model.dependent_coordinates:
-            found.append(one)
+    for i, coordinate in enumerate(model.coordinates):
+        bounded = np.isfinite(coordinate.range).all() and coordinate.range[1] - coordinate.range[0] > 0.0
+        if coordinate.motion == "rotational":
+            bounded = bounded and coordinate.range[1] - coordinate.range[0] <= WIDEST
+        if i in moving and bounded and not coordinate.locked and coordinate.name not in model.dependent_coordinates:
+            found.append(coordinate)
     return tuple(found)
 
 
@@ -219,7 +219,11 @@ def compared_coordinates(
     UnknownName : the table names a coordinate that its model does not have
     """
     if table is None:
-        table = {one: (one, 1.0, 0.0) for one in source.coordinate_names if one in target.coordinate_names}
+        table = {
+            coordinate_name: (coordinate_name, 1.0, 0.0)
+            for coordinate_name in source.coordinate_names
+            if coordinate_name in target.coordinate_names
+        }
     pairs = tuple(CoordinatePair(name, *row) for name, row in table.items())
     for pair in pairs:
         for model, name in ((source, pair.source), (target, pair.target)):
@@ -267,19 +271,19 @@ def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
     coordinates = np.repeat(paths.tree.defaults[None], sum(counts), axis=0)
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     columns = [model.coordinate_names.index(one.pair.target) for one in arms]
-    for here, j, one in zip(rows, columns, arms, strict=True):
-        coordinates[here, j] = one.target_values
+    for here, j, arm in zip(rows, columns, arms, strict=True):
+        coordinates[here, j] = arm.target_values
     evaluated = paths.evaluate(coordinates)[2]
-    found = []
-    for here, j, one in zip(rows, columns, arms, strict=True):
-        number = {model.muscle_names.index(muscle): k for k, muscle in enumerate(one.muscles)}
-        table = np.zeros((len(here), len(one.muscles)))
+    result = []
+    for here, j, arm in zip(rows, columns, arms, strict=True):
+        number = {model.muscle_names.index(muscle): k for k, muscle in enumerate(arm.muscles)}
+        table = np.zeros((len(here), len(arm.muscles)))
         for own in np.flatnonzero(paths.arm_coordinate == j):
             muscle = int(paths.arm_muscle[own])
             if muscle in number:
-                table[:, number[muscle]] = one.pair.sign * evaluated[here, own]
-        found.append(table)
-    return found
+                table[:, number[muscle]] = arm.pair.sign * evaluated[here, own]
+        result.append(table)
+    return result
 
 
 def _moved(model: Model, coordinate: str) -> set[str]:
@@ -303,9 +307,9 @@ def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[
     def arms(values: Array) -> Array:
         coordinates = np.repeat(default[None], len(values), axis=0)
         coordinates[:, j] = values
-        found = np.zeros((len(values), len(muscles)))
-        found[:, column] = paths.evaluate(coordinates)[2][:, own]
-        return found
+        result = np.zeros((len(values), len(muscles)))
+        result[:, column] = paths.evaluate(coordinates)[2][:, own]
+        return result
 
     return arms
 

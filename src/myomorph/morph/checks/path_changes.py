@@ -44,7 +44,7 @@ def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
 def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathChange]:
     """Of each muscle whose path, or wrap object, differs between two models that are alike but for these."""
     odd = {new.name for old, new in zip(before.wrap_objects, after.wrap_objects, strict=True) if old is not new}
-    found = {}
+    result = {}
     for old, new in zip(before.muscles, after.muscles, strict=True):
         if old.path is not new.path or wraps_of(old) & odd:
             where = moved_poses(before, old, poses)
@@ -52,8 +52,8 @@ def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathCha
                 _lengths_and_arms(replace(model, muscles=(one,)), where) for model, one in ((before, old), (after, new))
             )
             arms = np.sqrt(np.mean(np.sum((a1 - a0)[0] ** 2, axis=1)))
-            found[old.name] = PathChange(float(np.sqrt(np.mean((l1 - l0) ** 2))), float(arms))
-    return found
+            result[old.name] = PathChange(float(np.sqrt(np.mean((l1 - l0) ** 2))), float(arms))
+    return result
 
 
 def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Array:
@@ -87,7 +87,7 @@ def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
             grown = replace(
                 model,
                 muscles=(muscle,),
-                wrap_objects=tuple(larger if one.name == wrap.name else one for one in model.wrap_objects),
+                wrap_objects=tuple(larger if item.name == wrap.name else item for item in model.wrap_objects),
             )
             both = [_rows(*_lengths_and_arms(one, where))[0] for one in (replace(model, muscles=(muscle,)), grown)]
             found.append((both[1] - both[0]) / step)
@@ -97,7 +97,7 @@ def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
 def grown_sizes(wrap: WrapObject, by: float) -> tuple[float, ...]:
     """Sizes of a wrap object that is so much larger [m]; a cylinder keeps its length."""
     grows = 1 if wrap.kind == "cylinder" else len(wrap.size)
-    return tuple(one + by if k < grows else one for k, one in enumerate(wrap.size))
+    return tuple(one + by if index < grows else one for index, one in enumerate(wrap.size))
 
 
 def _step(model: Model, muscle: Muscle, where: Array) -> float:
@@ -110,10 +110,13 @@ def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
     paths = compile_paths(model)
     lengths, _, arms = paths.evaluate(where)
     turning = np.array(
-        [one.motion == "rotational" and one.name not in model.dependent_coordinates for one in model.coordinates]
+        [
+            coordinate.motion == "rotational" and coordinate.name not in model.dependent_coordinates
+            for coordinate in model.coordinates
+        ]
     )
     chosen = turning[paths.arm_coordinate]
-    found = [arms[:, (paths.arm_muscle == k) & chosen] for k in range(len(model.muscles))]
+    found = [arms[:, (paths.arm_muscle == index) & chosen] for index in range(len(model.muscles))]
     return lengths.T, np.array(found)
 
 

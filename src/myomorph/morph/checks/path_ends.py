@@ -62,7 +62,7 @@ def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Arr
         if isinstance(point, PathPoint) and np.linalg.norm(where[point.body].apply(point.location) - node) < SAME:
             inner = 0 < number < len(points) - 1
             return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
-    around = [one for one in model.wrap_objects if one.name in wraps_of(muscle) and one.kind != "torus"]
+    around = [item for item in model.wrap_objects if item.name in wraps_of(muscle) and item.kind != "torus"]
     touched = [(abs(_height(one, where[one.body], node)), one.name) for one in around]
     return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
 
@@ -77,4 +77,4 @@ def _height(wrap: WrapObject, body: Transform, place: Array) -> float:
 
 def wraps_of(*muscles: Muscle) -> set[str]:
     """Names of the wrap objects that muscles run around."""
-    return {wrap.wrap_object for one in muscles for wrap in one.path.wraps}
+    return {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}

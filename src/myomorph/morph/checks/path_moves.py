@@ -61,7 +61,7 @@ def least_move(
     for end in ends:
         way = over / end.lever
         if end.wrap:
-            wrap = next(one for one in model.wrap_objects if one.name == end.wrap)
+            wrap = next(item for item in model.wrap_objects if item.name == end.wrap)
             effect = wrap_effect(model, wrap, poses) if weight else np.zeros(1)
             found.append(Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect))))
             continue
@@ -107,8 +107,8 @@ def moved_once(
         model,
         muscles=tuple(_pushed(one, start.muscle(one.name), pushes, reach) for one in model.muscles),
         wrap_objects=tuple(
-            _swollen(one, first, swollen.get(one.name, 0.0))
-            for one, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
+            _swollen(item, first, swollen.get(item.name, 0.0))
+            for item, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
         ),
     )
 
@@ -130,5 +130,5 @@ def _pushed(
 def _swollen(wrap: WrapObject, start: WrapObject, by: float) -> WrapObject:
     if by <= 0.0:
         return wrap
-    sizes = [min(one, LARGEST * most) for one, most in zip(grown_sizes(wrap, by), start.size, strict=True)]
+    sizes = [min(size, LARGEST * most) for size, most in zip(grown_sizes(wrap, by), start.size, strict=True)]
     return replace(wrap, size=tuple(sizes))

@@ -66,9 +66,9 @@ class Solid:
     def depths(self, points: Array) -> Array:
         """(n,) depth of each of the points (n, 3) under the surface, 0 outside [m]."""
         within = self._boxes.holds(points)
-        found = np.zeros(len(points))
-        found[within] = self.distances(points[within])
-        return found
+        result = np.zeros(len(points))
+        result[within] = self.distances(points[within])
+        return result
 
     def distances(self, points: Array) -> Array:
         """(n,) unsigned distances of points (n, 3) from the surface [m]."""
@@ -225,7 +225,7 @@ def path_depths(
     points, muscle, pose = _samples(paths, poses.coordinates, looked, _step(bones))
     placed = forward_kinematics(tree, np.ascontiguousarray(poses.coordinates))
     beside = [bones_beside(model, one) for one in model.muscles]
-    found: dict[tuple[str, str], Depth] = {}
+    result: dict[tuple[str, str], Depth] = {}
     for body, solid in bones.items():
         near = np.flatnonzero(np.array([body in one for one in beside], dtype=bool)[muscle])
         number = tree.body_index[body]
@@ -237,10 +237,10 @@ def path_depths(
             deepest = own[np.argmax(depths[own])]
             sample = near[deepest]
             outward = placed.rotations[pose[sample], number] @ solid.way_out(local[deepest])
-            found[model.muscle_names[m], body] = Depth(
+            result[model.muscle_names[m], body] = Depth(
                 float(depths[deepest]), int(pose[sample]), points[sample], outward
             )
-    return found
+    return result
 
 
 def bones_beside(model: Model, muscle: Muscle) -> frozenset[str]:

@@ -115,7 +115,7 @@ class MorphChecks:
 
     def of(self, kind: str) -> tuple[Warned, ...]:
         """Warnings of one kind."""
-        return tuple(one for one in self.warnings if one.kind == kind)
+        return tuple(warning for warning in self.warnings if warning.kind == kind)
 
 
 def bone_warnings(
@@ -141,25 +141,27 @@ def arm_warnings(
 ) -> Iterator[Warned]:
     """Moment arms of another sign, with jumps, or of a size that the bones do not explain; `sizes` of the muscles."""
     lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
-    for one in arms:
-        for k, muscle in enumerate(one.muscles if one.kind == "rotational" else ()):
-            yield from _one_arm(one, k, sizes[muscle], options.arm * lengths[muscle], options)
+    for arm in arms:
+        for index, muscle in enumerate(arm.muscles if arm.kind == "rotational" else ()):
+            yield from _one_arm(arm, index, sizes[muscle], options.arm * lengths[muscle], options)
 
 
-def _one_arm(one: MomentArms, k: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
+def _one_arm(moment_arms: MomentArms, k: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
     """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's size."""
-    source, target = one.source[:, k], one.target[:, k] / size
-    muscle, about = one.muscles[k], f"{one.muscles[k]}: moment arm about {one.pair.target}"
-    jump, before = one.target_jumps[k] / size, one.source_jumps[k]
+    source, target = moment_arms.source[:, k], moment_arms.target[:, k] / size
+    muscle, about = moment_arms.muscles[k], f"{moment_arms.muscles[k]}: moment arm about {moment_arms.pair.target}"
+    jump, before = moment_arms.target_jumps[k] / size, moment_arms.source_jumps[k]
     if jump > before + least:
-        where = f"{_mm(one.target_jumps[k])} at {_value(one.target_jump_at[k])}"
+        where = f"{_mm(moment_arms.target_jumps[k])} at {_value(moment_arms.target_jump_at[k])}"
         yield Warned("jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", jump / least)
     peak, peak_target = float(np.abs(source).max()), float(np.abs(target).max())
     floor, floor_target = max(least, options.weak * peak), max(least, options.weak * peak_target)
     against = (np.abs(source) > floor) & (np.abs(target) > floor_target) & (source * target < 0.0)
     if against.any():
         worst = int(np.argmax(np.where(against, np.abs(target), 0.0)))
-        where = f"{_mm(size * target[worst])} at {_value(one.target_values[worst])}, source {_mm(source[worst])}"
+        where = (
+            f"{_mm(size * target[worst])} at {_value(moment_arms.target_values[worst])}, source {_mm(source[worst])}"
+        )
         share = f"{100 * against.mean():.0f} % of the range"
         yield Warned("sign", muscle, f"{about} is {where}: the other sign in {share}", float(against.mean()))
         return
@@ -176,11 +178,11 @@ def _one_arm(one: MomentArms, k: int, size: float, least: float, options: CheckO
 
 def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], options: CheckOptions) -> Iterator[Warned]:
     """Coordinates whose muscles changed places."""
-    for one in arms:
-        correlation, name = order[one.pair.source], one.pair.target
+    for arm in arms:
+        correlation, name = order[arm.pair.source], arm.pair.target
         if correlation < options.order:
             text = (
-                f"{name}: the {len(one.muscles)} muscles' moment arms are in another order than in the source, rank "
+                f"{name}: the {len(arm.muscles)} muscles' moment arms are in another order than in the source, rank "
                 f"correlation {correlation:.2f}"
             )
             yield Warned("order", name, text, 1.0 - correlation)
@@ -188,34 +190,36 @@ def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], optio
 
 def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
     """Attachments further from their surface than in the source; `longest` bone of the target [m]."""
-    for one in morph.points:
-        if not np.isfinite(one.depth_source + one.depth_target):
+    for point in morph.points:
+        if not np.isfinite(point.depth_source + point.depth_target):
             continue
-        size, depth = morph.bones[one.body].whole.scale, abs(one.depth_target)
-        near = abs(one.depth_source) * size <= options.near_surface * longest
-        off = depth - size * abs(one.depth_source)
+        size, depth = morph.bones[point.body].whole.scale, abs(point.depth_target)
+        near = abs(point.depth_source) * size <= options.near_surface * longest
+        off = depth - size * abs(point.depth_source)
         if near and off > options.off_surface * longest:
-            where = f"{_mm(depth)} {'outside' if one.depth_target > 0.0 else 'inside'} the bone of {one.target_body}"
-            text = f"{one.owner}: {one.name} lies {where}, source {_mm(abs(one.depth_source))}"
-            yield Warned("surface", one.owner, text, off / longest)
+            where = (
+                f"{_mm(depth)} {'outside' if point.depth_target > 0.0 else 'inside'} the bone of {point.target_body}"
+            )
+            text = f"{point.owner}: {point.name} lies {where}, source {_mm(abs(point.depth_source))}"
+            yield Warned("surface", point.owner, text, off / longest)
 
 
 def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Warned]:
     """Fibers that leave the range in which the source's work."""
-    for one in morph.muscles:
-        (low, high), (low_target, high_target) = one.range_source, one.range_target
+    for muscle in morph.muscles:
+        (low, high), (low_target, high_target) = muscle.range_source, muscle.range_target
         off = max(low - low_target, high_target - high)
         if off > options.fiber:
             work = f"{low_target:.2f} to {high_target:.2f} of their optimal length, source from {low:.2f} to {high:.2f}"
-            yield Warned("fiber", one.name, f"{one.name}: fibers work from {work}", off)
+            yield Warned("fiber", muscle.name, f"{muscle.name}: fibers work from {work}", off)
 
 
 def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
     """Joints whose center parent and child put in different places; `longest` bone of the target [m]."""
-    for one in morph.joints:
-        if one.gap > options.gap * longest:
-            text = f"{one.name}: its parent and its child put the center {_mm(one.gap)} apart"
-            yield Warned("joint", one.name, text, one.gap / longest)
+    for joint in morph.joints:
+        if joint.gap > options.gap * longest:
+            text = f"{joint.name}: its parent and its child put the center {_mm(joint.gap)} apart"
+            yield Warned("joint", joint.name, text, joint.gap / longest)
 
 
 def _mm(meters: float) -> str:

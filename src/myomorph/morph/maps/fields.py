@@ -263,9 +263,9 @@ def neighbors_of(model: Model) -> dict[str, list[str]]:
 
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:
     """How many times larger the target is around each muscle: mean scale of the maps of its points' bones."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for muscle in source.muscles:
         owners = dict.fromkeys(point.body for point in muscle.path.points)
         scales = [bones[body].whole.scale for body in owners if body in bones]
-        found[muscle.name] = float(np.mean(scales)) if scales else 1.0
-    return found
+        result[muscle.name] = float(np.mean(scales)) if scales else 1.0
+    return result

@@ -194,12 +194,12 @@ class SubspaceMap:
 
     def foreseen(self) -> Array:
         """(n, 3) shifts of the features as all others have them."""
-        found = np.empty_like(self.shifts)
+        result = np.empty_like(self.shifts)
         for part in _chunks(len(self.points), len(self.points)):
             squared = self._squared(self.points[part])
             squared[squared == 0.0] = np.inf
-            found[part] = self._blended(self.points[part], squared)
-        return found
+            result[part] = self._blended(self.points[part], squared)
+        return result
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3): the A_i by their weights, and what the weights' own change adds."""
@@ -266,10 +266,10 @@ def fit_subspace(
         way where this is less [m]
     """
     shifts: Array = target - whole.apply(source)
-    found = SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)
+    subspace_map = SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)
     if smoothing == 0.0:
-        return found
-    away = found.foreseen() - shifts
+        return subspace_map
+    away = subspace_map.foreseen() - shifts
     far = float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
     shifts = shifts + min(1.0, smoothing / far) * away if far > 0.0 else shifts
     return SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)

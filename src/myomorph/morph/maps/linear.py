@@ -130,11 +130,11 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
     left_out, of_others = np.full(len(names), np.nan), np.full(len(names), np.nan)
     notes: list[str] = []
     if len(names) > 3:
-        for k in range(len(names)):
-            rest = np.delete(np.arange(len(names)), k)
+        for index in range(len(names)):
+            rest = np.delete(np.arange(len(names)), index)
             other = procrustes(source[rest], target[rest], scale and len(names) > 4)
             apart = np.linalg.norm(other.apply(source) - target, axis=1)
-            left_out[k], of_others[k] = apart[k], float(np.sqrt(np.mean(apart[rest] ** 2)))
+            left_out[index], of_others[index] = apart[index], float(np.sqrt(np.mean(apart[rest] ** 2)))
         notes = _warnings(names, source, target, scale, residuals, left_out, of_others)
     return PointFit(found, frozen_array(residuals), frozen_array(left_out), tuple(notes))
 
@@ -270,8 +270,8 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
     of_affine = of_similarity = 0.0
     fold = np.arange(len(source)) % FOLDS
     flat = len(unknown_directions(source))
-    for k in range(min(len(source), FOLDS)):
-        rest, out = fold != k, fold == k
+    for index in range(min(len(source), FOLDS)):
+        rest, out = fold != index, fold == index
         seen = None if weights is None else weights[rest]
         try:
             if len(unknown_directions(source[rest])) != flat:

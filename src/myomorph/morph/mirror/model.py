@@ -155,9 +155,9 @@ def with_other_side(
     muscles = added("muscles", lambda one: any(point.body in bodies for point in one.path.points))
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     more: dict[str, Any] = {
-        "bodies": tuple(one for one in copy.bodies if one.name in bodies),
+        "bodies": tuple(body for body in copy.bodies if body.name in bodies),
         "joints": joints,
-        "coordinates": tuple(one for one in copy.coordinates if one.name in own),
+        "coordinates": tuple(coordinate for coordinate in copy.coordinates if coordinate.name in own),
         "markers": added("markers", on_added),
         "muscles": muscles,
         "wrap_objects": added("wrap_objects", lambda one: one.body in bodies or one.name in used),
@@ -192,13 +192,13 @@ def _in_order_of(model: Model, other: Model) -> Model:
     """The other model with everything in the given one's order, where it has the same names."""
     ordered: dict[str, Any] = {}
     for what in PARTS:
-        place = {one.name: k for k, one in enumerate(getattr(model, what))}
+        place = {one.name: index for index, one in enumerate(getattr(model, what))}
         parts = getattr(other, what)
-        if {one.name for one in parts} == set(place) and len(place) == len(parts):
-            ordered[what] = tuple(sorted(parts, key=lambda one: place[one.name]))
+        if {part.name for part in parts} == set(place) and len(place) == len(parts):
+            ordered[what] = tuple(sorted(parts, key=lambda part: place[part.name]))
     parents = {joint.child: joint.parent for joint in other.joints}
     names = [body.name for body in ordered.get("bodies", ())]
-    if any(parents[name] in names[k:] for k, name in enumerate(names)):
+    if any(parents[name] in names[index:] for index, name in enumerate(names)):
         del ordered["bodies"]
     return replace(other, **ordered)
 
@@ -245,15 +245,15 @@ def with_mirrored_bones(
     """
     side = other_side_of(model, axis)
     middle = _shared_plane(bones, side.planes, side.middle) if together else None
-    found = dict(bones)
+    result = dict(bones)
     for body in model.body_names:
         twin = side.named("bodies", body)
         if body in bones or twin == body or twin not in bones:
             continue
         plane = side.planes[twin]
         goal = middle or flip(int(np.argmax(np.abs(bones[twin].whole.rotation @ plane.normal))))
-        found[body] = _mirrored(bones[twin], body, plane, goal, surfaces)
-    return found
+        result[body] = _mirrored(bones[twin], body, plane, goal, surfaces)
+    return result
 
 
 def _shared_plane(

@@ -42,7 +42,7 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     BadModel : there is nothing to add, or a body or coordinate of a muscle has no other side
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
-    new = [one for one in copy.muscles if one.name not in model.muscle_names]
+    new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]
     if not new:
         raise BadModel(f"model '{model.name}': every muscle has its counterpart, or tells no side: nothing to mirror")
     known = {GROUND, *model.body_names}
@@ -50,9 +50,9 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     if missing:
         raise BadModel(f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}")
     seats = _seats(model, copy)
-    wraps = {one.name: one for one in copy.wrap_objects}
+    wraps = {item.name: item for item in copy.wrap_objects}
     used = {wrap.wrap_object for one in new for wrap in one.path.wraps}
-    own = {wrap.wrap_object for one in model.muscles for wrap in one.path.wraps}
+    own = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
     both = sorted(used & own)
     if both:
         raise BadModel(f"model '{model.name}': both sides go around {', '.join(both)}: name one for each side")
@@ -60,14 +60,14 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
         replace(wraps[name], pose=seats[wraps[name].body] @ wraps[name].pose) for name in wraps if name in used
     )
     markers = tuple(
-        replace(one, location=seats[one.body].apply(one.location))
-        for one in copy.markers
-        if one.name not in model.marker_names
+        replace(marker, location=seats[marker.body].apply(marker.location))
+        for marker in copy.markers
+        if marker.name not in model.marker_names
     )
     found = replace(
         model,
         muscles=(*model.muscles, *(_seated(one, seats) for one in new)),
-        wrap_objects=(*(one for one in model.wrap_objects if one.name not in used), *placed),
+        wrap_objects=(*(item for item in model.wrap_objects if item.name not in used), *placed),
         markers=(*model.markers, *markers),
     )
     return found, (f"{len(new)} muscles are the mirror images of the other side's", *_unlike(model, seats, new))
@@ -97,11 +97,11 @@ def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
 
 
 def _seated(muscle: Muscle, seats: Mapping[str, Transform]) -> Muscle:
-    points = tuple(_seated_point(one, seats[one.body]) for one in muscle.path.points)
+    points = tuple(_seated_point(point, seats[point.body]) for point in muscle.path.points)
     tendon = tuple(
-        one if one.side is None else replace(one, side=seats[one.side_body].apply(one.side))
-        for one in muscle.path.wraps
-        if isinstance(one, TendonWrap)
+        wrap if wrap.side is None else replace(wrap, side=seats[wrap.side_body].apply(wrap.side))
+        for wrap in muscle.path.wraps
+        if isinstance(wrap, TendonWrap)
     )
     return replace(muscle, path=replace(muscle.path, points=points, wraps=tendon or muscle.path.wraps))
 
@@ -120,7 +120,7 @@ def _away(seat: Transform) -> float:
 
 def _unlike(model: Model, seats: Mapping[str, Transform], muscles: list[Muscle]) -> tuple[str, ...]:
     """One line on bodies that lie elsewhere than the mirrored ones of the other side."""
-    used = dict.fromkeys(point.body for one in muscles for point in one.path.points)
+    used = dict.fromkeys(point.body for muscle in muscles for point in muscle.path.points)
     away = {name: float(np.linalg.norm(seats[name].translation)) for name in used if _away(seats[name]) > SEATED}
     if not away:
         return ()

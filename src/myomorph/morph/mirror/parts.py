@@ -51,7 +51,7 @@ def mirrored_parts(model: Model, side: OtherSide) -> Model:
     planes = side.planes
 
     def each(parts: Iterable[Part], mirrored: Callable[[Part, OtherSide], Part]) -> tuple[Part, ...]:
-        return tuple(mirrored(one, side) for one in parts)
+        return tuple(mirrored(part, side) for part in parts)
 
     return replace(
         model,
@@ -60,15 +60,18 @@ def mirrored_parts(model: Model, side: OtherSide) -> Model:
         coordinates=each(model.coordinates, _coordinate),
         gravity=planes[GROUND].vectors(model.gravity),
         markers=tuple(
-            _renamed(one, side, "markers", location=planes[one.body].points(one.location)) for one in model.markers
+            _renamed(marker, side, "markers", location=planes[marker.body].points(marker.location))
+            for marker in model.markers
         ),
         muscles=each(model.muscles, _muscle),
         wrap_objects=each(model.wrap_objects, _wrap),
         actuators=each(model.actuators, _actuator),
         couplers=each(model.couplers, _coupler),
         loops=each(model.loops, _tied),
-        frames=tuple(_renamed(one, side, "frames", pose=_pose(one.pose, planes[one.body])) for one in model.frames),
-        ground_meshes=tuple(_mesh(one, planes[GROUND]) for one in model.ground_meshes),
+        frames=tuple(
+            _renamed(frame, side, "frames", pose=_pose(frame.pose, planes[frame.body])) for frame in model.frames
+        ),
+        ground_meshes=tuple(_mesh(mesh, planes[GROUND]) for mesh in model.ground_meshes),
         passive_torques=each(model.passive_torques, _passive),
         bushings=each(model.bushings, _tied),
     )
@@ -86,7 +89,7 @@ def _body(body: Body, side: OtherSide) -> Body:
         "bodies",
         mass_center=plane.points(body.mass_center),
         inertia=plane.matrix @ body.inertia @ plane.matrix,
-        meshes=tuple(_mesh(one, plane) for one in body.meshes),
+        meshes=tuple(_mesh(mesh, plane) for mesh in body.meshes),
     )
 
 
@@ -181,13 +184,13 @@ def _wrap(wrap: WrapObject, side: OtherSide) -> WrapObject:
 def _muscle(muscle: Muscle, side: OtherSide) -> Muscle:
     path = muscle.path
     wraps: Any = tuple(
-        _renamed(one, side, side=side.planes[one.side_body].points(one.side))
-        if isinstance(one, TendonWrap) and one.side is not None
-        else _renamed(one, side)
-        for one in path.wraps
+        _renamed(wrap, side, side=side.planes[wrap.side_body].points(wrap.side))
+        if isinstance(wrap, TendonWrap) and wrap.side is not None
+        else _renamed(wrap, side)
+        for wrap in path.wraps
     )
-    points = tuple(_point(one, side) for one in path.points)
-    groups = tuple(other_side(one) or one for one in muscle.groups)
+    points = tuple(_point(point, side) for point in path.points)
+    groups = tuple(other_side(group) or group for group in muscle.groups)
     return _renamed(muscle, side, "muscles", path=replace(path, points=points, wraps=wraps), groups=groups)
 
 

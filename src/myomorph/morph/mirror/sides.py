@@ -253,10 +253,10 @@ def _names(
     model: Model, planes: Mapping[str, Reflection], middle: Collection[str], extent: float, suffix: str
 ) -> Callable[[str, str], str]:
     capitals = {
-        one.name
-        for one in model.markers
-        if abs(planes[one.body].normal @ one.location - planes[one.body].offset) > OFF_PLANE * extent
-        or one.body not in middle
+        marker.name
+        for marker in model.markers
+        if abs(planes[marker.body].normal @ marker.location - planes[marker.body].offset) > OFF_PLANE * extent
+        or marker.body not in middle
     }
     tables = {
         "bodies": model.body_names,
@@ -264,7 +264,7 @@ def _names(
         "coordinates": model.coordinate_names,
         "markers": model.marker_names,
         "muscles": model.muscle_names,
-        "wraps": tuple(one.name for one in model.wrap_objects),
+        "wraps": tuple(item.name for item in model.wrap_objects),
     }
     known = {kind: _counterparts(names, capitals if kind == "markers" else ()) for kind, names in tables.items()}
     stays = {

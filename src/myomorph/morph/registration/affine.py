@@ -140,14 +140,14 @@ def _unlikely(matrices: Array) -> Array:
     return np.asarray(np.exp(0.5 * (strains / (2.0 * STRAIN)) ** 2))
 
 
-def _rotations(given: Samples, theirs: Samples, unlikely: Callable[[Array], Array]) -> list[Array]:
+def _rotations(samples: Samples, theirs: Samples, unlikely: Callable[[Array], Array]) -> list[Array]:
     """The few rotations (3, 3) that lay samples of unit moments on others, the best first."""
     tree = cKDTree(theirs.points)
 
     def found(rotations: Array, step: int) -> tuple[Array, np.ndarray, Array]:
-        moved = given.points[::step] @ rotations.swapaxes(1, 2)
+        moved = samples.points[::step] @ rotations.swapaxes(1, 2)
         away, index = (one.reshape(moved.shape[:2]) for one in tree.query(moved.reshape(-1, 3)))
-        facing = np.sum((given.normals[::step] @ rotations.swapaxes(1, 2)) * theirs.normals[index], axis=2)
+        facing = np.sum((samples.normals[::step] @ rotations.swapaxes(1, 2)) * theirs.normals[index], axis=2)
         return (np.minimum(away, FURTHEST) ** 2 + NORMAL * (1.0 - facing)).mean(axis=1), index, facing
 
     grid = rotation_grid(GRID)
@@ -156,7 +156,7 @@ def _rotations(given: Samples, theirs: Samples, unlikely: Callable[[Array], Arra
         _, index, facing = found(turned, 1)
         pulls = theirs.points[index] * (facing > 0.0)[:, :, None]
         turns = theirs.normals[index] * (facing > 0.0)[:, :, None]
-        both = pulls.swapaxes(1, 2) @ given.points + NORMAL * turns.swapaxes(1, 2) @ given.normals
+        both = pulls.swapaxes(1, 2) @ samples.points + NORMAL * turns.swapaxes(1, 2) @ samples.normals
         u, _, vt = np.linalg.svd(both)
         signs = np.ones((len(turned), 3))
         signs[:, 2] = np.linalg.det(u @ vt)
@@ -230,13 +230,13 @@ def lay_affinely(ours: Shape, goal: Shape, start: AffineMap, landmarks: FeatureP
 
 
 def _pairs(
-    given: Samples, theirs: Samples, ours: Shape, goal: Shape, laid: AffineMap
+    samples: Samples, theirs: Samples, ours: Shape, goal: Shape, laid: AffineMap
 ) -> tuple[Array, Array, Array, float]:
     """Points (n, 3) of the source, where they belong and the normals there, both ways; root mean square distance."""
     back = np.linalg.inv(laid.matrix)
-    here = laid.apply(given.points)
+    here = laid.apply(samples.points)
     found = goal.nearest(here, fine=True)
-    near, away = _counting(found.points - here, found.normals, unit(given.normals @ back))
+    near, away = _counting(found.points - here, found.normals, unit(samples.normals @ back))
     if goal.is_open:
         near &= ~found.rim
     asked = ours.nearest((theirs.points - laid.offset) @ back.T, fine=True)
@@ -245,7 +245,7 @@ def _pairs(
         reached &= ~asked.rim
     both = apart if goal.is_open else np.concatenate([away, apart])
     return (
-        np.concatenate([given.points[near], asked.points[reached]]),
+        np.concatenate([samples.points[near], asked.points[reached]]),
         np.concatenate([found.points[near], theirs.points[reached]]),
         np.concatenate([found.normals[near], theirs.normals[reached]]),
         float(np.sqrt(np.mean(both**2))),

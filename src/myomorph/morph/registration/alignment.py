@@ -200,8 +200,8 @@ def _deformed(
 def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
     """Ways to lie of a bone that may be a part, which the registration expects of what it lays on something whole."""
     theirs, own = (Surface(one.vertices, one.faces) for one in (goal, ours))
-    starts = (one.similarity.inverse() for one in rough_fits(theirs, own, RIGID))
-    return [lay_affinely(ours, goal, AffineMap.from_similarity(one)) for one in starts]
+    starts = (fit.similarity.inverse() for fit in rough_fits(theirs, own, RIGID))
+    return [lay_affinely(ours, goal, AffineMap.from_similarity(start)) for start in starts]
 
 
 def spans_a_plane(points: Array) -> bool:
@@ -212,14 +212,14 @@ def spans_a_plane(points: Array) -> bool:
     return bool(spread[1] > LINE * spread[0])
 
 
-def turned_by(one: Similarity) -> float:
+def turned_by(similarity: Similarity) -> float:
     """Angle of a rotation [degrees]."""
-    return turn_between(one, Similarity(np.eye(3), np.zeros(3)))
+    return turn_between(similarity, Similarity(np.eye(3), np.zeros(3)))
 
 
-def turn_between(one: Similarity, other: Similarity) -> float:
+def turn_between(similarity: Similarity, other: Similarity) -> float:
     """Angle between two rotations [degrees]."""
-    cosine = 0.5 * (np.trace(one.rotation.T @ other.rotation) - 1.0)
+    cosine = 0.5 * (np.trace(similarity.rotation.T @ other.rotation) - 1.0)
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
@@ -309,8 +309,8 @@ def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str
     """Ends of both bones along the source's axes."""
     ours, theirs = (Shape(one).samples(POINTS).points for one in (source, target))
     axes = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)[2]
-    ways = {f"axis {k + 1} {sign}": float(f"{sign}1") * axes[k] for k in range(3) for sign in "+-"}
-    ways |= {f"{sign}{'xyz'[k]}": float(f"{sign}1") * np.eye(3)[k] for k in range(3) for sign in "+-"}
+    ways = {f"axis {index + 1} {sign}": float(f"{sign}1") * axes[index] for index in range(3) for sign in "+-"}
+    ways |= {f"{sign}{'xyz'[index]}": float(f"{sign}1") * np.eye(3)[index] for index in range(3) for sign in "+-"}
     for name, direction in ways.items():
         places = [_utmost(points, direction, length) for points in (ours, theirs)]
         if places[0] is not None and places[1] is not None:
@@ -326,7 +326,7 @@ def _utmost(points: Array, direction: Array, length: float) -> Array | None:
         middles.append(points[along > along.max() - DEPTH * length])
     here = middles[0].mean(axis=0)
     spread = float(np.sqrt(np.mean(np.sum((middles[0] - here) ** 2, axis=1))))
-    moved = max(float(np.linalg.norm(one.mean(axis=0) - here)) for one in middles[1:])
+    moved = max(float(np.linalg.norm(middle.mean(axis=0) - here)) for middle in middles[1:])
     return here if max(spread, moved) < SHARP * length else None
 
 
@@ -334,8 +334,8 @@ def _rounds(source: Surface, target: Surface, length: float) -> Iterator[tuple[s
     """Centers of the same round surfaces on both bones."""
     for what, hollow in (("head", False), ("socket", True)):
         count = 0
-        for one in spherical_patches(source, hollow):
-            ours, theirs = (_steady(one, surface) for surface in (source, target))
+        for patch in spherical_patches(source, hollow):
+            ours, theirs = (_steady(patch, surface) for surface in (source, target))
             if ours is None or theirs is None or not 1.0 / RADII < theirs.radius / ours.radius < RADII:
                 continue
             if np.linalg.norm(theirs.center - ours.center) < ours.radius:
@@ -343,16 +343,18 @@ def _rounds(source: Surface, target: Surface, length: float) -> Iterator[tuple[s
                 yield f"{what} {count}", ours.center, theirs.center
 
 
-def _steady(one: SphereFit, surface: Surface) -> SphereFit | None:
+def _steady(sphere_fit: SphereFit, surface: Surface) -> SphereFit | None:
     """The sphere found from near another one; None where starts beside it lead elsewhere."""
     try:
-        found = articular_sphere(surface, one.center, one.radius, one.hollow)
-        if warning_of(found):
+        result = articular_sphere(surface, sphere_fit.center, sphere_fit.radius, sphere_fit.hollow)
+        if warning_of(result):
             return None
         for shift in (*np.eye(3), *-np.eye(3)):
-            beside = articular_sphere(surface, found.center + SHIFT * found.radius * shift, found.radius, one.hollow)
-            if np.linalg.norm(beside.center - found.center) > STEADY * found.radius:
+            beside = articular_sphere(
+                surface, result.center + SHIFT * result.radius * shift, result.radius, sphere_fit.hollow
+            )
+            if np.linalg.norm(beside.center - result.center) > STEADY * result.radius:
                 return None
     except BadData:
         return None
-    return found
+    return result

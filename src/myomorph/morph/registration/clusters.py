@@ -192,7 +192,7 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
     tree = cKDTree(votes)
     counts = tree.query_ball_point(votes, AGREE * radius, return_length=True)
     weight = np.where(counts >= FEWEST, share * counts, 0.0)
-    found: list[Ball] = []
+    balls: list[Ball] = []
     free = np.ones(len(votes), dtype=bool)
     needed = COVERED * 4.0 * np.pi * radius**2
     for index in np.argsort(-weight):
@@ -208,10 +208,10 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
             ball = fit_ball(places[near], radius)
             center = ball.center
         if near.sum() >= FEWEST and _is_ball(ball, radius, tolerance):
-            found.append(ball)
+            balls.append(ball)
             free &= np.linalg.norm(votes - center, axis=1) > radius
         free &= np.linalg.norm(votes - votes[index], axis=1) > 0.3 * radius
-    return found
+    return balls
 
 
 @read_only
@@ -291,7 +291,9 @@ def name_cluster(
 
 
 def _pick_cost(centers: Array, names: Sequence[str], picked: Mapping[str, Array]) -> float:
-    return float(sum(np.sum((centers[k] - picked[name]) ** 2) for k, name in enumerate(names) if name in picked))
+    return float(
+        sum(np.sum((centers[index] - picked[name]) ** 2) for index, name in enumerate(names) if name in picked)
+    )
 
 
 def _size_cost(centers: Array, distances: Array | None) -> float:

@@ -76,27 +76,27 @@ def check_landmarks(
 def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity | None:
     """The similarity between the two sides; refuses what none explains."""
     try:
-        found = fit_points(landmarks.names, landmarks.source, landmarks.target, True)
+        points = fit_points(landmarks.names, landmarks.source, landmarks.target, True)
     except BadData as error:
         notes.append(f"landmarks of '{body}': {error}")
         return None
     spread = _spread(landmarks.target)
     mirrored = _left(landmarks.source * [1.0, 1.0, -1.0], landmarks.target)
-    _check_order(body, landmarks, min(REORDERED * found.rms, mirrored), found.rms)
-    if len(landmarks) > 3 and found.rms > 0.01 * spread and mirrored < MIRRORED * found.rms:
+    _check_order(body, landmarks, min(REORDERED * points.rms, mirrored), points.rms)
+    if len(landmarks) > 3 and points.rms > 0.01 * spread and mirrored < MIRRORED * points.rms:
         raise BadData(
-            f"the landmarks of '{body}' fit within {mm(mirrored)} instead of {mm(found.rms)} when "
+            f"the landmarks of '{body}' fit within {mm(mirrored)} instead of {mm(points.rms)} when "
             "mirrored: are they of the other side? Give those of this side, or say that the bone is to be mirrored"
         )
-    left = f"{mm(found.rms)} remain of a spread of {mm(spread)}"
-    if found.rms > UNLIKE * spread:
+    left = f"{mm(points.rms)} remain of a spread of {mm(spread)}"
+    if points.rms > UNLIKE * spread:
         raise BadData(
             f"the landmarks of '{body}' do not fit: {left}; are they of another bone, or is one side's table another's?"
         )
-    if found.rms > ODD * spread:
+    if points.rms > ODD * spread:
         notes.append(f"the landmarks of '{body}' fit badly: {left}")
-    notes += [f"landmarks of '{body}': {line}" for line in found.notes]
-    return found.similarity
+    notes += [f"landmarks of '{body}': {line}" for line in points.notes]
+    return points.similarity
 
 
 def _left(source: Array, target: Array) -> float:

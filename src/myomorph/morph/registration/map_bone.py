@@ -148,9 +148,9 @@ def _found_by_rules(
             f"'{body}': the {lacking} has no surface of this bone, and there are no landmarks: give one or the other "
             "(the source's meshes may lie in another folder, see --geometry)"
         )
-    found = automatic_landmarks(source, target, placed.similarity)
-    notes.append(f"{len(found)} landmarks of '{body}' were found by rules: {', '.join(found.names)}")
-    return found
+    result = automatic_landmarks(source, target, placed.similarity)
+    notes.append(f"{len(result)} landmarks of '{body}' were found by rules: {', '.join(result.names)}")
+    return result
 
 
 def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
@@ -167,23 +167,24 @@ def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
 
 def _features(
     body: str,
-    found: SurfaceMatch,
+    surface_match: SurfaceMatch,
     landmarks: FeaturePoints | None,
     match: MatchOptions,
     map_options: MapOptions | None,
 ) -> FeaturePoints:
     """The landmarks, and the first of the evenly spread pairs that are not too near to one."""
-    if len(found.pairs) < FEWEST:
+    if len(surface_match.pairs) < FEWEST:
         raise BadData(
-            f"the bones of '{body}' meet at {len(found.pairs)} of {match.match_points} points: are they the same bone? "
+            f"the bones of '{body}' meet at {len(surface_match.pairs)} of {match.match_points} points: are they "
+            f"the same bone? "
             "Give landmarks, or leave the bone out: it is then scaled as its neighbors"
         )
-    dense = _chosen(found.pairs, np.arange(min(match.feature_count, len(found.pairs))))
+    dense = _chosen(surface_match.pairs, np.arange(min(match.feature_count, len(surface_match.pairs))))
     if landmarks is None:
         return dense
     spacing = float(np.median(cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
     apart = np.linalg.norm(fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1)
-    reach = np.maximum(BESIDE * spacing, STEEP * apart / found.placed.similarity.scale)
+    reach = np.maximum(BESIDE * spacing, STEEP * apart / surface_match.placed.similarity.scale)
     away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
     return _joined(landmarks, _chosen(dense, np.flatnonzero((away > reach).all(axis=1))))
 

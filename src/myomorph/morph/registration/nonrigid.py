@@ -88,17 +88,17 @@ class MatchQuality:
         return tuple(found)
 
 
-def match_quality(ours: Shape, deformed: Shape, goal: Shape, found: Samples, tolerance: float) -> MatchQuality:
+def match_quality(ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float) -> MatchQuality:
     """Judge a match: the source, the same deformed, the target, and where the vertices are on it."""
     share = _vertex_areas(ours)
-    away = np.linalg.norm(found.points - deformed.vertices, axis=1)
+    away = np.linalg.norm(samples.points - deformed.vertices, axis=1)
     order = np.argsort(away)
     at95 = int(np.searchsorted(np.cumsum(share[order]), 0.95))
-    matched = Shape(Surface(found.points, ours.faces))
+    matched = Shape(Surface(samples.points, ours.faces))
     asked = goal.samples(ASKED).points
     beside = np.linalg.norm(matched.nearest(asked, fine=True).points - asked, axis=1)
     normals = vertex_normals(deformed)
-    alike = np.einsum("ij,ij->i", normals, found.normals) > ALIKE
+    alike = np.einsum("ij,ij->i", normals, samples.normals) > ALIKE
     turned = np.einsum("ij,ij->i", matched.normals, deformed.normals) < 0
     weights = ours.areas / ours.area
     ratio = matched.areas / np.maximum(ours.areas, 1e-12 * ours.area) / (matched.area / ours.area)

@@ -256,9 +256,9 @@ def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None 
     return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
 
 
-def _few_fits(given: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
-    coarse = _Fitting(given, goal, options, COARSE, fine=False)
-    found = [coarse.iterated(start, 15) for start in _starts(given, goal, options.starts)]
+def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
+    coarse = _Fitting(shape, goal, options, COARSE, fine=False)
+    found = [coarse.iterated(start, 15) for start in _starts(shape, goal, options.starts)]
     found.sort(key=lambda one: one.rms)
     distinct: list[RoughFit] = []
     for one in found:
@@ -266,19 +266,19 @@ def _few_fits(given: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughF
             distinct.append(one)
         if len(distinct) == FEW:
             break
-    finer = _Fitting(given, goal, options, COARSE)
+    finer = _Fitting(shape, goal, options, COARSE)
     return sorted((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
 
 
-def _starts(given: Shape, goal: Shape, turns: int) -> list[Similarity]:
+def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
     """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
-    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one.samples(2000)) for one in (given, goal))
+    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one.samples(2000)) for one in (shape, goal))
     shift = max(0.0, 0.5 * (goal_long - long))
     shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
     starts = []
     for flip in (0.0, np.pi):
-        for k in range(turns):
-            spin = axis_rotation((1, 0, 0), 2 * np.pi * k / turns) @ axis_rotation((0, 1, 0), flip)
+        for index in range(turns):
+            spin = axis_rotation((1, 0, 0), 2 * np.pi * index / turns) @ axis_rotation((0, 1, 0), flip)
             rotation = goal_axes @ spin @ axes.T
             starts += [
                 Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle) for along in shifts
@@ -295,17 +295,17 @@ def _axes(samples: Samples) -> tuple[Array, Array, float]:
     return middle, axes, float(np.ptp(along))
 
 
-def _covariance(found: RoughFit, area: float) -> Array:
+def _covariance(rough_fit: RoughFit, area: float) -> Array:
     """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
-    rows, count = found.slopes.shape
+    rows, count = rough_fit.slopes.shape
     independent = max(area / PATCH, count + 1.0)
-    radius = np.sqrt(area) * found.similarity.scale
+    radius = np.sqrt(area) * rough_fit.similarity.scale
     units = np.concatenate([np.full(3, radius), np.ones(3), [radius]])[:count]
-    information = (found.slopes / units).T @ (found.slopes / units) * (independent / rows)
+    information = (rough_fit.slopes / units).T @ (rough_fit.slopes / units) * (independent / rows)
     # A direction that the shape does not show at all keeps a large variance instead of none.
     information += 1e-9 * np.trace(information) * np.eye(count)
     result = np.zeros((7, 7))
-    variance = (found.rms * found.similarity.scale) ** 2 * np.linalg.inv(information)
+    variance = (rough_fit.rms * rough_fit.similarity.scale) ** 2 * np.linalg.inv(information)
     result[:count, :count] = variance / np.outer(units, units)
     return result
 

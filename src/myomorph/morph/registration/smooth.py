@@ -83,27 +83,27 @@ def spread_points(shape: Shape, count: int) -> Array:
     chosen = np.empty(count, dtype=np.intp)
     chosen[0] = 0
     nearest = np.sum((points - points[0]) ** 2, axis=1)
-    for k in range(1, count):
-        chosen[k] = int(np.argmax(nearest))
-        nearest = np.minimum(nearest, np.sum((points - points[chosen[k]]) ** 2, axis=1))
+    for index in range(1, count):
+        chosen[index] = int(np.argmax(nearest))
+        nearest = np.minimum(nearest, np.sum((points - points[chosen[index]]) ** 2, axis=1))
     return points[chosen]
 
 
 def onto(goal: Shape, points: Array, normals: Array) -> Samples:
     """Nearest points of a surface that face the same way as normals (n, 3), so that a thin bone keeps its sides."""
-    found = goal.nearest(points, fine=True)
-    wrong = np.flatnonzero(np.einsum("ij,ij->i", found.normals, normals) < FACING)
+    result = goal.nearest(points, fine=True)
+    wrong = np.flatnonzero(np.einsum("ij,ij->i", result.normals, normals) < FACING)
     if not len(wrong):
-        return found
+        return result
     dense, tree = goal.dense
     near = tree.query(points[wrong], NEIGHBORS)[1]
     facing = np.einsum("ijk,ik->ij", dense.normals[near], normals[wrong]) > FACING
     turned = np.flatnonzero(facing.any(axis=1))
     index = near[turned, np.argmax(facing[turned], axis=1)]
-    values = {field: getattr(found, field).copy() for field in ("points", "normals", "rim")}
-    for field, one in values.items():
-        one[wrong[turned]] = getattr(dense, field)[index]
-    return replace(found, **values)
+    values = {field: getattr(result, field).copy() for field in ("points", "normals", "rim")}
+    for field, value in values.items():
+        value[wrong[turned]] = getattr(dense, field)[index]
+    return replace(result, **values)
 
 
 WIDTHS, SIZES = (1.0, 0.5, 0.2), (0.02, 0.008, 0.003)
@@ -272,8 +272,8 @@ class _Pairs:
     rms: float
 
 
-def _pairs(given: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coefficients: Array) -> _Pairs:
-    here, many = given.at(coefficients), dense.at(coefficients)
+def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coefficients: Array) -> _Pairs:
+    here, many = moving.at(coefficients), dense.at(coefficients)
     found = onto(goal, here.points, here.normals)
     away = np.linalg.norm(found.points - here.points, axis=1)
     near = _counting(away, found.normals, here.normals)
@@ -284,11 +284,11 @@ def _pairs(given: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coeffic
     off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))
     reached = _counting(off, theirs.normals, many.normals[back])
     first, index = np.flatnonzero(near), back[reached]
-    laid = np.concatenate([given.laid[first], dense.laid[index]])
+    laid = np.concatenate([moving.laid[first], dense.laid[index]])
     goals = np.concatenate([found.points[near], theirs.points[reached]])
     normals = np.concatenate([found.normals[near], theirs.normals[reached]])
     return _Pairs(
-        np.concatenate([given.rows[first], dense.rows[index]]),
+        np.concatenate([moving.rows[first], dense.rows[index]]),
         normals,
         np.einsum("ij,ij->i", normals, goals - laid),
         np.concatenate([here.points[first], many.points[index]]) - laid,

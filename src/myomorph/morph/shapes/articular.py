@@ -51,9 +51,9 @@ class Corners:
         points, faces = surface.vertices[first], same.reshape(-1)[surface.faces]
         crossed = face_crosses(points, faces)
         normals, areas = np.zeros_like(points), np.zeros(len(points))
-        for k in range(3):
-            np.add.at(normals, faces[:, k], crossed)
-            np.add.at(areas, faces[:, k], np.linalg.norm(crossed, axis=1) / 6.0)
+        for index in range(3):
+            np.add.at(normals, faces[:, index], crossed)
+            np.add.at(areas, faces[:, index], np.linalg.norm(crossed, axis=1) / 6.0)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         return Corners(points, normals, areas, edges)._where(areas > 0)
@@ -263,7 +263,7 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             if share > COVERED and near.sum() >= FEWEST:
                 voted.append((min(share, 1.0), center, radius))
     voted.sort(key=lambda one: -one[0])
-    found: list[SphereFit] = []
+    sphere_fits: list[SphereFit] = []
     tried: list[tuple[Array, float]] = []
     for _, center, radius in voted:
         if any(np.linalg.norm(center - other) < 0.5 * max(radius, size) for other, size in tried):
@@ -275,9 +275,9 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             fit = _sphere(corners.within(center, 2.5 * radius), center, radius, hollow)
         except BadData:
             continue
-        if not warning_of(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in found):
-            found.append(fit)
-    return tuple(sorted(found, key=lambda one: -one.coverage)[:most])
+        if not warning_of(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in sphere_fits):
+            sphere_fits.append(fit)
+    return tuple(sorted(sphere_fits, key=lambda one: -one.coverage)[:most])
 
 
 def _cylinder_starts(start: Array, line: Array, radius: float) -> list[tuple[Array, float]]:
@@ -329,11 +329,11 @@ def _sphere(corners: Corners, start: Array, radius: float, hollow: bool) -> Sphe
     def fitted(chosen: np.ndarray) -> SphereFit:
         return fit_sphere(corners.points[chosen], corners.normals[chosen], corners.areas[chosen])
 
-    found = _grown(region, fitted, radius)
-    apart = float(np.linalg.norm(found.center - start))
+    result = _grown(region, fitted, radius)
+    apart = float(np.linalg.norm(result.center - start))
     if apart > radius:
         raise BadData(f"the round surface near {_text(start)} has its center {mm(apart)} from there, past its radius")
-    return found
+    return result
 
 
 def _grown(

@@ -236,13 +236,13 @@ def _posed_hulls(model: Model, bones: Mapping[str, Surface], pose: Motion | None
     tree = compile_tree(model)
     given = Motion(np.zeros(1), (), np.zeros((1, 0))) if pose is None else pose
     poses = forward_kinematics(tree, np.ascontiguousarray(tree.coordinates_of(given)[:1]))
-    found = {}
+    result = {}
     for name, surface in bones.items():
         check_name("body", name, model.body_names)
         number = tree.body_index[name]
         points = surface.vertices[np.unique(surface.faces)] @ poses.rotations[0, number].T + poses.origins[0, number]
-        found[name] = points[_corners(points, name)]
-    return found
+        result[name] = points[_corners(points, name)]
+    return result
 
 
 def _corners(points: Array, name: str) -> np.ndarray:
@@ -277,10 +277,10 @@ def _outside(corners: Array, points: Array) -> Array:
     vertices, faces = np.array(hull.points), np.array(hull.simplices, dtype=np.int64)
     inward = np.einsum("fi,fi->f", face_crosses(vertices, faces), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    boxes, found = Boxes(vertices, faces), np.zeros(len(points))
+    boxes, result = Boxes(vertices, faces), np.zeros(len(points))
     away = ~boxes.holds(points)
-    found[away] = np.sqrt(boxes.nearest(points[away])[0])
-    return found
+    result[away] = np.sqrt(boxes.nearest(points[away])[0])
+    return result
 
 
 def _level(values: Array, grid: Grid, volume: float) -> float:

@@ -198,13 +198,13 @@ class _Seamless(Boxes):
             self._of_faces[face],
         )
         off = shares <= ON_EDGE * shares.sum(axis=1, keepdims=True)
-        found = self._of_faces[face].copy()
-        for k in range(3):
-            here = off[:, k] & (off.sum(axis=1) == 1)
-            found[here] = self._of_edges[face[here], k]
-            here = ~off[:, k] & (off.sum(axis=1) == 2)
-            found[here] = self._of_corners[self.faces[face[here], k]]
-        return found
+        result = self._of_faces[face].copy()
+        for index in range(3):
+            here = off[:, index] & (off.sum(axis=1) == 1)
+            result[here] = self._of_edges[face[here], index]
+            here = ~off[:, index] & (off.sum(axis=1) == 2)
+            result[here] = self._of_corners[self.faces[face[here], index]]
+        return result
 
 
 def _face_normals(surface: Surface) -> tuple[Array, Array]:

@@ -90,7 +90,7 @@ class ArchitectureTable:
 
     def without(self, names: Sequence[str]) -> ArchitectureTable | None:
         """The table without some of its muscles, None where nothing is left."""
-        rows = tuple(one for one in self.rows if one.name not in names)
+        rows = tuple(row for row in self.rows if row.name not in names)
         return replace(self, rows=rows) if rows else None
 
 
@@ -171,26 +171,28 @@ def architectures(
         return FrozenMap({})
     own = [_values(source, table, size, tables) for table, size in zip(tables, sizes, strict=True)]
     model = {
-        one.name: _Value(one.optimal_fiber_length, one.max_isometric_force * one.optimal_fiber_length, None, "")
-        for one in source.muscles
-        if one.name in muscles and one.optimal_fiber_length > 0.0 and one.max_isometric_force > 0.0
+        muscle.name: _Value(
+            muscle.optimal_fiber_length, muscle.max_isometric_force * muscle.optimal_fiber_length, None, ""
+        )
+        for muscle in source.muscles
+        if muscle.name in muscles and muscle.optimal_fiber_length > 0.0 and muscle.max_isometric_force > 0.0
     }
     first = own[0]
     between = _spread_within(tables, own)
     source_basis = f"{source.name}, at the level of {tables[0].species}"
     found: dict[str, Architecture] = {}
-    for k, values in enumerate((*own, model)):
-        level, spread = (np.ones(2), between) if k == 0 else _level(first, values)
-        for name, one in values.items():
+    for index, values in enumerate((*own, model)):
+        level, spread = (np.ones(2), between) if index == 0 else _level(first, values)
+        for name, value in values.items():
             if name in found or name not in muscles or not np.isfinite(level).all():
                 continue
-            fiber, strength = level * (one.fiber, one.strength)
+            fiber, strength = level * (value.fiber, value.strength)
             low_high = [(float(np.exp(-QUANTILE * s)), float(np.exp(QUANTILE * s))) for s in spread]
             found[name] = Architecture(
                 float(fiber),
                 float(strength / fiber),
-                one.pennation,
-                one.basis or source_basis,
+                value.pennation,
+                value.basis or source_basis,
                 low_high[0],
                 low_high[1],
             )
@@ -210,23 +212,23 @@ def scaled_architectures(
     basis = f"{source.name}, scaled as {law.citation}"
     return FrozenMap(
         {
-            one.name: Architecture(
-                length * law.fiber * one.optimal_fiber_length,
-                length**2 * law.force * one.max_isometric_force,
+            muscle.name: Architecture(
+                length * law.fiber * muscle.optimal_fiber_length,
+                length**2 * law.force * muscle.max_isometric_force,
                 None,
                 basis,
                 law.fiber_interval,
                 law.force_interval,
             )
-            for one in source.muscles
-            if one.name in muscles and one.optimal_fiber_length > 0.0 and one.max_isometric_force > 0.0
+            for muscle in source.muscles
+            if muscle.name in muscles and muscle.optimal_fiber_length > 0.0 and muscle.max_isometric_force > 0.0
         }
     )
 
 
 def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequence[ArchitectureTable]) -> Values:
     """What a table says of the source's muscles, in the target's size."""
-    own = {one.name: one.max_isometric_force * one.optimal_fiber_length for one in source.muscles}
+    own = {muscle.name: muscle.max_isometric_force * muscle.optimal_fiber_length for muscle in source.muscles}
     parts: dict[str, list[tuple[MuscleRow, float]]] = {}
     for row in table.rows:
         here = [name for name in row.sources if name in own]
@@ -235,7 +237,7 @@ def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequenc
         for name in here:
             share = strengths[name] / total if total > 0.0 else 1.0 / len(here)
             parts.setdefault(name, []).append((row, row.strength * share))
-    found: Values = {}
+    values: Values = {}
     for name, rows in parts.items():
         weights = np.array([strength for _, strength in rows])
         angles = [row.pennation for row, _ in rows]
@@ -243,8 +245,8 @@ def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequenc
         # Parts side by side: their forces add up, so the common fiber is the one that keeps strength and force.
         fiber = weights.sum() / sum(strength / row.fiber for row, strength in rows)
         basis = f"{table.species}: {table.citation}"
-        found[name] = _Value(size.length * float(fiber), size.strength * float(weights.sum()), known, basis)
-    return found
+        values[name] = _Value(size.length * float(fiber), size.strength * float(weights.sum()), known, basis)
+    return values
 
 
 def _told_apart(muscles: Sequence[str], tables: Sequence[ArchitectureTable]) -> Mapping[str, float]:

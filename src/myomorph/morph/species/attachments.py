@@ -37,7 +37,7 @@ def with_attachments(
     ------
     BadData : a relative's bone with fewer than four landmarks in common with the target's
     """
-    muscles = {one.name: one for one in source.muscles}
+    muscles = {muscle.name: muscle for muscle in source.muscles}
     found = dict(bones)
     parts: list[tuple[str, str]] = []
     kept: list[str] = []
@@ -69,7 +69,7 @@ def with_attachments(
         source,
         bodies=(*source.bodies, *(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part, _ in parts)),
         joints=(*source.joints, *(Joint(part, "WeldJoint", body, part, still, still) for part, body in parts)),
-        muscles=tuple(muscles[one.name] for one in source.muscles),
+        muscles=tuple(muscles[muscle.name] for muscle in source.muscles),
     )
     return changed, found, tuple(notes)
 
@@ -79,10 +79,10 @@ def straightened(source: Model, names: Sequence[str]) -> Model:
     return replace(
         source,
         muscles=tuple(
-            replace(one, path=replace(one.path, points=(one.path.points[0], one.path.points[-1]), wraps=()))
-            if one.name in names
-            else one
-            for one in source.muscles
+            replace(muscle, path=replace(muscle.path, points=(muscle.path.points[0], muscle.path.points[-1]), wraps=()))
+            if muscle.name in names
+            else muscle
+            for muscle in source.muscles
         ),
     )
 
@@ -107,7 +107,7 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
     pairs = FeaturePoints(
         names, np.array([relative.landmarks[name] for name in names]), np.array([theirs[name] for name in names])
     )
-    goals = fit_map(pairs, MapOptions("affine")).apply(np.array([one.at for one in relative.attachments]))
+    goals = fit_map(pairs, MapOptions("affine")).apply(np.array([attachment.at for attachment in relative.attachments]))
     if bone.target is not None and len(bone.target.faces):
         goals = Shape(bone.target).closest(goals)[0]
     return goals
@@ -129,8 +129,8 @@ def _shifted(bone: BoneMap, part: str, point: Array, goal: Array) -> BoneMap:
 def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) -> bool:
     """Whether the path's next point on that bone would lie the other way from the attachment than before."""
     points = muscle.path.points if each.end == "first" else muscle.path.points[::-1]
-    ends = [one for one in points[:2] if isinstance(one, PathPoint) and one.body == points[0].body]
+    ends = [point for point in points[:2] if isinstance(point, PathPoint) and point.body == points[0].body]
     if len(ends) < 2:
         return False
-    before, after = (bone.map.apply(one.location) for one in ends)
+    before, after = (bone.map.apply(end.location) for end in ends)
     return bool((after - before) @ (after - goal) < 0.0)

@@ -284,11 +284,11 @@ class Posed:
 
 def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
     """The map of the first body, and those of the bodies that are one bone with it or ride on it."""
-    found = {bone.body: bone}
+    result = {bone.body: bone}
     for name in (*pair.sources[1:], *pair.transferred):
         if name in here.model.body_names:
-            found[name] = _placed(bone, name, bone.target_body, before=here.within(name, bone.body))
-    return found
+            result[name] = _placed(bone, name, bone.target_body, before=here.within(name, bone.body))
+    return result
 
 
 def _placed(
@@ -357,7 +357,7 @@ def spread_over_targets(
         return body if best == targets[0] else part_name(body, best)
 
     def carried(muscle: Muscle) -> Muscle:
-        fixed = [one for one in muscle.path.points if isinstance(one, PathPoint) and one.body in parts]
+        fixed = [point for point in muscle.path.points if isinstance(point, PathPoint) and point.body in parts]
         goes = {
             id(one): nearest(
                 one.body,
@@ -366,8 +366,8 @@ def spread_over_targets(
             for one in fixed
         }
         points = tuple(
-            replace(one, body=goes[id(one)]) if isinstance(one, PathPoint) and one.body in parts else one
-            for one in muscle.path.points
+            replace(point, body=goes[id(point)]) if isinstance(point, PathPoint) and point.body in parts else point
+            for point in muscle.path.points
         )
         return replace(muscle, path=replace(muscle.path, points=points))
 

@@ -56,7 +56,7 @@ class Parts:
             near = min(present, key=lambda one: float(apart[labels == one].min()))
             across = {one: self._points[labels == one, 2] for one in present if one != near}
             named["joint"] = [near]
-            named["middle"] = [one for one, x in across.items() if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)]
+            named["middle"] = [name for name, x in across.items() if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)]
         return named
 
     def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
@@ -165,7 +165,7 @@ def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
     order = [0, 1, 2] if rule.along == "proximal" else [1, 0, 2]
     turned = points[:, order]
     low, extent = float(turned[:, 0].min()), float(np.ptp(turned[:, 0]))
-    found: Landmarks = {}
+    landmarks: Landmarks = {}
     for share in rule.at:
         height = low + share * extent
         ends = section(turned, faces, height).reshape(-1, 2)
@@ -173,8 +173,8 @@ def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
             raise BadData(f"landmark '{rule.name}': no cross-section at {share:g} of the bone")
         for angle in 2.0 * np.pi * np.arange(rule.around) / rule.around:
             farthest = ends[int(np.argmax(ends @ [np.cos(angle), np.sin(angle)]))]
-            found[f"{rule.name} {share:g} at {np.degrees(angle):.0f}"] = np.array([height, *farthest])[order]
-    return found
+            landmarks[f"{rule.name} {share:g} at {np.degrees(angle):.0f}"] = np.array([height, *farthest])[order]
+    return landmarks
 
 
 def section(points: Array, faces: Ints, height: float) -> Array:

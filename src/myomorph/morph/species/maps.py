@@ -106,8 +106,8 @@ def species_bones(
             for number, name in enumerate(bone.targets[1:], start=1):
                 if name in target.body_names:
                     bones |= {
-                        part_name(body, name): seated(one, body, bone, number, there)
-                        for body, one in riders(first, bone, here).items()
+                        part_name(body, name): seated(rider, body, bone, number, there)
+                        for body, rider in riders(first, bone, here).items()
                     }
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
     for bone in table.bones:
@@ -134,10 +134,10 @@ def _map(
     found = []
     shapes = []
     notes: list[str] = []
-    for k, bodies in enumerate((bone.sources, bone.targets)):
-        shape = posed[k].surface(tuple(n for n in bodies if n in posed[k].model.body_names), surfaces[k])
-        joints = posed[k].joints(bodies[0])
-        marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[k], joints, k == 0, bone.half)
+    for index, bodies in enumerate((bone.sources, bone.targets)):
+        shape = posed[index].surface(tuple(n for n in bodies if n in posed[index].model.body_names), surfaces[index])
+        joints = posed[index].joints(bodies[0])
+        marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[index], joints, index == 0, bone.half)
         shapes.append(shape)
         found.append(marks)
         notes += [f"{pair}: {line}" for line in lost]
@@ -247,7 +247,7 @@ def species_morph(
     """
     bones = species_bones(source, source_surfaces, target, target_surfaces, table, map_options, match, progress)
     if not bones.bones:
-        wanted = ", ".join(f"'{one.sources[0]}' and '{one.targets[0]}'" for one in table.bones[:3])
+        wanted = ", ".join(f"'{bone.sources[0]}' and '{bone.targets[0]}'" for bone in table.bones[:3])
         raise BadData(f"species table '{table.name}': no pair of its bodies is in the models: it wants {wanted}, ...")
     if progress is not None:
         progress("muscles")
@@ -282,10 +282,10 @@ def _less_sure(points: tuple[TransferredPoint, ...], unlike: float, surfaces: Su
         return points
     lengths = {body: float(np.ptp(surface.vertices, axis=0).max()) for body, surface in surfaces.items()}
     return tuple(
-        replace(one, within=float(np.hypot(np.nan_to_num(one.within), unlike * lengths[one.target_body])))
-        if one.target_body in lengths
-        else one
-        for one in points
+        replace(point, within=float(np.hypot(np.nan_to_num(point.within), unlike * lengths[point.target_body])))
+        if point.target_body in lengths
+        else point
+        for point in points
     )
 
 
@@ -349,7 +349,7 @@ def _bone_of(body: str, table: SpeciesTable) -> BoneHomology:
 def coordinate_table(table: SpeciesTable, source: Model, target: Model) -> CoordinateTable:
     """Coordinates of a species table that both models have."""
     return {
-        one.source: (one.target, one.factor, one.offset)
-        for one in table.coordinates
-        if one.source in source.coordinate_names and one.target in target.coordinate_names
+        coordinate.source: (coordinate.target, coordinate.factor, coordinate.offset)
+        for coordinate in table.coordinates
+        if coordinate.source in source.coordinate_names and coordinate.target in target.coordinate_names
     }

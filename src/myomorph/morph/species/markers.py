@@ -50,7 +50,7 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
     for body, _ in table.places.values():
         check_name("body", body, model.body_names)
     for pattern in table.moving:
-        if not any(fnmatchcase(one, pattern) for one in model.coordinate_names):
+        if not any(fnmatchcase(coordinate_name, pattern) for coordinate_name in model.coordinate_names):
             raise BadData(f"marker table '{name}': no coordinate fits '{pattern}'")
     for angle in table.start or ():
         check_name("coordinate", angle, model.coordinate_names)
@@ -58,11 +58,13 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
     root = {name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates}
     coordinates = []
     locked = 0
-    for one in model.coordinates:
-        still = one.name not in root and not any(fnmatchcase(one.name, pattern) for pattern in table.moving)
-        locked += still and not one.locked
-        default = (table.start or {}).get(one.name, one.default)
-        coordinates.append(replace(one, locked=one.locked or still, default=default))
+    for coordinate in model.coordinates:
+        still = coordinate.name not in root and not any(
+            fnmatchcase(coordinate.name, pattern) for pattern in table.moving
+        )
+        locked += still and not coordinate.locked
+        default = (table.start or {}).get(coordinate.name, coordinate.default)
+        coordinates.append(replace(coordinate, locked=coordinate.locked or still, default=default))
     made = replace(model.with_markers(markers), coordinates=tuple(coordinates))
     notes = [f"markers of '{name}' ({table.citation}): {len(markers)}, placed on bones, to be calibrated to an animal"]
     if locked:

@@ -59,14 +59,14 @@ def with_segment_shares(
     if not (np.isfinite(total) and total > 0.0):
         raise BadData(f"a mass of {total:g} kg: expected above 0")
     factors: dict[str, float] = {}
-    for one in shares:
-        for name in one.bodies:
+    for share in shares:
+        for name in share.bodies:
             if name not in model.body_names:
                 raise UnknownName("body", name, model.body_names)
-        own = sum(model.body(name).mass for name in one.bodies)
+        own = sum(model.body(name).mass for name in share.bodies)
         if own <= 0.0:
-            raise BadData(f"segment '{one.name}': its bodies {', '.join(one.bodies)} have no mass to share")
-        factors |= dict.fromkeys(one.bodies, one.share * total / own)
+            raise BadData(f"segment '{share.name}': its bodies {', '.join(share.bodies)} have no mass to share")
+        factors |= dict.fromkeys(share.bodies, share.share * total / own)
     others = sum(body.mass for body in model.bodies if body.name not in factors)
     left = 1.0 - sum(one.share for one in shares)
     if left <= 0.0 or (shares and others <= 0.0):
@@ -95,10 +95,10 @@ def with_possible_inertias(model: Model, surfaces: Mapping[str, Surface]) -> tup
     -------
     the model, and how many were replaced, in one line
     """
-    extents = {name: np.ptp(one.vertices, axis=0) for name, one in surfaces.items() if len(one.vertices)}
+    extents = {name: np.ptp(surface.vertices, axis=0) for name, surface in surfaces.items() if len(surface.vertices)}
     if not extents:
         return model, ()
-    longest = np.full(3, max(float(one.max()) for one in extents.values()))
+    longest = np.full(3, max(float(extent.max()) for extent in extents.values()))
     most, changed = 0.0, []
 
     def possible(body: Body) -> Body:
@@ -125,16 +125,17 @@ def share_notes(model: Model, shares: Sequence[SegmentShare]) -> list[str]:
     """One line on segments together, and one on each whose share is outside of its interval."""
     if not shares:
         return []
-    found = {one.name: sum(model.body(name).mass for name in one.bodies) / model.mass for one in shares}
-    low, high = (sum(one.interval[k] for one in shares) for k in (0, 1))
+    found = {share.name: sum(model.body(name).mass for name in share.bodies) / model.mass for share in shares}
+    low, high = (sum(share.interval[k] for share in shares) for k in (0, 1))
     notes = [
         f"{', '.join(found)} have {100.0 * sum(found.values()):.1f} % of {1e3 * model.mass:.3g} g "
         f"(published: {100.0 * low:.1f} to {100.0 * high:.1f} %)"
     ]
     notes += [
-        f"{one.name} has {100.0 * found[one.name]:.1f} % of the mass: published are {100.0 * one.interval[0]:.1f} to "
-        f"{100.0 * one.interval[1]:.1f} %"
-        for one in shares
-        if not 0.999 * one.interval[0] <= found[one.name] <= 1.001 * one.interval[1]
+        f"{share.name} has {100.0 * found[share.name]:.1f} % of the mass: published are "
+        f"{100.0 * share.interval[0]:.1f} to "
+        f"{100.0 * share.interval[1]:.1f} %"
+        for share in shares
+        if not 0.999 * share.interval[0] <= found[share.name] <= 1.001 * share.interval[1]
     ]
     return notes

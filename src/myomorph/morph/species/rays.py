@@ -79,20 +79,20 @@ class SidedMap:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) of the source's frame in the target's [m]."""
-        found = self.whole.apply(points)
+        result = self.whole.apply(points)
         for axis, least in ((self.along, self.ahead), (self.dorsal, self.above)):
-            lacking = np.maximum(least - (found - self.center) @ axis, 0.0)
-            found = found + lacking[..., None] * axis
-        return found
+            lacking = np.maximum(least - (result - self.center) @ axis, 0.0)
+            result = result + lacking[..., None] * axis
+        return result
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the mapped points."""
         at = self.whole.apply(points) - self.center
-        found = np.broadcast_to(self.whole.scale * self.whole.rotation, (*at.shape, 3)).copy()
+        result = np.broadcast_to(self.whole.scale * self.whole.rotation, (*at.shape, 3)).copy()
         for axis, least in ((self.along, self.ahead), (self.dorsal, self.above)):
             held = (at @ axis < least)[..., None, None]
-            found -= held * (axis[:, None] @ (axis @ found)[..., None, :])
-        return found
+            result -= held * (axis[:, None] @ (axis @ result)[..., None, :])
+        return result
 
 
 def put_on_rays(
@@ -119,7 +119,7 @@ def put_on_rays(
     if joint is None:
         raise UnknownName("body", toes, source.body_names)
     still = Transform.identity()
-    bodies, joints, maps, moved = [], [], {}, {one.name: one for one in source.muscles}
+    bodies, joints, maps, moved = [], [], {}, {muscle.name: muscle for muscle in source.muscles}
     for ray in bone.rays:
         for name in (ray.toe, ray.metatarsal):
             check_name("body", name, posed[1].model.body_names)
@@ -146,7 +146,7 @@ def put_on_rays(
         source,
         bodies=(*source.bodies, *bodies),
         joints=(*source.joints, *joints),
-        muscles=tuple(moved[one.name] for one in source.muscles),
+        muscles=tuple(moved[muscle.name] for muscle in source.muscles),
     )
     return Rays(found, maps)
 
@@ -156,18 +156,18 @@ def _points(
 ) -> dict[tuple[str, str], tuple[str, Array]]:
     """By muscle and point: its body, and its place in the toes' frame [m]."""
     return {
-        (one.name, point.name): (point.body, here.within(point.body, toes).apply(point.location))
-        for one in source.muscles
-        if one.name in muscles
-        for point in one.path.points
+        (muscle.name, point.name): (point.body, here.within(point.body, toes).apply(point.location))
+        for muscle in source.muscles
+        if muscle.name in muscles
+        for point in muscle.path.points
         if isinstance(point, PathPoint) and point.body in bodies
     }
 
 
 def _on_parts(muscle: Muscle, parts: Mapping[str, str], near: set[tuple[str, str]]) -> Muscle:
     points = tuple(
-        replace(one, body=parts[one.body]) if (muscle.name, one.name) in near and one.body in parts else one
-        for one in muscle.path.points
+        replace(point, body=parts[point.body]) if (muscle.name, point.name) in near and point.body in parts else point
+        for point in muscle.path.points
     )
     return replace(muscle, path=replace(muscle.path, points=points))
 

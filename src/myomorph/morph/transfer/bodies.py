@@ -36,7 +36,7 @@ def transferred_body(body: Body, carrier: Carrier) -> Body:
         mass=mass,
         mass_center=carrier.points(body.mass_center),
         inertia=np.trace(second) * np.eye(3) - second,
-        meshes=tuple(transferred_mesh(one, carrier) for one in body.meshes),
+        meshes=tuple(transferred_mesh(mesh, carrier) for mesh in body.meshes),
     )
 
 
@@ -118,7 +118,7 @@ def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, Bone
     while len(found) < len(ties):
         # The ground passes nothing on: what hangs on it beside a subject is not of its size.
         beside = {
-            name: [sizes[one] for one in ties[name] if one in sizes and (one != GROUND or GROUND in bones)]
+            name: [sizes[tie] for tie in ties[name] if tie in sizes and (tie != GROUND or GROUND in bones)]
             for name in ties
             if name not in found
         }

@@ -95,12 +95,15 @@ def riders_of(model: Model, link: str) -> Riders:
     check_name("body", link, model.body_names)
 
     def of_muscles(parts: Callable[[Muscle], Iterable[str]]) -> Mapping[str, tuple[int, ...]]:
-        found = {one.name: tuple(k for k, body in enumerate(parts(one)) if body == link) for one in model.muscles}
+        found = {
+            muscle.name: tuple(index for index, body in enumerate(parts(muscle)) if body == link)
+            for muscle in model.muscles
+        }
         return FrozenMap({name: numbers for name, numbers in found.items() if numbers})
 
     return Riders(
         of_muscles(lambda one: (point.body for point in one.path.points)),
-        frozenset(one.name for one in model.wrap_objects if one.body == link),
+        frozenset(item.name for item in model.wrap_objects if item.body == link),
         of_muscles(lambda one: (getattr(wrap, "side_body", "") for wrap in one.path.wraps)),
     )
 
@@ -212,9 +215,9 @@ class _FreeLink:
             bodies=(*model.bodies, Body(FREE, 0.0, np.zeros(3), np.zeros((3, 3)))),
             joints=(*model.joints, Joint(FREE, "CustomJoint", link, FREE, still, still, axes, names)),
             coordinates=(*model.coordinates, *(Coordinate(name, "translational") for name in names)),
-            muscles=tuple(_riding(one, riders) for one in model.muscles if one.name in riders.points),
+            muscles=tuple(_riding(muscle, riders) for muscle in model.muscles if muscle.name in riders.points),
             wrap_objects=tuple(
-                replace(one, body=FREE) if one.name in riders.wraps else one for one in model.wrap_objects
+                replace(item, body=FREE) if item.name in riders.wraps else item for item in model.wrap_objects
             ),
         )
         self.muscles = freed.muscle_names
@@ -245,11 +248,12 @@ class _FreeLink:
 def _riding(muscle: Muscle, riders: Riders) -> Muscle:
     path = muscle.path
     points = tuple(
-        replace(one, body=FREE) if k in riders.points[muscle.name] else one for k, one in enumerate(path.points)
+        replace(point, body=FREE) if index in riders.points[muscle.name] else point
+        for index, point in enumerate(path.points)
     )
     turned = riders.sides.get(muscle.name, ())
     wraps: Any = tuple(
-        replace(one, side_body=FREE) if k in turned and isinstance(one, TendonWrap) else one
-        for k, one in enumerate(path.wraps)
+        replace(wrap, side_body=FREE) if index in turned and isinstance(wrap, TendonWrap) else wrap
+        for index, wrap in enumerate(path.wraps)
     )
     return replace(muscle, path=replace(path, points=points, wraps=wraps))

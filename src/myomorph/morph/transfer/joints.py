@@ -97,10 +97,10 @@ def furthest_gap(parent: Carrier, child: Carrier) -> float:
     return APART * max(one.length * one.size for one in (parent, child))
 
 
-def _shared(found: list[_Fitted]) -> Array:
+def _shared(fitteds: list[_Fitted]) -> Array:
     """One center for both bones: fitted rather than mapped, of a head rather than a socket."""
-    ranks = [2 * (one.method != "mapped") + one.inside for one in found]
-    best = [one.center for one, rank in zip(found, ranks, strict=True) if rank == max(ranks)]
+    ranks = [2 * (fitted.method != "mapped") + fitted.inside for fitted in fitteds]
+    best = [fitted.center for fitted, rank in zip(fitteds, ranks, strict=True) if rank == max(ranks)]
     return np.mean(best, axis=0)
 
 
@@ -204,9 +204,11 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
     skeleton = replace(
         model,
         joints=tuple(joint for joint, _ in found),
-        coordinates=tuple(_coordinate(one, travel.get(one.name, 1.0)) for one in model.coordinates),
-        couplers=tuple(_coupler(one, travel) for one in model.couplers),
-        passive_torques=tuple(_torque(one, travel.get(one.coordinate, 1.0)) for one in model.passive_torques),
+        coordinates=tuple(
+            _coordinate(coordinate, travel.get(coordinate.name, 1.0)) for coordinate in model.coordinates
+        ),
+        couplers=tuple(_coupler(coupler, travel) for coupler in model.couplers),
+        passive_torques=tuple(_torque(torque, travel.get(torque.coordinate, 1.0)) for torque in model.passive_torques),
     )
     rebuilt = tuple(one for _, one in found)
     notes = tuple(note for joint, one in found for note in _warnings(joint, one, carriers))
@@ -215,10 +217,10 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
 
 def _defaults(model: Model) -> dict[str, float]:
     """Coordinates of the default pose, those that follow others included."""
-    values = {one.name: one.default for one in model.coordinates}
+    values = {coordinate.name: coordinate.default for coordinate in model.coordinates}
     for _ in model.couplers:  # each round sets at least one more of a chain of couplers
-        for one in model.couplers:
-            values[one.dependent] = _value(one.function, one.independents, values)
+        for coupler in model.couplers:
+            values[coupler.dependent] = _value(coupler.function, coupler.independents, values)
     return values
 
 
@@ -260,22 +262,22 @@ def _pose(axes: tuple[Axis, ...], values: Mapping[str, float]) -> Transform:
 def _stretches(joint: Joint, carriers: Carriers, values: Mapping[str, float]) -> list[float]:
     """How much longer the parent becomes along each sliding axis, at the joint; 1 for axes of rotation."""
     amounts = [_value(axis.function, axis.coordinates, values) for axis in joint.axes]
-    found = [1.0] * len(joint.axes)
+    result = [1.0] * len(joint.axes)
     sliding = [
         axis.kind == "translation" and (axis.function.arity > 0 or amount != 0.0)
         for axis, amount in zip(joint.axes, amounts, strict=True)
     ]
     if not any(sliding):
-        return found
+        return result
     center = (joint.parent_frame @ _pose(joint.axes, values)).translation
     matrix = carriers[joint.parent].near(center)
     rotation, pose = nearest_rotation(matrix), joint.parent_frame
     for i, (axis, amount) in enumerate(zip(joint.axes, amounts, strict=True)):
         if sliding[i]:
             along = pose.rotation @ axis.vector / np.linalg.norm(axis.vector)
-            found[i] = float((rotation @ along) @ (matrix @ along))
+            result[i] = float((rotation @ along) @ (matrix @ along))
         pose = pose @ _moved(axis, amount)
-    return found
+    return result
 
 
 def _carried(

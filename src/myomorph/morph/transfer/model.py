@@ -117,7 +117,7 @@ def morph_model(
     moved, points, clearing = cleared(model, moved, solid, strings.points)
     lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
     ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
-    source = {one.name: one for one in model.muscles}
+    source = {muscle.name: muscle for muscle in model.muscles}
     muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
     found = {body: carrier.bone for body, carrier in carriers.items()}
     doubted = uncertain_notes(points, carriers)
@@ -139,12 +139,12 @@ def _with_what_is_fixed(skeleton: Model, model: Model, carriers: Mapping[str, Ca
     return replace(
         skeleton,
         gravity=carriers[GROUND].rotation @ model.gravity,
-        markers=tuple(transferred_marker(one, carriers) for one in model.markers),
-        actuators=tuple(transferred_actuator(one, carriers) for one in model.actuators),
-        loops=tuple(transferred_tie(one, carriers) for one in model.loops),
-        frames=tuple(replace(one, pose=carriers[one.body].pose(one.pose)) for one in model.frames),
-        ground_meshes=tuple(transferred_mesh(one, carriers[GROUND]) for one in model.ground_meshes),
-        bushings=tuple(transferred_tie(one, carriers) for one in model.bushings),
+        markers=tuple(transferred_marker(marker, carriers) for marker in model.markers),
+        actuators=tuple(transferred_actuator(actuator, carriers) for actuator in model.actuators),
+        loops=tuple(transferred_tie(loop, carriers) for loop in model.loops),
+        frames=tuple(replace(frame, pose=carriers[frame.body].pose(frame.pose)) for frame in model.frames),
+        ground_meshes=tuple(transferred_mesh(mesh, carriers[GROUND]) for mesh in model.ground_meshes),
+        bushings=tuple(transferred_tie(bushing, carriers) for bushing in model.bushings),
     )
 
 
@@ -199,7 +199,7 @@ def graft_muscles(
     carriers, links = _grafted(source, target, bones, postures, surrounding)
     left_out = _left_out(source, carriers)
     muscles, notes = _translated(
-        source, [one for one in source.muscles if one.name not in left_out], carriers, table, postures[0]
+        source, [muscle for muscle in source.muscles if muscle.name not in left_out], carriers, table, postures[0]
     )
     ligaments = _whole_ligaments(source, carriers)
     known = (*source.coordinates, *target.coordinates)
@@ -222,12 +222,12 @@ def graft_muscles(
         held = _in_posture(source, postures[0])
         carriers = balanced_links(held, links, carriers, lambda by: _in_posture(carried(by)[0], postures[1]))
     moved, strings = carried(carriers)
-    donor = replace(source, muscles=tuple(source.muscle(one.name) for one in muscles), ligaments=ligaments)
+    donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in muscles), ligaments=ligaments)
     solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
     moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
     lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
     ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
-    owners = {one.name: one for one in source.muscles}
+    owners = {muscle.name: muscle for muscle in source.muscles}
     grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio, architecture)
     taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
     if beside:
@@ -266,7 +266,9 @@ def _grafted(
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
     """The model with other default values of its coordinates."""
-    changed = (replace(one, default=values.get(one.name, one.default)) for one in model.coordinates)
+    changed = (
+        replace(coordinate, default=values.get(coordinate.name, coordinate.default)) for coordinate in model.coordinates
+    )
     return replace(model, coordinates=tuple(changed))
 
 
@@ -274,16 +276,18 @@ def _whole_ligaments(source: Model, carriers: Mapping[str, Carrier]) -> tuple[Li
     """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go around."""
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
     found = []
-    for one in source.ligaments:
-        if all(isinstance(point, PathPoint) and point.body in carriers for point in one.path.points):
-            wraps = tuple(w for w in one.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in carriers)
-            found.append(replace(one, path=replace(one.path, wraps=wraps)))
+    for ligament in source.ligaments:
+        if all(isinstance(point, PathPoint) and point.body in carriers for point in ligament.path.points):
+            wraps = tuple(
+                w for w in ligament.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in carriers
+            )
+            found.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
     return tuple(found)
 
 
 def _kept_of(source: Model, ligaments: Sequence[Ligament]) -> tuple[Kept, ...]:
     """The parts of the source's file that the ligaments' forces are in."""
-    names = {(one.kind, one.name) for one in ligaments}
+    names = {(ligament.kind, ligament.name) for ligament in ligaments}
     return tuple(one for one in source.kept if (one.kind, one.name) in names)
 
 
@@ -293,12 +297,12 @@ def _same_coordinates(source: Model, target: Model) -> CoordinateTable:
 
 def _left_out(source: Model, carriers: Mapping[str, Carrier]) -> dict[str, str]:
     """Why each muscle that cannot be put on the target is left out."""
-    found = {}
+    result = {}
     for muscle in source.muscles:
         missing = dict.fromkeys(point.body for point in muscle.path.points if point.body not in carriers)
         if missing:
-            found[muscle.name] = "the target has no counterpart of " + ", ".join(f"'{body}'" for body in missing)
-    return found
+            result[muscle.name] = "the target has no counterpart of " + ", ".join(f"'{body}'" for body in missing)
+    return result
 
 
 def _translated(
@@ -309,7 +313,7 @@ def _translated(
     posture: Mapping[str, float],
 ) -> tuple[list[Muscle], list[str]]:
     """Muscles in the target's coordinates, around the surfaces that the target has."""
-    standing = {one.name: posture.get(one.name, one.default) for one in source.coordinates}
+    standing = {coordinate.name: posture.get(coordinate.name, coordinate.default) for coordinate in source.coordinates}
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
     found, frozen, straight = [], [], []
     for muscle in muscles:
@@ -337,7 +341,7 @@ def _translated(
 def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> tuple[Marker, ...]:
     """The source's markers on bodies that have a counterpart, unless the target has one of that name."""
     return tuple(
-        transferred_marker(one, carriers)
-        for one in source.markers
-        if one.body in carriers and one.name not in target.marker_names
+        transferred_marker(marker, carriers)
+        for marker in source.markers
+        if marker.body in carriers and marker.name not in target.marker_names
     )

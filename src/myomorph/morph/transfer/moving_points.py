@@ -81,7 +81,7 @@ def reparametrized(function: Function, factor: float, offset: float) -> Function
         about = [breaks[0], *breaks]
         if factor < 0.0:  # now a piece begins where it ended
             pieces, about, breaks = pieces[::-1], [breaks[-1], *breaks[::-1]], breaks[::-1]
-        rows = [piece_about(function, k, at) for k, at in zip(pieces, about, strict=True)]
+        rows = [piece_about(function, piece, at) for piece, at in zip(pieces, about, strict=True)]
         edges = np.array([breaks[0], *breaks])
     powers = factor ** -np.arange(function.coefficients.shape[1], dtype=np.float64)
     return PiecewisePolynomial(factor * edges + offset, np.array(rows) * powers)

@@ -73,7 +73,7 @@ def transferred_muscles(
     """
     found, changes, doubtful, slack = [], [], [], []
     for i, muscle in enumerate(muscles):
-        before, after = (one[:, i] for one in lengths)
+        before, after = (length[:, i] for length in lengths)
         ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
         known = (given or {}).get(muscle.name)
         growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)

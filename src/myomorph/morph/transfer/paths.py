@@ -202,14 +202,16 @@ def transferred_lines(
         for wrap in source.wrap_objects
         if wrap.body in carriers
     }
-    setting = Setting({one.name: one for one in coordinates}, travel, wraps)
-    owned = [(one.name, one.path) for one in muscles] + [(one.name, one.path) for one in ligaments]
+    setting = Setting({coordinate.name: coordinate for coordinate in coordinates}, travel, wraps)
+    owned = [(muscle.name, muscle.path) for muscle in muscles] + [
+        (ligament.name, ligament.path) for ligament in ligaments
+    ]
     carried, points, notes = transferred_paths(owned, carriers, setting, within)
     wraps, smaller = points_left_outside(muscles, points, wraps)
     paths = iter(carried)
     return LinesOfAction(
-        tuple(replace(one, path=next(paths)) for one in muscles),
-        tuple(replace(one, path=next(paths)) for one in ligaments),
+        tuple(replace(muscle, path=next(paths)) for muscle in muscles),
+        tuple(replace(ligament, path=next(paths)) for ligament in ligaments),
         tuple(after for _, after in wraps.values()),
         points,
         (*notes, *smaller),

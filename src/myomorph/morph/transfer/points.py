@@ -177,7 +177,7 @@ def transferred_paths(
             _point(point, to, carriers[point.body], setting, f"muscle '{name}'", notes)
             for point, to in zip(path.points, here, strict=True)
         )
-        tendon = tuple(_side(one, carriers, setting) for one in path.wraps if isinstance(one, TendonWrap))
+        tendon = tuple(_side(wrap, carriers, setting) for wrap in path.wraps if isinstance(wrap, TendonWrap))
         paths.append(replace(path, points=points, wraps=tendon or path.wraps))
     return paths, tuple(carried), list(dict.fromkeys(notes))
 

@@ -38,7 +38,7 @@ def bones_around(
     UnknownName : a body that the model does not have
     BadData : a bone that has no map, or fewer than two of them
     """
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for link, around in (given or {}).items():
         for name in (link, *around):
             check_name("body", name, model.body_names)
@@ -48,14 +48,14 @@ def bones_around(
                 f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
                 + (f", of which {missing} have no map" if missing else "")
             )
-        found[link] = tuple(around)
+        result[link] = tuple(around)
     used = {point.body for muscle in model.muscles for point in muscle.path.points}
     for body in model.bodies:
-        if body.name in used and body.name not in bones and body.name not in found and not body.meshes:
+        if body.name in used and body.name not in bones and body.name not in result and not body.meshes:
             around = _nearest_bones(model, body.name, bones)
             if len(around) > 1:
-                found[body.name] = around
-    return found
+                result[body.name] = around
+    return result
 
 
 def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
@@ -158,17 +158,17 @@ def balanced_links(
     source : in the posture in which bones are compared
     carried : the target with the source's muscles, by carriers, in that posture
     """
-    found = dict(carriers)
+    result = dict(carriers)
     loads = {link: branch_load(source, link) for link in links if _has_strands(source, link)}
     moved = dict.fromkeys(loads, np.zeros(3))
     rests = dict.fromkeys(loads, True)
     for _ in range(PASSES):
-        target, furthest = carried(found), 0.0
+        target, furthest = carried(result), 0.0
         for link, load in loads.items():
-            there = found[link]
+            there = result[link]
             shift, rests[link] = _to_balance(source, target, there, load)
             moved[link] = moved[link] + shift
-            found[link] = _shifted(there, shift)
+            result[link] = _shifted(there, shift)
             furthest = max(furthest, float(np.linalg.norm(shift)))
         if furthest < SETTLED or len(loads) < 2:
             break
@@ -177,8 +177,8 @@ def balanced_links(
         size = carriers[link].size * float(np.mean([lengths[name] for name in load.muscles]))
         away = float(np.linalg.norm(moved[link]))
         kept = rests[link] and away <= FURTHEST * size
-        found[link] = _with_balance(found[link] if kept else carriers[link], load, away, kept)
-    return found
+        result[link] = _with_balance(result[link] if kept else carriers[link], load, away, kept)
+    return result
 
 
 def link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
@@ -199,7 +199,7 @@ def _has_strands(model: Model, link: str) -> bool:
 def _to_balance(source: Model, target: Model, there: Carrier, load: BranchLoad) -> tuple[Array, bool]:
     """(3,) how far the link's points have to move in the target body's frame [m], and whether they can rest there."""
     given = riders_of(source, load.link)
-    known = frozenset(one.name for one in target.wrap_objects)
+    known = frozenset(item.name for item in target.wrap_objects)
     # On a body of its own everything rides that the body has; on another's only what came from the link.
     riders = riders_of(target, there.body) if there.body == load.link else Riders(given.points, given.wraps & known, {})
     if not set(load.muscles) <= set(target.muscle_names):

@@ -77,18 +77,18 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
 
     Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s.
     """
-    total = sum(len(one) for one in at.angles)
+    total = sum(len(angle) for angle in at.angles)
     tree = compile_tree(problem.stretched(at.x))
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     ties = _ties(problem, tree, stretch)
     bodies = problem.markers.body
     every = max(-(-total // MOST), 1)
-    for one, K, angles in zip(problem.sets, at.markers, at.angles, strict=True):
+    for group, K, angles in zip(problem.sets, at.markers, at.angles, strict=True):
         chosen = slice(len(angles) % every // 2, None, every)
         angles, frames = angles[chosen], len(angles)
         share = frames / (total * max(len(angles), 1))
         rotations = forward_kinematics(tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
-        for observed, c, R in zip(one.observed[chosen], angles, rotations, strict=True):
+        for observed, c, R in zip(group.observed[chosen], angles, rotations, strict=True):
             _, by_length, by_coordinate = slopes_of_frame(at.tree, K, stretch, c)
             weight = np.where(np.isfinite(observed).all(axis=1), K.weight, 0.0)
             free = _moving(K, by_coordinate, np.repeat(weight, 3), c)

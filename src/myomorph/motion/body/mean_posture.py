@@ -35,7 +35,7 @@ def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float
     angles : for each recording (frames, coordinates) [rad]
     sd : of a row where both sides are shown evenly [rad]
     """
-    names = [one.name for one in tree.model.coordinates]
+    names = [coordinate.name for coordinate in tree.model.coordinates]
     every = np.concatenate(angles)
     axes = _axes(tree)
     lateral = _lateral(tree)
@@ -97,7 +97,9 @@ def _lateral(tree: Tree) -> Array | None:
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
     mirror = mirror_names(tree.body_index)
     apart = [
-        centers[tree.body_index[one]] - centers[tree.body_index[other]] for one, other in mirror.items() if one < other
+        centers[tree.body_index[name]] - centers[tree.body_index[other]]
+        for name, other in mirror.items()
+        if name < other
     ]
     apart = [np.sign(one @ apart[0]) * one for one in apart if np.linalg.norm(one) > 1e-6]
     total = np.sum(apart, axis=0) if apart else np.zeros(3)

@@ -125,7 +125,7 @@ def spread_postures(
     taken = []
     for number in range(len(trials)):
         rows = [k for k in sorted(chosen) if looked[k][0] == number]
-        taken.append((np.array([looked[k][1] for k in rows], np.int64), q[rows].reshape(-1, len(tree.defaults))))
+        taken.append((np.array([looked[row][1] for row in rows], np.int64), q[rows].reshape(-1, len(tree.defaults))))
     return tuple(taken)
 
 

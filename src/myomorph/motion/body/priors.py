@@ -71,11 +71,11 @@ def calibration_prior(
         right.append(value / sd)
 
     add({n + shifts: 1.0}, size, 0.5)
-    for i, one in enumerate(lengths):
-        if one.along:
+    for i, length in enumerate(lengths):
+        if length.along:
             add({i: 1.0, n + shifts: -1.0}, 0.0, options.length_sd)
         else:
-            add({i: 1.0, main[one.segment]: -1.0}, 0.0, options.shape_sd)
+            add({i: 1.0, main[length.segment]: -1.0}, 0.0, options.shape_sd)
     for i in range(shifts):
         add({n + i: 1.0}, 0.0, float(shift_sd[i // 3]))
     for pair in mirrored_lengths(lengths):

@@ -50,14 +50,14 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
     solve = settle_frames if not tree.model.loops else partial(settle_closed, ties_of(tree))
     locations = problem.placed(x)
     arrays, found, data, settled, frames = [], [], [], 0, 0
-    for one, start in zip(problem.sets, angles, strict=True):
-        seen = np.where(np.isfinite(one.observed).all(axis=2), problem.markers.weight, 0.0).sum(axis=1)
+    for group, start in zip(problem.sets, angles, strict=True):
+        seen = np.where(np.isfinite(group.observed).all(axis=2), problem.markers.weight, 0.0).sum(axis=1)
         # The kernels count markers as a mean, and tasks beside it.
-        task = one.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
+        task = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
         K = problem.markers._replace(location=locations, task_weight=task)
         c, cost, converged = start.copy(), np.empty(len(start)), np.empty(len(start), np.bool_)
 
-        def part(first: int, last: int, K=K, one=one, c=c, cost=cost, converged=converged) -> None:
+        def part(first: int, last: int, K=K, one=group, c=c, cost=cost, converged=converged) -> None:
             span = slice(first, last)
             solve(
                 tree.arrays, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight,
@@ -86,15 +86,15 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
     tree = compile_tree(problem.model)
     closed = loop_basis(tree, closed_defaults(tree)[None], problem.markers.free).rank
     errors, angles_free = [], 0
-    for one, K, c in zip(problem.sets, at.markers, at.angles, strict=True):
-        distances = np.empty(one.observed.shape[:2])
+    for group, K, c in zip(problem.sets, at.markers, at.angles, strict=True):
+        distances = np.empty(group.observed.shape[:2])
         block = max(1, -(-len(c) // SLOTS))
         slots = -(-len(c) // block) if len(c) else 0
         H, g = np.zeros((slots, shared, shared)), np.zeros((slots, shared))
         E, e, free = np.zeros_like(H), np.zeros_like(g), np.zeros(slots, np.int64)
 
         def part(
-            first: int, last: int, K=K, one=one, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances
+            first: int, last: int, K=K, one=group, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances
         ) -> None:
             slot = first // block
             for start in range(first, last, FRAMES_AT_ONCE):
@@ -142,12 +142,12 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
     every = np.concatenate(at.angles)
     if len(every) < 2:
         return at
-    ends = np.cumsum([len(one) for one in at.angles])[:-1]
+    ends = np.cumsum([len(angle) for angle in at.angles])[:-1]
     order = np.argsort(np.concatenate(at.data))
-    best = [one.copy() for one in at.angles]
+    best = [angle.copy() for angle in at.angles]
     cost = [one.copy() for one in at.data]
-    for k in range(min(RESTARTS, len(every))):
-        start = np.repeat(every[order[k * len(order) // RESTARTS]][None], len(every), axis=0)
+    for index in range(min(RESTARTS, len(every))):
+        start = np.repeat(every[order[index * len(order) // RESTARTS]][None], len(every), axis=0)
         start[:, list(root)] = every[:, list(root)]
         found = settle(problem, at.x, np.split(start, ends), variance)
         for mine, theirs, least, other in zip(best, found.angles, cost, found.data, strict=True):

@@ -42,12 +42,12 @@ def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
     """
     unknowns, n = len(at.x), len(problem.lengths)
     size = unknowns + len(problem.posture)
-    found = np.zeros((size, size))
+    result = np.zeros((size, size))
     if slides.shift <= 0.0 and slides.turn <= 0.0:
-        return found
+        return result
     bodies, places = problem.markers.body, problem.placed(at.x)
     modes = [_modes(places, bodies == body, slides) for body in np.unique(bodies)]
-    frames = sum(len(one) for one in at.angles)
+    frames = sum(len(angle) for angle in at.angles)
     alike = max(1.0, frames / slides.independent_frames)
     for frame in frame_slopes(problem, at):
         R = frame.rotations[bodies]
@@ -66,8 +66,8 @@ def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
             moved.append(both)
         every = np.hstack(moved)
         # A frame stands for `share * frames` of them where not all are looked at.
-        found += alike * frame.share * frames * every @ every.T
-    return found
+        result += alike * frame.share * frames * every @ every.T
+    return result
 
 
 def widened(spread: Array, variance: float, skin: Array, free: NDArray[np.bool_]) -> Array:

@@ -26,9 +26,9 @@ WIDE = np.radians(10.0)
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
     """(unknowns, unknowns) covariance of what is searched for, of the noise, priors and mean posture; 0 elsewhere."""
     rows = _rows(problem, at)[:, free]
-    found = np.zeros((len(free), len(free)))
-    found[np.ix_(free, free)] = variance * np.linalg.inv(H[np.ix_(free, free)] + variance * rows.T @ rows)
-    return found
+    result = np.zeros((len(free), len(free)))
+    result[np.ix_(free, free)] = variance * np.linalg.inv(H[np.ix_(free, free)] + variance * rows.T @ rows)
+    return result
 
 
 def _rows(problem: SharedProblem, at: Point) -> Array:
@@ -115,7 +115,7 @@ def _precision(S: Array, information: Array) -> Array:
 
 def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     """One line where angles' zeros are known badly: which, how far, and what would fix them."""
-    wide = sorted((one for one in zeros if NORMAL_90 * one.sd > WIDE), key=lambda one: -one.sd)
+    wide = sorted((zero for zero in zeros if NORMAL_90 * zero.sd > WIDE), key=lambda zero: -zero.sd)
     if not wide:
         return ()
     named = ", ".join(f"{one.coordinate} ±{np.degrees(NORMAL_90 * one.sd):.0f}°" for one in wide)

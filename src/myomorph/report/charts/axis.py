@@ -50,10 +50,10 @@ class Axis:
         """Round values within the limits, about `count` of them."""
         values = ticks(self.low, self.high, count)
         step = float(values[1] - values[0]) if len(values) > 1 else 1.0
-        found = [Tick(float(self.at(one)), number(float(one), step), abs(one) < 1e-9 * step) for one in values]
-        if self.unit and found:
-            found[-1] = Tick(found[-1].position, f"{found[-1].text} {self.unit}", found[-1].zero)
-        return found
+        result = [Tick(float(self.at(value)), number(float(value), step), abs(value) < 1e-9 * step) for value in values]
+        if self.unit and result:
+            result[-1] = Tick(result[-1].position, f"{result[-1].text} {self.unit}", result[-1].zero)
+        return result
 
 
 def limits(
@@ -84,7 +84,7 @@ def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
 
     Values of ordinary size keep their unit.
     """
-    finite = [np.abs(one[np.isfinite(one)]) for one in values]
+    finite = [np.abs(value[np.isfinite(value)]) for value in values]
     peak = max((float(one.max()) for one in finite if one.size), default=0.0)
     for floor, factor, prefix in ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ")):
         if peak >= floor or peak == 0.0:

@@ -61,7 +61,9 @@ def heat_map(
         tall = len(columns) * row
         area = frame(left, y, right, y + tall, span, (0.0, float(len(columns))))
         parts += [_heat_block(area, label, [names[i] for i in columns], index[:, columns], every)]
-        parts += [_event_over(area, one) for one in events if _beside(one, label) and span[0] <= one.time <= span[1]]
+        parts += [
+            _event_over(area, event) for event in events if _beside(event, label) and span[0] <= event.time <= span[1]
+        ]
         y += tall + gap
     bottom = y - gap
     parts.append(grid_along(frame(left, top, right, bottom, span, unit="s"), 9, lines=False, drop=14.0))
@@ -148,7 +150,9 @@ def sided_table(
         for j, cells in enumerate(each):
             wide = (room - gap) / max(len(cells), 1)
             parts += [
-                _cell(one, LABEL + room * j + wide * k, y, wide - 1.5) for k, one in enumerate(cells) if one is not None
+                _cell(cell, LABEL + room * j + wide * k, y, wide - 1.5)
+                for k, cell in enumerate(cells)
+                if cell is not None
             ]
     return drawing("cells", title, (width, top + ROW * len(rows) + 4), *parts, unit=unit)
 

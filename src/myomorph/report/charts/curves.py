@@ -67,8 +67,8 @@ def line_limits(
     lines: Sequence[Line], span: tuple[float, float], low: float | None, high: float | None
 ) -> tuple[float, float]:
     """Lowest and highest value of lines within a span, zero too where one is filled."""
-    low = min(low or 0.0, 0.0) if any(one.filled for one in lines) else low
-    return limits([part.within(span)[1] for one in lines for part in (one, *one.ends)], low, high)
+    low = min(low or 0.0, 0.0) if any(line.filled for line in lines) else low
+    return limits([part.within(span)[1] for line in lines for part in (line, *line.ends)], low, high)
 
 
 def drawn_line(area: Frame, one: Line, span: tuple[float, float]) -> str:
@@ -129,7 +129,7 @@ def time_plot(
         grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
         _second_scale(area, *second) if second else "",
         _events(area, events, name_events),
-        *(drawn_line(area, one, span) for one in lines),
+        *(drawn_line(area, line, span) for line in lines),
         levels_across(area, levels),
         unit=unit,
         attributes=area.data,

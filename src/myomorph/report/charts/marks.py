@@ -96,8 +96,10 @@ def titled(title: str, unit: str, x: float, y: float) -> str:
 def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str:
     """An SVG element of a class of the style sheet; `under` is shown under the pointer."""
     written = "".join(
-        f' {name.replace("_", "-")}="{one:.1f}"' if isinstance(one, float) else f' {name.replace("_", "-")}="{one}"'
-        for name, one in attributes.items()
+        f' {name.replace("_", "-")}="{attribute:.1f}"'
+        if isinstance(attribute, float)
+        else f' {name.replace("_", "-")}="{attribute}"'
+        for name, attribute in attributes.items()
     )
     opened = f'<{tag} class="{kind}"{written}'
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
@@ -205,33 +207,33 @@ def dot(x: float, y: float, style: str, radius: float = 3.3, under: str = "") ->
 def levels_across(area: Frame, levels: Sequence[Level]) -> str:
     """Horizontal lines with their labels at the right, and bands around those that spread."""
     parts = []
-    for one in levels:
-        if not area.y.low <= one.value <= area.y.high:
+    for level in levels:
+        if not area.y.low <= level.value <= area.y.high:
             continue
-        kind, y = _level_class(one), float(area.y.at(one.value))
-        if one.spread > 0.0:
-            top, bottom = (float(area.y.cut(one.value + k * one.spread)) for k in (1, -1))
+        kind, y = _level_class(level), float(area.y.at(level.value))
+        if level.spread > 0.0:
+            top, bottom = (float(area.y.cut(level.value + k * level.spread)) for k in (1, -1))
             wide = area.x.stop - area.x.start
-            parts.append(rect(f"spread {one.style}", area.x.start, top, wide, bottom - top))
-        parts += [across(area, y, kind), text(area.x.stop - 3, y - 3, one.label, kind) if one.label else ""]
+            parts.append(rect(f"spread {level.style}", area.x.start, top, wide, bottom - top))
+        parts += [across(area, y, kind), text(area.x.stop - 3, y - 3, level.label, kind) if level.label else ""]
     return "".join(parts)
 
 
 def levels_up(area: Frame, levels: Sequence[Level]) -> str:
     """Upright lines with their labels above, those beside each other in two rows."""
     parts = []
-    for row, one in enumerate(levels):
-        if area.x.low <= one.value <= area.x.high:
-            kind, x, top = _level_class(one), float(area.x.at(one.value)), area.y.stop - 3
+    for row, level in enumerate(levels):
+        if area.x.low <= level.value <= area.x.high:
+            kind, x, top = _level_class(level), float(area.x.at(level.value)), area.y.stop - 3
             parts.append(mark("path", kind, d=f"M{x:.1f} {top:.1f}V{area.y.start:.1f}"))
             # Labels lie towards the middle, so that none leaves the drawing.
             aside, anchor = (3, " start") if 2 * x < area.x.start + area.x.stop else (-3, "")
-            parts.append(text(x + aside, top - 10 * (row % 2), one.label, kind + anchor))
+            parts.append(text(x + aside, top - 10 * (row % 2), level.label, kind + anchor))
     return "".join(parts)
 
 
-def _level_class(one: Level) -> str:
-    return "limit" if one.style == "limit" else f"level {one.style}"
+def _level_class(level: Level) -> str:
+    return "limit" if level.style == "limit" else f"level {level.style}"
 
 
 def image(href: str, x: float, y: float, width: float, height: float, under: str = "", stretch: bool = False) -> str:

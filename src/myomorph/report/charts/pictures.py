@@ -127,7 +127,9 @@ def picture_row(
 def color_scale(bar: str, x: float, y: float, size: tuple[float, float], words: Sequence[str]) -> str:
     """A bar of colors with words in even steps below it."""
     steps = np.linspace(0.0, size[0], len(words))
-    below = "".join(text(x + at, y + 14 + size[1] * 2 / 3, one, "tick x") for at, one in zip(steps, words, strict=True))
+    below = "".join(
+        text(x + at, y + 14 + size[1] * 2 / 3, word, "tick x") for at, word in zip(steps, words, strict=True)
+    )
     return image(bar, x, y, *size, stretch=True) + below
 
 
@@ -143,7 +145,7 @@ def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> s
     """
     reach = max(float(np.percentile(np.abs(distances), 95.0)), 1e-9)
     views = [_surface_pixels(surface, distances / reach, axes) for axes in _two_sides(surface.vertices)]
-    widths = [PICTURE * one.shape[1] / one.shape[0] for one in views]
+    widths = [PICTURE * view.shape[1] / view.shape[0] for view in views]
     shrink = min(1.0, 0.46 * MAP_WIDTH / max(widths))
     parts = []
     for middle, pixels, width in zip((0.27 * MAP_WIDTH, 0.73 * MAP_WIDTH), views, widths, strict=True):

@@ -59,7 +59,7 @@ def xy_plot(
     x_label : the level axis in words, with its unit
     zero : whether both axes begin at or pass zero
     """
-    x, y = ([getattr(one, axis)[np.isfinite(one.y)] for one in clouds] for axis in ("x", "y"))
+    x, y = ([getattr(cloud, axis)[np.isfinite(cloud.y)] for cloud in clouds] for axis in ("x", "y"))
     area = frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
     return drawing(
         "scatter",
@@ -68,22 +68,22 @@ def xy_plot(
         grid_up(area),
         grid_along(area, 5, drop=14.0),
         text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x"),
-        *(_cloud(area, one) for one in clouds),
+        *(_cloud(area, cloud) for cloud in clouds),
         unit=unit,
     )
 
 
-def _cloud(area: Frame, one: Cloud) -> str:
-    known = np.flatnonzero(np.isfinite(one.x) & np.isfinite(one.y))
+def _cloud(area: Frame, cloud: Cloud) -> str:
+    known = np.flatnonzero(np.isfinite(cloud.x) & np.isfinite(cloud.y))
     keep = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MAX_DOTS)).astype(np.int64))]
-    x, y = one.x[keep], one.y[keep]
-    found = line(area, x, y, one.style, under=one.label) if one.joined or one.dotted else ""
+    x, y = cloud.x[keep], cloud.y[keep]
+    result = line(area, x, y, cloud.style, under=cloud.label) if cloud.joined or cloud.dotted else ""
     places = list(zip(area.x.at(x).tolist(), area.y.at(y).tolist(), strict=True))
-    if one.dotted:
-        return found + "".join(dot(a, b, one.style, 3.0, one.label) for a, b in places)
-    if one.joined:
-        return found
-    return mark("path", f"cloud {one.style}", one.label, d="".join(f"M{a:.1f} {b:.1f}h0" for a, b in places))
+    if cloud.dotted:
+        return result + "".join(dot(a, b, cloud.style, 3.0, cloud.label) for a, b in places)
+    if cloud.joined:
+        return result
+    return mark("path", f"cloud {cloud.style}", cloud.label, d="".join(f"M{a:.1f} {b:.1f}h0" for a, b in places))
 
 
 def rank_plot(
@@ -109,7 +109,7 @@ def rank_plot(
     order = known[np.argsort(values[known], kind="stable")]
     logs = np.log10(values[order])
     marks = [Level(float(np.log10(value)), label) for value, label in levels]
-    everything = np.concatenate([logs, [one.value for one in marks], [-1.0]])
+    everything = np.concatenate([logs, [mark.value for mark in marks], [-1.0]])
     span = float(np.floor(everything.min())), float(np.ceil(everything.max() + 1e-9))
     area = frame(52.0, 28.0, width - 12.0, height - 34.0, (0.0, float(max(len(order) + 1, 2))), span)
     parts = []
@@ -148,7 +148,7 @@ def floor_plot(
     one_scale : whether both axes have one scale; else each fills the chart
     """
     clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
-    everything = [one for one in clouds if len(one)] + [corners for _, corners in outlines]
+    everything = [cloud for cloud in clouds if len(cloud)] + [corners for _, corners in outlines]
     if not everything:
         return ""
     stacked = np.concatenate(everything)

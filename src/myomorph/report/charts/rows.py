@@ -71,7 +71,7 @@ def _across(area: Frame, low: float, high: float, y: float, kind: str) -> str:
 
 
 def _under(labels: Sequence[str], values: Sequence[float], unit: str) -> str:
-    listed = ", ".join(f"{label} {number(one)}" for label, one in zip(labels, values, strict=True))
+    listed = ", ".join(f"{label} {number(value)}" for label, value in zip(labels, values, strict=True))
     return f"{listed} {unit}".strip()
 
 
@@ -95,7 +95,13 @@ def bar_plot(
     peak : largest value that must fit, for charts of one scale
     """
     row = 15.0
-    peak = max([peak, *(float(np.nanmax(one)) for one in values if np.isfinite(one).any()), *(k.value for k in levels)])
+    peak = max(
+        [
+            peak,
+            *(float(np.nanmax(value)) for value in values if np.isfinite(value).any()),
+            *(level.value for level in levels),
+        ]
+    )
     area = row_frame(names, (0.0, 1.06 * (peak or 1.0)), row, width, 36.0 if levels else 26.0)
     rows = []
     for i, name in enumerate(names):
@@ -105,7 +111,7 @@ def bar_plot(
             top = area.y.stop + row * (i + 0.5) - thick / 2
             wide = float(area.x.at(one[i])) - area.x.start
             bars += rect(f"bar {style}", area.x.start, top, wide, thick) if np.isfinite(wide) else ""
-        rows.append((name, _under(labels, [float(one[i]) for one in values], unit), bars))
+        rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
     return named_rows("bars", title, unit, area, rows, width, levels)
 
 
@@ -128,14 +134,14 @@ def dot_plot(
     spread : (names,) drawn as a bar to both sides of the first kind's dot, NaN where there is none
     """
     half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
-    finite = [one[np.isfinite(one)] for one in (values[0] - half, values[0] + half, *values[1:])]
+    finite = [value[np.isfinite(value)] for value in (values[0] - half, values[0] + half, *values[1:])]
     low = min(0.0, *(float(one.min(initial=0.0)) for one in finite))
     high = max((float(one.max(initial=0.0)) for one in finite), default=1.0) or 1.0
     air, row = 0.05 * (high - low), 14.0
     area = row_frame(names, (low - air * (low < 0.0), high + air), row, width)
     rows = []
     for i, name in enumerate(names):
-        own, y = [float(one[i]) for one in values], area.y.stop + row * (i + 0.5)
+        own, y = [float(value[i]) for value in values], area.y.stop + row * (i + 0.5)
         known = [one for one in own if np.isfinite(one)]
         marks = _across(area, min(known), max(known), y, "grid") if len(known) > 1 else ""
         if half[i] > 0.0:
@@ -164,7 +170,11 @@ def interval_rows(
     solid : whether each dot is filled; all where not given
     signed : whether zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides
     """
-    known = [*(one.value for one in values), *(one.value for one in levels), *(k for one in beside for k in one.values)]
+    known = [
+        *(one.value for one in values),
+        *(level.value for level in levels),
+        *(k for one in beside for k in one.values),
+    ]
     peak = max([abs(one) for one in known if np.isfinite(one)] or [0.0])
     peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
     ends = [abs(end) for one in values for end in (one.low, one.high) if np.isfinite(end)]
@@ -172,24 +182,26 @@ def interval_rows(
     row = 17.0
     area = row_frame(names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0)
     rows = []
-    for i, (name, one) in enumerate(zip(names, values, strict=True)):
+    for i, (name, value) in enumerate(zip(names, values, strict=True)):
         y, marks = area.y.stop + row * (i + 0.5), ""
-        if np.isfinite(one.low) and np.isfinite(one.high):
-            marks += _across(area, one.low, one.high, y, "whisker")
-            inside = [end for end in (one.low, one.high) if area.x.low <= end <= area.x.high]
+        if np.isfinite(value.low) and np.isfinite(value.high):
+            marks += _across(area, value.low, value.high, y, "whisker")
+            inside = [end for end in (value.low, value.high) if area.x.low <= end <= area.x.high]
             marks += "".join(mark("path", "whisker", d=f"M{float(area.x.at(end)):.1f} {y - 3:.1f}v6") for end in inside)
         for other in beside:
             if np.isfinite(other.values[i]):
                 x = float(area.x.at(other.values[i]))
                 marks += mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
-        if np.isfinite(one.value):
-            marks += dot(float(area.x.cut(one.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
-        rows.append((name, "; ".join([_with_interval(one), *_printed(beside, i)]) + f" {unit}", marks))
+        if np.isfinite(value.value):
+            marks += dot(float(area.x.cut(value.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
+        rows.append((name, "; ".join([_with_interval(value), *_printed(beside, i)]) + f" {unit}", marks))
     return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
 
 
-def _with_interval(one: Estimate) -> str:
-    return number(one.value) + (f" ({number(one.low)} to {number(one.high)})" if np.isfinite(one.low) else "")
+def _with_interval(estimate: Estimate) -> str:
+    return number(estimate.value) + (
+        f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
+    )
 
 
 def _printed(beside: Sequence[Beside], i: int) -> list[str]:
@@ -217,11 +229,11 @@ def interval_bars(
     column = (area.x.stop - area.x.start) / max(len(names), 1)
     half = min(13.0, 0.3 * column)
     parts = [grid_up(area), levels_across(area, levels)]
-    for i, (name, one) in enumerate(zip(names, values, strict=True)):
+    for i, (name, value) in enumerate(zip(names, values, strict=True)):
         x = float(area.x.at(i + 0.5))
-        known = [] if one is None else [_with_interval(one)]
+        known = [] if value is None else [_with_interval(value)]
         marks = text(x, height - 8.0, shortened(name, column / 6.0), "tick x")
-        marks += "" if one is None else _bar(area, one, x, half)
+        marks += "" if value is None else _bar(area, value, x, half)
         for other in beside:
             if np.isfinite(other.values[i]):
                 y = float(area.y.cut(other.values[i]))
@@ -232,22 +244,22 @@ def interval_bars(
 
 def _top(values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[Level]) -> float:
     """Highest value shown: all, except intervals that would press everything else to the floor."""
-    known = [one.value for one in values if one is not None and np.isfinite(one.value)]
-    known += [float(one) for other in beside for one in other.values if np.isfinite(one)]
-    known += [one.value + one.spread for one in levels if np.isfinite(one.value + one.spread)]
-    highs = [one.high for one in values if one is not None and np.isfinite(one.high)]
+    known = [value.value for value in values if value is not None and np.isfinite(value.value)]
+    known += [float(value) for other in beside for value in other.values if np.isfinite(value)]
+    known += [level.value + level.spread for level in levels if np.isfinite(level.value + level.spread)]
+    highs = [value.high for value in values if value is not None and np.isfinite(value.high)]
     peak = max([*known, 0.0])
     return 1.08 * max(peak, min(max([*highs, 0.0]), 2.0 * peak)) or 1.0
 
 
-def _bar(area: Frame, one: Estimate, x: float, half: float) -> str:
+def _bar(area: Frame, estimate: Estimate, x: float, half: float) -> str:
     """An upright bar with its whisker; an arrow where the interval is cut."""
-    if not np.isfinite(one.value):
+    if not np.isfinite(estimate.value):
         return ""
-    y, bottom = float(area.y.cut(one.value)), area.y.start
+    y, bottom = float(area.y.cut(estimate.value)), area.y.start
     bar = rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
-    if not (np.isfinite(one.low) and np.isfinite(one.high) and one.high > one.low):
+    if not (np.isfinite(estimate.low) and np.isfinite(estimate.high) and estimate.high > estimate.low):
         return bar
-    low, high = (float(area.y.cut(end)) for end in (one.low, one.high))
-    cap = f"M{x - 4:.1f} {high:.1f}h8" if one.high <= area.y.high else f"M{x - 4:.1f} {high + 5:.1f}l4 -5l4 5"
+    low, high = (float(area.y.cut(end)) for end in (estimate.low, estimate.high))
+    cap = f"M{x - 4:.1f} {high:.1f}h8" if estimate.high <= area.y.high else f"M{x - 4:.1f} {high + 5:.1f}l4 -5l4 5"
     return bar + mark("path", "whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}M{x - 4:.1f} {low:.1f}h8{cap}")

@@ -79,7 +79,7 @@ class Backdrop:
             left, right = (float(area.x.cut(one)) for one in (phase.start, phase.stop))
             if right - left > 0.2:
                 parts.append(rect("phase", left, top, right - left, tall))
-        parts += [event_line(area, one) for one in self.events if area.x.low <= one.time <= area.x.high]
+        parts += [event_line(area, event) for event in self.events if area.x.low <= event.time <= area.x.high]
         return "".join(parts)
 
 
@@ -121,17 +121,17 @@ def draw_track(
     else:
         parts.append(grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
     parts += [band(area, *_within(one, behind.span), one.style) for one in bands]
-    for i, one in enumerate(bars):
+    for i, bar in enumerate(bars):
         aside = BESIDE * (i - (len(bars) - 1) / 2)
-        parts.append(intervals(area, *_within(one, behind.span), one.style, aside))
+        parts.append(intervals(area, *_within(bar, behind.span), bar.style, aside))
     parts += [drawn_line(area, line, behind.span) for line in lines]
     parts.append(levels_across(area, levels))
     return drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
 
 
-def _within(one: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]:
-    inside = (one.time >= span[0] - 1e-9) & (one.time <= span[1] + 1e-9)
-    return one.time[inside], np.asarray(one.low)[inside], np.asarray(one.high)[inside]
+def _within(band: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]:
+    inside = (band.time >= span[0] - 1e-9) & (band.time <= span[1] + 1e-9)
+    return band.time[inside], np.asarray(band.low)[inside], np.asarray(band.high)[inside]
 
 
 def time_axis(behind: Backdrop) -> str:
@@ -186,7 +186,7 @@ def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] 
     for i, row in enumerate(rows):
         y = 4 + CONTACT_ROW * (i + 0.5)
         parts += [text(2.0, y + 3.5, row.label, "tick end"), across(area, y, "grid")]
-        shown = [one for one in row.touches if one.stop >= behind.span[0] and one.start <= behind.span[1]]
+        shown = [touch for touch in row.touches if touch.stop >= behind.span[0] and touch.start <= behind.span[1]]
         parts += [_contact(area, y, row, one, who) for one in shown]
     counts = "; ".join(f"{row.label} {len(row.touches)} times" for row in rows if row.touches)
     title = f"Contact states: {counts or 'no contact'}"

@@ -67,17 +67,17 @@ def body_figure(morph: Morph) -> str:
 
 def _target_bones(morph: Morph) -> dict[str, Surface]:
     """Bones of the target by body; several of the source's that became one are drawn once."""
-    found: dict[str, Surface] = {}
+    result: dict[str, Surface] = {}
     for bone in morph.bones.values():
         surface = target_surface(bone)
-        if surface is not None and (bone.target is not None or bone.target_body not in found):
-            found[bone.target_body] = surface
-    return found
+        if surface is not None and (bone.target is not None or bone.target_body not in result):
+            result[bone.target_body] = surface
+    return result
 
 
 def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
     """The model in its default pose with these bones and muscles alone; bodies without a known bone are sticks."""
-    known = {name: outward(one) for name, one in bones.items() if one is not None and name in model.body_names}
+    known = {name: outward(bone) for name, bone in bones.items() if bone is not None and name in model.body_names}
     lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MAX_FACES), strict=True))
     still = Transform.identity()
     meshes = {name: (Mesh(name, still, np.ones(3)),) for name in lean}
@@ -93,17 +93,17 @@ def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collectio
 
 
 def _size(surfaces: Collection[Surface]) -> float:
-    return max((float(np.ptp(one.vertices, axis=0).max()) for one in surfaces), default=1.0)
+    return max((float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces), default=1.0)
 
 
 def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
     """The scene with some of its bodies, and the muscles, framed by these."""
     numbers = {old: new + 1 for new, old in enumerate(bodies)}
     kept = [0, *bodies]
-    solids = tuple(replace(one, body=numbers[one.body]) for one in scene.solids if one.body in numbers)
+    solids = tuple(replace(solid, body=numbers[solid.body]) for solid in scene.solids if solid.body in numbers)
     R, p = scene.rotations[0, kept], scene.origins[0, kept]
-    clouds = [one.surface.vertices @ R[one.body].T + p[one.body] for one in solids]
-    clouds += [one.points[0][np.isfinite(one.points[0]).all(axis=1)] for one in scene.muscles]
+    clouds = [solid.surface.vertices @ R[solid.body].T + p[solid.body] for solid in solids]
+    clouds += [muscle.points[0][np.isfinite(muscle.points[0]).all(axis=1)] for muscle in scene.muscles]
     if not clouds:
         return scene
     everything = np.concatenate(clouds)
@@ -115,7 +115,7 @@ def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
         rotations=scene.rotations[:, kept],
         origins=scene.origins[:, kept],
         solids=solids,
-        muscles=tuple(replace(one, radius=one.radius * grown) for one in scene.muscles),
+        muscles=tuple(replace(muscle, radius=muscle.radius * grown) for muscle in scene.muscles),
         size=scene.size * grown,
         low=low,
         high=high,
@@ -147,7 +147,7 @@ def _bone_figure(bone: BoneMap, source: Surface | None, target: Surface | None, 
     return residual_map(name, f"mm, {number(rms)} root mean square", outward(target), distances)
 
 
-def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> str:
+def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> str:
     """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target.
 
     Parameters
@@ -155,24 +155,26 @@ def arm_figure(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[
     sizes : of the target, times the source, by muscle
     flagged : muscles with a warning, whose names are printed in its color
     """
-    shown = _shown(one, sizes, flagged)
+    shown = _shown(moment_arms, sizes, flagged)
     rows = -(-len(shown) // COLUMNS)
     width, height = COLUMNS * CELL, MARGIN + rows * ROW + 6
-    turning = one.kind == "rotational"
-    low, high = (float(f(one.target_values)) * (180.0 / np.pi if turning else 1e3) for f in (np.min, np.max))
+    turning = moment_arms.kind == "rotational"
+    low, high = (float(f(moment_arms.target_values)) * (180.0 / np.pi if turning else 1e3) for f in (np.min, np.max))
     unit = "mm" if turning else "mm/mm"
     words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
-    if len(shown) < len(one.muscles):
-        words += f", {len(shown)} of {len(one.muscles)} muscles: those with a warning and those with the largest"
+    if len(shown) < len(moment_arms.muscles):
+        words += (
+            f", {len(shown)} of {len(moment_arms.muscles)} muscles: those with a warning and those with the largest"
+        )
     factor = 1e3 if turning else 1.0
     parts = []
     for place, k in enumerate(shown):
-        muscle = one.muscles[k]
+        muscle = moment_arms.muscles[k]
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
-        lines = factor * sizes.get(muscle, 1.0) * one.source[:, k], factor * one.target[:, k]
-        within = None if one.within is None else factor * one.within[:, k]
-        parts.append(_panel(x, y, muscle, one.target_values, lines, within, muscle in flagged))
-    return drawing("arms", f"Moment arms about {name_of(one.pair)}", (width, height), *parts, unit=words)
+        lines = factor * sizes.get(muscle, 1.0) * moment_arms.source[:, k], factor * moment_arms.target[:, k]
+        within = None if moment_arms.within is None else factor * moment_arms.within[:, k]
+        parts.append(_panel(x, y, muscle, moment_arms.target_values, lines, within, muscle in flagged))
+    return drawing("arms", f"Moment arms about {name_of(moment_arms.pair)}", (width, height), *parts, unit=words)
 
 
 def name_of(pair: CoordinatePair) -> str:
@@ -180,11 +182,11 @@ def name_of(pair: CoordinatePair) -> str:
     return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
 
 
-def _shown(one: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
+def _shown(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
     """Which muscles to draw, in their order: all, or of too many those that are flagged and the largest."""
-    size = np.array([sizes.get(name, 1.0) for name in one.muscles])
-    largest = np.maximum(np.abs(one.source).max(axis=0) * size, np.abs(one.target).max(axis=0))
-    first = np.array([name in flagged for name in one.muscles])
+    size = np.array([sizes.get(name, 1.0) for name in moment_arms.muscles])
+    largest = np.maximum(np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0))
+    first = np.array([name in flagged for name in moment_arms.muscles])
     order = np.lexsort([-largest, ~first])
     return sorted(int(k) for k in order[:MAX_PANELS])
 

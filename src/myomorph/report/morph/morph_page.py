@@ -48,7 +48,7 @@ def morph_page(
         date=made.date,
         version=made.version,
         notes=(*notes, *_assumed(morph)),
-        sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
+        sources=tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources),
         steps=(Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()})),),
         warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
     )
@@ -64,7 +64,7 @@ def morph_page(
 
 def _assumed(morph: Morph) -> list[Note]:
     """What no bone told."""
-    found = []
+    result = []
     by = {
         "landmarks": "mapped by landmarks alone",
         "neighbors": "without a bone in the target: scaled as their neighbors",
@@ -72,25 +72,25 @@ def _assumed(morph: Morph) -> list[Note]:
     }
     touched = {point.body for point in morph.points}
     for basis, words in by.items():
-        bodies = [one.body for one in morph.bones.values() if one.basis == basis and one.body in touched]
+        bodies = [bone.body for bone in morph.bones.values() if bone.basis == basis and bone.body in touched]
         if bodies:
-            found.append(Note("assumed", f"{', '.join(bodies)}: {words}."))
-    found.append(
+            result.append(Note("assumed", f"{', '.join(bodies)}: {words}."))
+    result.append(
         Note(
             "assumed",
             "The same muscles run the same way around the same bones in source and target; how a muscle differs from "
             "the source's by more than its bones do is not seen.",
         )
     )
-    return found
+    return result
 
 
 def _facts(morph: Morph) -> list[tuple[str, str]]:
-    def printed(one: Model) -> str:
-        return f"{one.name}: {len(one.bodies)} bodies, {len(one.muscles)} muscles, {number(one.mass)} kg"
+    def printed(model: Model) -> str:
+        return f"{model.name}: {len(model.bodies)} bodies, {len(model.muscles)} muscles, {number(model.mass)} kg"
 
-    points, bases = len(morph.points), Counter(one.basis for one in morph.bones.values())
-    owners = len({one.owner for one in morph.points})
+    points, bases = len(morph.points), Counter(bone.basis for bone in morph.bones.values())
+    owners = len({point.owner for point in morph.points})
     return [
         ("Source", printed(morph.source)),
         ("Target", printed(morph.model)),
@@ -102,7 +102,7 @@ def _facts(morph: Morph) -> list[tuple[str, str]]:
 def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
     """The few numbers to see first."""
     tiles = [_count(len(checks.warnings), "warnings")]
-    through = [one for one in checks.penetrations if one.increase > 0.0]
+    through = [penetration for penetration in checks.penetrations if penetration.increase > 0.0]
     worst = max((one.increase for one in through), default=0.0)
     deep = len(checks.of("bone"))
     tiles.append(
@@ -111,11 +111,11 @@ def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
     )  # fmt: skip
     tiles.append(_count(len(checks.of("sign")), "moment arms of opposite sign"))
     tiles.append(_count(len(checks.of("jump")), "moment arms with new jumps"))
-    residuals = [one.measures["residual [m]"] for one in morph.bones.values() if "residual [m]" in one.measures]
+    residuals = [bone.measures["residual [m]"] for bone in morph.bones.values() if "residual [m]" in bone.measures]
     if residuals:
         tiles.append(Tile(f"{number(1e3 * max(residuals))} mm", "residual of the worst bone", "ok"))
     tiles.append(_count(len(checks.folded), "points where the map is inverted"))
-    sizes = [one.whole.scale for one in morph.bones.values() if one.basis in ("bone", "landmarks")]
+    sizes = [bone.whole.scale for bone in morph.bones.values() if bone.basis in ("bone", "landmarks")]
     if sizes:
         tiles.append(Tile(f"{number(float(np.median(sizes)))}", "size relative to the source, median of bones", "ok"))
     return tiles

@@ -27,7 +27,7 @@ KINDS = {
 def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
     """Bones, moment arms and paths with their worst place, and what the checks say."""
     yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over{_sure(morph)}; {_bones(morph)}"
-    if any(one.basis for one in morph.muscles):
+    if any(muscle.basis for muscle in morph.muscles):
         yield _architecture(morph)
     parts = [one for one in (_order(checks), _deepest(checks), _fibers(morph)) if one]
     if parts:
@@ -37,7 +37,7 @@ def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
 
 def _sure(morph: Morph) -> str:
     """How surely points are known."""
-    known = [one for one in morph.points if np.isfinite(one.within)]
+    known = [point for point in morph.points if np.isfinite(point.within)]
     if not known:
         return ""
     worst = max(known, key=lambda one: one.within)
@@ -49,9 +49,9 @@ def _sure(morph: Morph) -> str:
 
 def _architecture(morph: Morph) -> str:
     """Where fiber lengths and forces come from, and how far they are open."""
-    counts = Counter(one.basis or "the bones' maps" for one in morph.muscles)
+    counts = Counter(muscle.basis or "the bones' maps" for muscle in morph.muscles)
     told = ", ".join(f"{count} by {basis}" for basis, count in counts.most_common())
-    open_ = [one for one in morph.muscles if np.isfinite(one.force_interval[1])]
+    open_ = [muscle for muscle in morph.muscles if np.isfinite(muscle.force_interval[1])]
     if not open_:
         return f"fibers and forces of muscles: {told}"
     worst = max(open_, key=lambda one: one.force_interval[1])
@@ -64,7 +64,9 @@ def _architecture(morph: Morph) -> str:
 
 def _bones(morph: Morph) -> str:
     """How far apart the bones' surfaces lie after matching."""
-    apart = {body: one.measures["residual [m]"] for body, one in morph.bones.items() if "residual [m]" in one.measures}
+    apart = {
+        body: bone.measures["residual [m]"] for body, bone in morph.bones.items() if "residual [m]" in bone.measures
+    }
     if not apart:
         return f"{len(morph.bones)} bones without surfaces of their own to compare"
     worst = max(apart, key=lambda body: apart[body])
@@ -93,7 +95,7 @@ def _deepest(checks: MorphChecks) -> str:
     """The path that runs deeper through a bone than in the source by the most."""
     if not checks.penetrations:
         return ""
-    worst = max(checks.penetrations, key=lambda one: one.increase)
+    worst = max(checks.penetrations, key=lambda penetration: penetration.increase)
     if worst.increase <= 0.0:
         return "no path runs deeper through a bone than in the source"
     where = f" at {worst.coordinate} = {np.degrees(worst.value):.0f}°" if worst.coordinate else ""
@@ -105,7 +107,7 @@ def _deepest(checks: MorphChecks) -> str:
 
 def _fibers(morph: Morph) -> str:
     """The ends of normalized fiber lengths over the joints' ranges."""
-    known = [one for one in morph.muscles if np.isfinite([*one.range_target]).all()]
+    known = [muscle for muscle in morph.muscles if np.isfinite([*muscle.range_target]).all()]
     if not known:
         return ""
     shortest, longest = min(known, key=lambda one: one.range_target[0]), max(known, key=lambda one: one.range_target[1])
@@ -119,7 +121,7 @@ def _verdict(checks: MorphChecks) -> str:
     """How many warnings of which kind, and the worst."""
     if not checks.warnings:
         return "checks: nothing is worse than in the source"
-    counts = Counter(one.kind for one in checks.warnings)
+    counts = Counter(warning.kind for warning in checks.warnings)
     named = ", ".join(f"{counts[kind]} {_many(text, counts[kind])}" for kind, text in KINDS.items() if counts[kind])
     return f"checks: {len(checks.warnings)} warnings, first in the report: {named}; first: {checks.warnings[0].text}"
 

@@ -61,7 +61,7 @@ def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
 
 def warning_section(checks: MorphChecks) -> Section:
     """What looks wrong, the worst of each kind first."""
-    rows = tuple((KINDS[one.kind], one.text) for one in checks.warnings)
+    rows = tuple((KINDS[warning.kind], warning.text) for warning in checks.warnings)
     first = tuple((KINDS[kind], one.text) for kind in KINDS for one in checks.of(kind)[:FIRST_WARNINGS])
     limits = checks.options
     lead = f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to the target. "
@@ -128,10 +128,10 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         return None
     sizes = muscle_sizes(morph.source, morph.bones)
     figures = []
-    for i, one in enumerate(checks.arms):
-        flagged = {w.name for w in checks.warnings if w.kind in ("sign", "jump", "arm") and one.pair.target in w.text}
-        folded = "" if i < FIRST_ARMS else f"About {one.pair.target}: {len(one.muscles)} muscles"
-        figures.append(Figure(arm_figure(one, sizes, flagged), "full", folded=folded))
+    for i, arm in enumerate(checks.arms):
+        flagged = {w.name for w in checks.warnings if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text}
+        folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
+        figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
     order = tuple(
         (name_of(one.pair), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
     )
@@ -173,22 +173,24 @@ def muscle_section(morph: Morph) -> Section | None:
     """What became of fibers, tendons and forces."""
     if not morph.muscles:
         return None
-    names = [one.name for one in morph.muscles]
+    names = [muscle.name for muscle in morph.muscles]
     figures: tuple[Figure, ...] = ()
     if len(names) <= 3 * MAX_OPEN_ROWS:
-        values = [np.array([getattr(one, field) for one in morph.muscles]) for field in ("fiber", "tendon", "force")]
+        values = [
+            np.array([getattr(muscle, field) for muscle in morph.muscles]) for field in ("fiber", "tendon", "force")
+        ]
         plot = dot_plot("Target over source", "", names, values, ("first", "second", "third"),
                         ("optimal fiber length", "tendon slack length", "maximum isometric force"), 880)  # fmt: skip
         figures = (Figure(plot, "full"),)
     rows = tuple(
         (
-            one.name,
-            *(number(x) for x in (one.path, one.fiber, one.tendon, one.force)),
-            f"{np.degrees(one.pennation):+.1f}°".replace("-", "−"),
-            "{:.2f} to {:.2f}".format(*one.range_source),
-            "{:.2f} to {:.2f}".format(*one.range_target),
+            muscle.name,
+            *(number(x) for x in (muscle.path, muscle.fiber, muscle.tendon, muscle.force)),
+            f"{np.degrees(muscle.pennation):+.1f}°".replace("-", "−"),
+            "{:.2f} to {:.2f}".format(*muscle.range_source),
+            "{:.2f} to {:.2f}".format(*muscle.range_target),
         )
-        for one in morph.muscles
+        for muscle in morph.muscles
     )
     head = (
         "Muscle", "Path", "Fiber", "Tendon", "Force", "Pennation", "Fiber range, source", "Fiber range, target",
@@ -207,7 +209,7 @@ def muscle_section(morph: Morph) -> Section | None:
 
 def path_section(morph: Morph, checks: MorphChecks) -> Section:
     """Attachments on the surface, and paths through bones."""
-    lifted = np.array([one.lifted for one in morph.points if one.lifted > 0.0])
+    lifted = np.array([point.lifted for point in morph.points if point.lifted > 0.0])
     lead = f"{len(morph.points)} points were transferred"
     if len(lifted):
         lead += (
@@ -225,7 +227,7 @@ def path_section(morph: Morph, checks: MorphChecks) -> Section:
     ]
     if morph.left_out:
         grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))
-    return Section("paths", "Muscle paths", lead, (), (), tuple(one for one in grids if one.rows))
+    return Section("paths", "Muscle paths", lead, (), (), tuple(grid for grid in grids if grid.rows))
 
 
 def joint_section(morph: Morph) -> Section | None:
@@ -233,7 +235,7 @@ def joint_section(morph: Morph) -> Section | None:
     if not morph.joints:
         return None
     grid = _millimeters(joint_rows(morph), "Centers in the target's bones", set(), folded=False)
-    fitted = sum(1 for one in morph.joints if one.method in ("sphere", "cylinder"))
+    fitted = sum(1 for joint in morph.joints if joint.method in ("sphere", "cylinder"))
     lead = (
         f"{fitted} of {len(morph.joints)} joint centers come from spheres and cylinders fitted to the target's "
         "articular surfaces, the others from the maps. The gap is between the centers from parent and child, "
@@ -246,7 +248,7 @@ def mass_section(morph: Morph) -> Section:
     """Masses of the bodies."""
     title = "Masses, centers of mass and principal moments of inertia"
     lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
-    notes = [f"{one[:1].upper()}{one[1:]}." for one in morph.notes if one.startswith("masses")]
+    notes = [f"{note[:1].upper()}{note[1:]}." for note in morph.notes if note.startswith("masses")]
     grid = _millimeters(mass_rows(morph), title, set(), folded=False)
     return Section("masses", "Masses", " ".join([lead, *notes]), (), (), (grid,))
 
@@ -261,7 +263,7 @@ def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) 
         return number(1e3 * cell) if "[m]" in header[k] and k not in plain else number(cell)
 
     head = tuple(name.replace("[m]", "[mm]").capitalize() for name in header)
-    return Grid(head, tuple(tuple(printed(k, one) for k, one in enumerate(row)) for row in rows), title, folded)
+    return Grid(head, tuple(tuple(printed(index, one) for index, one in enumerate(row)) for row in rows), title, folded)
 
 
 def method_section(morph: Morph) -> Section:

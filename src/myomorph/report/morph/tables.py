@@ -30,7 +30,10 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
         "wrap_objects.csv": wrap_rows(checks),
         "penetration.csv": penetration_rows(checks),
-        "warnings.csv": (("kind", "name", "warning"), [(one.kind, one.name, one.text) for one in checks.warnings]),
+        "warnings.csv": (
+            ("kind", "name", "warning"),
+            [(warning.kind, warning.name, warning.text) for warning in checks.warnings],
+        ),
         "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
     }
     return {name: rows for name, rows in found.items() if rows[1]}
@@ -58,9 +61,9 @@ def point_rows(morph: Morph) -> Rows:
         "within, 90 % [m]", "brought out of bone [m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.owner, one.name, one.body, one.target_body, *_xyz(one.source), *_xyz(one.target), one.lifted,
-         one.depth_source, one.depth_target, one.within, one.cleared)
-        for one in morph.points
+        (point.owner, point.name, point.body, point.target_body, *_xyz(point.source), *_xyz(point.target), point.lifted,
+         point.depth_source, point.depth_target, point.within, point.cleared)
+        for point in morph.points
     ]  # fmt: skip
     return header, rows
 
@@ -96,9 +99,10 @@ def muscle_rows(morph: Morph) -> Rows:
         "least force [share]", "greatest force [share]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.name, one.path, one.fiber, one.tendon, one.force, one.pennation, *one.range_source, *one.range_target,
-         one.basis or "bones", *one.fiber_interval, *one.force_interval)
-        for one in morph.muscles
+        (muscle.name, muscle.path, muscle.fiber, muscle.tendon, muscle.force, muscle.pennation,
+         *muscle.range_source, *muscle.range_target,
+         muscle.basis or "bones", *muscle.fiber_interval, *muscle.force_interval)
+        for muscle in morph.muscles
     ]  # fmt: skip
     return header, rows
 
@@ -111,7 +115,8 @@ def joint_rows(morph: Morph) -> Rows:
         "moved from mapped [m]", "gap between parent's and child's [m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.name, one.method, *_xyz(one.in_parent), *_xyz(one.in_child), one.moved, one.gap) for one in morph.joints
+        (joint.name, joint.method, *_xyz(joint.in_parent), *_xyz(joint.in_child), joint.moved, joint.gap)
+        for joint in morph.joints
     ]
     return header, rows
 
@@ -123,12 +128,12 @@ def arm_rows(checks: MorphChecks) -> Rows:
         "source moment arm [m or 1]", "target moment arm [m or 1]", "within, 90 % [m or 1]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for one in checks.arms:
-        within = _within(one)
-        for k, muscle in enumerate(one.muscles):
-            columns = one.source_values, one.target_values, one.source[:, k], one.target[:, k], within[:, k]
+    for arm in checks.arms:
+        within = _within(arm)
+        for index, muscle in enumerate(arm.muscles):
+            columns = arm.source_values, arm.target_values, arm.source[:, index], arm.target[:, index], within[:, index]
             values = zip(*columns, strict=True)
-            rows += [(one.pair.source, one.pair.target, muscle, *map(float, row)) for row in values]
+            rows += [(arm.pair.source, arm.pair.target, muscle, *map(float, row)) for row in values]
     return header, rows
 
 
@@ -141,21 +146,21 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
     )  # fmt: skip
     sizes = muscle_sizes(morph.source, morph.bones)
     rows: list[tuple[Cell, ...]] = []
-    for one in checks.arms:
-        for k, muscle in enumerate(one.muscles):
-            r, t = one.source[:, k], one.target[:, k]
+    for arm in checks.arms:
+        for index, muscle in enumerate(arm.muscles):
+            r, t = arm.source[:, index], arm.target[:, index]
             grown = float(np.sqrt(np.mean(r**2))) * sizes.get(muscle, 1.0)
             ratio = float(np.sqrt(np.mean(t**2))) / grown if grown > 0.0 else float("nan")
             same = float(np.mean(r * t >= 0.0))
-            jumps = float(one.source_jumps[k]), float(one.target_jumps[k])
-            within = float(np.sqrt(np.mean(_within(one)[:, k] ** 2)))
-            rows.append((one.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps, within))
+            jumps = float(arm.source_jumps[index]), float(arm.target_jumps[index])
+            within = float(np.sqrt(np.mean(_within(arm)[:, index] ** 2)))
+            rows.append((arm.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps, within))
     return header, rows
 
 
-def _within(one: MomentArms) -> Array:
+def _within(moment_arms: MomentArms) -> Array:
     """(samples, muscles) of moment arms; NaN where nothing is known."""
-    return np.full_like(one.target, np.nan) if one.within is None else one.within
+    return np.full_like(moment_arms.target, np.nan) if moment_arms.within is None else moment_arms.within
 
 
 def wrap_rows(checks: MorphChecks) -> Rows:
@@ -165,9 +170,9 @@ def wrap_rows(checks: MorphChecks) -> Rows:
         "middle within, 90 % [m]", "first size within, 90 % [m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.wrap.name, one.wrap.body, one.wrap.kind, *_xyz(one.wrap.pose.translation), one.wrap.size[0],
-         one.within, one.size)
-        for one in checks.wraps
+        (wrap.wrap.name, wrap.wrap.body, wrap.wrap.kind, *_xyz(wrap.wrap.pose.translation), wrap.wrap.size[0],
+         wrap.within, wrap.size)
+        for wrap in checks.wraps
     ]  # fmt: skip
     return header, rows
 
@@ -183,7 +188,15 @@ def penetration_rows(checks: MorphChecks) -> Rows:
         "coordinate", "value [rad or m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (one.muscle, one.body, one.source, one.target, one.increase, one.coordinate, one.value)
-        for one in checks.penetrations
+        (
+            penetration.muscle,
+            penetration.body,
+            penetration.source,
+            penetration.target,
+            penetration.increase,
+            penetration.coordinate,
+            penetration.value,
+        )
+        for penetration in checks.penetrations
     ]
     return header, rows

@@ -74,8 +74,8 @@ def rendered(
         tiles=tiles,
         kinds=_KINDS,
         verdicts=[_printed(one) for one in _ordered(verdicts)],
-        over=sum(1 for one in verdicts if one.state == "over"),
-        judged=sum(1 for one in verdicts if one.limit is not None),
+        over=sum(1 for verdict in verdicts if verdict.state == "over"),
+        judged=sum(1 for verdict in verdicts if verdict.limit is not None),
         sections=sections,
         missing=missing,
         instants=instants,
@@ -105,18 +105,24 @@ def _text(name: str) -> str:
 def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
     """What is over its limit first."""
     rank = {"over": 0, "note": 1, "ok": 2}
-    return sorted(verdicts, key=lambda one: rank[one.state])
+    return sorted(verdicts, key=lambda verdict: rank[verdict.state])
 
 
-def _printed(one: Verdict) -> dict[str, str]:
+def _printed(verdict: Verdict) -> dict[str, str]:
     """A verdict as text, by the names that the template has."""
-    limit = "none agreed" if one.limit is None else "0" if one.limit == 0.0 else f"{number(one.limit)} {one.unit}"
-    if "%" in one.unit and one.limit:
-        limit = f"{number(one.limit)} %"
-    whole = one.value == int(one.value) and "%" not in one.unit and "cm" not in one.unit
-    value = number(one.value, 1.0) if whole else number(one.value)
-    time = "" if one.time is None else f"{number(one.time, 0.001)} s"
+    limit = (
+        "none agreed"
+        if verdict.limit is None
+        else "0"
+        if verdict.limit == 0.0
+        else f"{number(verdict.limit)} {verdict.unit}"
+    )
+    if "%" in verdict.unit and verdict.limit:
+        limit = f"{number(verdict.limit)} %"
+    whole = verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
+    value = number(verdict.value, 1.0) if whole else number(verdict.value)
+    time = "" if verdict.time is None else f"{number(verdict.time, 0.001)} s"
     return {
-        **{name: getattr(one, name) for name in ("quantity", "state", "worst", "source", "detail")},
-        **{"value": f"{value} {one.unit}".strip(), "limit": limit, "time": time},
+        **{name: getattr(verdict, name) for name in ("quantity", "state", "worst", "source", "detail")},
+        **{"value": f"{value} {verdict.unit}".strip(), "limit": limit, "time": time},
     }

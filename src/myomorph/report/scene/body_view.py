@@ -91,13 +91,13 @@ def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, A
     From a body's joint to the joints that it carries, and through its mass center and on: of a trunk
     without a head of its own, that is the head.
     """
-    found = []
+    result = []
     for body, (start, joints) in zip(model.bodies, bones(model).values(), strict=True):
         ends = list(joints)
         if not ends or body.mass > 0.02 * model.mass:
             ends.append(start + 1.9 * (body.mass_center - start))
-        found += [(numbers[body.name], start, end) for end in ends if np.linalg.norm(end - start) > SHORTEST]
-    return found
+        result += [(numbers[body.name], start, end) for end in ends if np.linalg.norm(end - start) > SHORTEST]
+    return result
 
 
 def half_blocks(pixels: Bytes) -> Text:

@@ -154,8 +154,8 @@ def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint:
         colors.append(np.tile(color, (len(points) - 1, 1)))
     # Half the body's height for one body weight shows both a quiet stance and a landing.
     meters_per_newton = 0.35 * scene.size / scene.weight
-    for k in range(scene.force_starts.shape[1]):
-        start, force = scene.force_starts[frame, k], scene.force_vectors[frame, k]
+    for index in range(scene.force_starts.shape[1]):
+        start, force = scene.force_starts[frame, index], scene.force_vectors[frame, index]
         if not (np.isfinite(start).all() and np.isfinite(force).all()):
             continue
         tip = start + force * meters_per_newton
@@ -235,7 +235,7 @@ def _packed(points: Array, middle: Array, step: float) -> np.ndarray:
 
 
 def _short(values: Array) -> list[float]:
-    return [round(float(one), 6) for one in values]
+    return [round(float(value), 6) for value in values]
 
 
 def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:

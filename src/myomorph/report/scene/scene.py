@@ -160,9 +160,9 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
     """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
     clouds = [
-        np.einsum("fij,pj->fpi", poses.rotations[:, one.body], box_corners(one.surface))
-        + poses.origins[:, None, one.body]
-        for one in solids
+        np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box_corners(solid.surface))
+        + poses.origins[:, None, solid.body]
+        for solid in solids
     ]
     stacked = np.concatenate(clouds or [poses.origins[:, 1:]], axis=1)
     heights = stacked @ up
@@ -172,7 +172,7 @@ def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, fl
 
 def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
     """From the first person to the second, so that both are seen from the side; None with fewer than two."""
-    people = [one for one in subjects(model) if len(one.bodies) > 1]
+    people = [subject for subject in subjects(model) if len(subject.bodies) > 1]
     if len(people) < 2:
         return None
     numbers = poses.tree.body_index

@@ -147,13 +147,13 @@ def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
     starts = {joint.child: joint.child_frame.translation for joint in model.joints}
-    found: dict[str, tuple[Array, list[Array]]] = {name: (starts[name], []) for name in model.body_names}
+    result: dict[str, tuple[Array, list[Array]]] = {name: (starts[name], []) for name in model.body_names}
     for joint in model.joints:
-        if joint.parent in found:
+        if joint.parent in result:
             h, b = tree.body_index[joint.parent], tree.body_index[joint.child]
             center = poses.rotations[0, b] @ starts[joint.child] + poses.origins[0, b]
-            found[joint.parent][1].append(poses.rotations[0, h].T @ (center - poses.origins[0, h]))
-    return found
+            result[joint.parent][1].append(poses.rotations[0, h].T @ (center - poses.origins[0, h]))
+    return result
 
 
 def sticks(model: Model) -> dict[str, list[Surface]]:
@@ -161,15 +161,15 @@ def sticks(model: Model) -> dict[str, list[Surface]]:
 
     A last body reaches to twice its mass center's distance.
     """
-    found: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
+    result: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
     for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
         if not ends and body.mass > 0.0:
             ends = [start + 1.8 * (body.mass_center - start)]
         lengths = [float(np.linalg.norm(end - start)) for end in ends]
         for end, length in zip(ends, lengths, strict=True):
             if length > 1e-6 and length > 0.15 * max(lengths):
-                found[body.name].append(stick(start, end, 0.07 * length))
-    return found
+                result[body.name].append(stick(start, end, 0.07 * length))
+    return result
 
 
 def coarser(surface: Surface, cell: float) -> Surface:
@@ -199,13 +199,13 @@ def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface
     shrunk = list(surfaces)
     if sum(len(one.faces) for one in shrunk) <= most:
         return shrunk
-    extents = [float(np.linalg.norm(np.ptp(one.vertices, axis=0))) for one in surfaces]
+    extents = [float(np.linalg.norm(np.ptp(surface.vertices, axis=0))) for surface in surfaces]
     # Small bones get smaller cells, or fingers and ribs would vanish before a pelvis looks coarse.
     cells = [(extent / size) ** 0.7 * size * FINEST for extent in extents]
     for attempt in range(20):
         shrunk = [
-            one if len(one.faces) < 60 else coarser(one, cell * 1.25**attempt)
-            for one, cell in zip(surfaces, cells, strict=True)
+            surface if len(surface.faces) < 60 else coarser(surface, cell * 1.25**attempt)
+            for surface, cell in zip(surfaces, cells, strict=True)
         ]
         if sum(len(one.faces) for one in shrunk) <= most:
             break

@@ -54,7 +54,7 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         tall = SHOULDERS * size
         if headed:
             # Without the head the mass center lies lower: the joints of arms and neck show the height.
-            tall = max([1.05 * float((one - start) @ up) for one in joints], default=tall)
+            tall = max([1.05 * float((joint - start) @ up) for joint in joints], default=tall)
         middle = start + 0.53 * tall * along
         shapes = [ellipsoid(middle, axes, tall * THORAX)]
         head = start + HEAD_CENTER * size * along
@@ -66,14 +66,14 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         size = tall / SHOULDERS
     if not headed:
         shapes.append(ellipsoid(head, axes, size * SKULL))
-    found = {trunk.name: shapes}
+    result = {trunk.name: shapes}
     for body in model.bodies:
         start, joints = own[body.name]
         reach = float(np.linalg.norm(body.mass_center - start))
         if HEAD.search(body.name) and body is not trunk and not joints and reach > 0.0:
             there = rotations[tree.body_index[body.name]].T @ turn @ axes.T
-            found[body.name] = [ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])]
-    return found
+            result[body.name] = [ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])]
+    return result
 
 
 def _across(model: Model, up: Array, turn: Array) -> Array:

@@ -29,141 +29,155 @@ MAX_OPEN = 24
 """Curves of a family that are shown at once; the rest is folded away."""
 
 
-def group_page(found: Comparison, given: PageHead) -> str:
+def group_page(comparison: Comparison, page_head: PageHead) -> str:
     """One self-contained HTML page, as text.
 
     Parameters
     ----------
-    given : title, notes, sources, date and version
+    page_head : title, notes, sources, date and version
     """
-    notes = tuple(Note("warning", one) for one in found.notes)
-    page = replace(given, notes=(*given.notes, *notes))
-    parts = [*_scalar_sections(found), *(_family_section(found, one) for one in found.families)]
-    return rendered(page, [_who(found), *parts], cited(*TESTS), facts=_facts(found), tiles=_tiles(found))
+    notes = tuple(Note("warning", note) for note in comparison.notes)
+    page = replace(page_head, notes=(*page_head.notes, *notes))
+    parts = [*_scalar_sections(comparison), *(_family_section(comparison, family) for family in comparison.families)]
+    return rendered(page, [_who(comparison), *parts], cited(*TESTS), facts=_facts(comparison), tiles=_tiles(comparison))
 
 
-def _facts(found: Comparison) -> list[tuple[str, str]]:
+def _facts(comparison: Comparison) -> list[tuple[str, str]]:
     rows = [
         (name, f"{len(animals)} animals or subjects, {sum(count for _, count in animals)} strides")
-        for name, animals in zip(found.names, found.animals, strict=True)
+        for name, animals in zip(comparison.names, comparison.animals, strict=True)
     ]
-    if found.tested:
-        how = "all permutations" if found.exact else f"{found.options.permutations} random permutations"
-        rows.append(("Test", f"permutation of animals, {how}; smallest possible p {number(found.floor)}"))
+    if comparison.tested:
+        how = "all permutations" if comparison.exact else f"{comparison.options.permutations} random permutations"
+        rows.append(("Test", f"permutation of animals, {how}; smallest possible p {number(comparison.floor)}"))
     else:
         rows.append(("Test", "none: too few animals"))
-    rows.append(("Intervals", f"{100 * found.options.confidence:.0f} %"))
+    rows.append(("Intervals", f"{100 * comparison.options.confidence:.0f} %"))
     return rows
 
 
-def _tiles(found: Comparison) -> list[Tile]:
-    if not found.tested:
+def _tiles(comparison: Comparison) -> list[Tile]:
+    if not comparison.tested:
         return []
-    alpha = f"p < {found.options.alpha:g}"
-    different = sum(one.holm < found.options.alpha for one in found.scalars)
-    curves = sum(1 for one in found.curves if one.regions)
+    alpha = f"p < {comparison.options.alpha:g}"
+    different = sum(scalar.holm < comparison.options.alpha for scalar in comparison.scalars)
+    curves = sum(1 for curve in comparison.curves if curve.regions)
     return [
-        Tile(f"{different} of {len(found.scalars)}", f"parameters differ (Holm {alpha})", "ok"),
-        Tile(f"{curves} of {len(found.curves)}", f"curves differ somewhere (corrected {alpha})", "ok"),
+        Tile(f"{different} of {len(comparison.scalars)}", f"parameters differ (Holm {alpha})", "ok"),
+        Tile(f"{curves} of {len(comparison.curves)}", f"curves differ somewhere (corrected {alpha})", "ok"),
     ]
 
 
-def _who(found: Comparison) -> Section:
+def _who(comparison: Comparison) -> Section:
     rows = [
         (group, ", ".join(f"{name} ({count})" for name, count in animals))
-        for group, animals in zip(found.names, found.animals, strict=True)
+        for group, animals in zip(comparison.names, comparison.animals, strict=True)
     ]
     lead = (
-        f"Differences are {found.names[0]} minus {found.names[1]}. The animal is the unit: the mean of its strides "
+        f"Differences are {comparison.names[0]} minus {comparison.names[1]}. The animal is the unit: the mean "
+        f"of its strides "
         "represents it, so that more strides do not count as more animals."
     )
     return Section("animals", "Groups", lead, grids=(Grid(("Group", "Animals (strides)"), tuple(rows)),))
 
 
-def _scalar_sections(found: Comparison) -> list[Section]:
-    if not found.scalars:
+def _scalar_sections(comparison: Comparison) -> list[Section]:
+    if not comparison.scalars:
         return []
     lead = "Mean ± standard deviation of the animals."
-    if found.tested:
+    if comparison.tested:
         lead += (
             " p by permuting animals. Holm’s correction controls the chance of any false positive among the "
             "parameters, q the false discovery rate."
         )
-    figure = effect_figure(found)
-    return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(found),))]
+    figure = effect_figure(comparison)
+    return [Section("strides", "Strides", lead, figures=(figure,), grids=(scalar_grid(comparison),))]
 
 
-def effect_figure(found: Comparison) -> Figure:
+def effect_figure(comparison: Comparison) -> Figure:
     """Effect size of every parameter with its interval, filled where the corrected p is small."""
     drawn = interval_rows(
         "Effect size",
         "Hedges’ g",
-        [one.name for one in found.scalars],
-        [Estimate(one.g, one.g_low, one.g_high) for one in found.scalars],
-        solid=[one.holm < found.options.alpha for one in found.scalars],
+        [scalar.name for scalar in comparison.scalars],
+        [Estimate(scalar.g, scalar.g_low, scalar.g_high) for scalar in comparison.scalars],
+        solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars],
         signed=True,
     )
     return Figure(drawn, "wide", "Filled where Holm’s p is small.")
 
 
-def difference_chart(one: CurveDifference, unit: str, labels: tuple[str, str], styles: tuple[str, str] = STYLES) -> str:
+def difference_chart(
+    curve_difference: CurveDifference, unit: str, labels: tuple[str, str], styles: tuple[str, str] = STYLES
+) -> str:
     """Both groups' means with their intervals, every animal's own curve, and bars below where they differ."""
     curves = [
         CycleCurve(group.mean, style, label, (group.low, group.high), each=each)
-        for group, style, label, each in zip((one.first, one.second), styles, labels, one.each, strict=True)
+        for group, style, label, each in zip(
+            (curve_difference.first, curve_difference.second), styles, labels, curve_difference.each, strict=True
+        )
     ]
-    shown = [*one.each[0], *one.each[1], *(end for group in (one.first, one.second) for end in (group.low, group.high))]
-    return cycle_chart(one.name, unit, curves, shown, _regions(one))
+    shown = [
+        *curve_difference.each[0],
+        *curve_difference.each[1],
+        *(end for group in (curve_difference.first, curve_difference.second) for end in (group.low, group.high)),
+    ]
+    return cycle_chart(curve_difference.name, unit, curves, shown, _regions(curve_difference))
 
 
-def effect_chart(one: CurveDifference) -> str:
+def effect_chart(curve_difference: CurveDifference) -> str:
     """Hedges' g along the cycle with its interval."""
-    curve = CycleCurve(one.g, "middle", "g", (one.g_low, one.g_high))
-    shown = [np.clip(one.g_low, -MAX_EFFECT, MAX_EFFECT), np.clip(one.g_high, -MAX_EFFECT, MAX_EFFECT), np.zeros(1)]
-    return cycle_chart(one.name, "Hedges’ g", [curve], shown, _regions(one), 190)
+    curve = CycleCurve(curve_difference.g, "middle", "g", (curve_difference.g_low, curve_difference.g_high))
+    shown = [
+        np.clip(curve_difference.g_low, -MAX_EFFECT, MAX_EFFECT),
+        np.clip(curve_difference.g_high, -MAX_EFFECT, MAX_EFFECT),
+        np.zeros(1),
+    ]
+    return cycle_chart(curve_difference.name, "Hedges’ g", [curve], shown, _regions(curve_difference), 190)
 
 
-def _regions(one: CurveDifference) -> list[tuple[float, float, str]]:
+def _regions(curve_difference: CurveDifference) -> list[tuple[float, float, str]]:
     """Where the groups differ, with what is shown under the pointer."""
-    p = f"smallest p {number(one.least_p)}"
-    return [(start, stop, f"differs from {start:.0f} to {stop:.0f} %, {p}") for start, stop in one.regions]
+    p = f"smallest p {number(curve_difference.least_p)}"
+    return [(start, stop, f"differs from {start:.0f} to {stop:.0f} %, {p}") for start, stop in curve_difference.regions]
 
 
-def scalar_grid(found: Comparison, title: str = "") -> Grid:
+def scalar_grid(comparison: Comparison, title: str = "") -> Grid:
     """Parameters of both groups, their differences and tests."""
-    first, second = found.names
-    size = "Effect size" if found.paired else "Hedges’ g"
+    first, second = comparison.names
+    size = "Effect size" if comparison.paired else "Hedges’ g"
     head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
     rows = [
         (
-            one.name,
-            mean_words(one.first),
-            mean_words(one.second),
-            _with_interval(one.difference, one.low, one.high),
-            _with_interval(one.g, one.g_low, one.g_high),
-            *(_probability(p) for p in (one.p, one.holm, one.q)),
+            scalar.name,
+            mean_words(scalar.first),
+            mean_words(scalar.second),
+            _with_interval(scalar.difference, scalar.low, scalar.high),
+            _with_interval(scalar.g, scalar.g_low, scalar.g_high),
+            *(_probability(p) for p in (scalar.p, scalar.holm, scalar.q)),
         )
-        for one in found.scalars
+        for scalar in comparison.scalars
     ]
     return Grid(head, tuple(rows), title)
 
 
-def _family_section(found: Comparison, family: str) -> Section:
-    curves, (name, unit) = found.family(family), name_and_unit(family)
-    shown = different_first(curves) if found.tested else list(curves)
-    figures = [Figure(difference_chart(one, unit, found.names)) for one in shown[:MAX_OPEN]]
-    figures += [Figure(difference_chart(one, unit, found.names), folded=one.name) for one in shown[MAX_OPEN:]]
+def _family_section(comparison: Comparison, family: str) -> Section:
+    curves, (name, unit) = comparison.family(family), name_and_unit(family)
+    shown = different_first(curves) if comparison.tested else list(curves)
+    figures = [Figure(difference_chart(one, unit, comparison.names)) for one in shown[:MAX_OPEN]]
+    figures += [Figure(difference_chart(one, unit, comparison.names), folded=one.name) for one in shown[MAX_OPEN:]]
     figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MAX_OPEN]]
     lead = (
         "Mean of the animals’ means over the stride from foot strike to foot strike, with "
-        f"{100 * found.options.confidence:.0f} % intervals sample by sample; thin lines are animals."
+        f"{100 * comparison.options.confidence:.0f} % intervals sample by sample; thin lines are animals."
     )
-    if found.tested:
+    if comparison.tested:
         lead += (
-            f" Bars below mark where groups differ (p < {found.options.alpha:g}, corrected for the whole stride and "
+            f" Bars below mark where groups differ (p < {comparison.options.alpha:g}, corrected for the whole "
+            "stride and "
             f"all {len(curves)} curves here by the maximum statistic); curves that differ come first."
         )
-    legend = tuple(zip(STYLES, found.names, strict=True))
+    legend = tuple(zip(STYLES, comparison.names, strict=True))
     return curve_section(name, lead, legend, figures, (curve_grid(shown),))
 
 
@@ -175,7 +189,7 @@ def name_and_unit(family: str) -> tuple[str, str]:
 
 def different_first(curves: Sequence[CurveDifference]) -> list[CurveDifference]:
     """Curves that differ before the others, those of the smallest p first."""
-    return sorted(curves, key=lambda one: (not one.regions, one.least_p if np.isfinite(one.least_p) else 2.0))
+    return sorted(curves, key=lambda curve: (not curve.regions, curve.least_p if np.isfinite(curve.least_p) else 2.0))
 
 
 def curve_section(
@@ -193,13 +207,13 @@ def curve_section(
 def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: statistics") -> Grid:
     """Where along the cycle the effect is largest, and where the groups differ."""
     rows = []
-    for one in curves:
-        known = np.isfinite(one.g)
-        at = int(np.argmax(np.where(known, np.abs(one.g), -1.0)))
-        size = _with_interval(float(one.g[at]), float(one.g_low[at]), float(one.g_high[at]))
-        largest = f"{size} at {100.0 * at / max(len(one.g) - 1, 1):.0f} %" if known.any() else "–"
-        where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in one.regions) or "–"
-        rows.append((one.name, largest, _probability(one.least_p), where))
+    for curve in curves:
+        known = np.isfinite(curve.g)
+        at = int(np.argmax(np.where(known, np.abs(curve.g), -1.0)))
+        size = _with_interval(float(curve.g[at]), float(curve.g_low[at]), float(curve.g_high[at]))
+        largest = f"{size} at {100.0 * at / max(len(curve.g) - 1, 1):.0f} %" if known.any() else "–"
+        where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in curve.regions) or "–"
+        rows.append((curve.name, largest, _probability(curve.least_p), where))
     return Grid(("Curve", "Maximum effect size", "Minimum p", "Differs"), tuple(rows), title, True)
 
 

@@ -144,4 +144,4 @@ class StudyInput:
 
     def in_state(self, state: TrialState) -> tuple[TrialLine, ...]:
         """Trials that are done, failed or left out."""
-        return tuple(one for one in self.trials if one.state == state)
+        return tuple(trial for trial in self.trials if trial.state == state)

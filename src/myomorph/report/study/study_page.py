@@ -60,82 +60,92 @@ REFERENCES = ("hicks2015", "opensim", *TESTS, "iglewicz1993")
 UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
-def study_page(given: StudyInput) -> str:
+def study_page(study_input: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
-    notes = tuple(Note("warning", one) for one in given.notes)
-    page = PageHead(given.name, given.date, given.version, notes)
-    families = dict.fromkeys(name for one in given.conditions for name, own in one.curves.items() if own.names)
+    notes = tuple(Note("warning", note) for note in study_input.notes)
+    page = PageHead(study_input.name, study_input.date, study_input.version, notes)
+    families = dict.fromkeys(
+        name for condition in study_input.conditions for name, curve in condition.curves.items() if curve.names
+    )
     parts = [
-        *_gone(given),
-        *_changes(given),
-        *_quality(given),
-        *_described(given),
-        *(_family(given, family) for family in families),
-        *(_comparison(one, k, given) for k, one in enumerate(given.comparisons)),
-        *_differences(given),
-        *_outliers(given),
-        *_trials(given),
-        *_files(given),
+        *_gone(study_input),
+        *_changes(study_input),
+        *_quality(study_input),
+        *_described(study_input),
+        *(_family(study_input, family) for family in families),
+        *(_comparison(comparison, index, study_input) for index, comparison in enumerate(study_input.comparisons)),
+        *_differences(study_input),
+        *_outliers(study_input),
+        *_trials(study_input),
+        *_files(study_input),
     ]
-    sources = cited(*REFERENCES) if given.conditions else ()
-    return rendered(page, parts, sources, facts=_facts(given), tiles=_tiles(given))
+    sources = cited(*REFERENCES) if study_input.conditions else ()
+    return rendered(page, parts, sources, facts=_facts(study_input), tiles=_tiles(study_input))
 
 
-def _facts(given: StudyInput) -> list[tuple[str, str]]:
-    subjects = dict.fromkeys(one.subject for one in given.trials)
-    rows = [("Subjects", str(len(subjects))), ("Trials", _counted(given))]
-    if len(given.conditions) > 1 or any(one.name for one in given.conditions):
-        rows.append(("Conditions", ", ".join(f"{_title(one)} ({one.trials})" for one in given.conditions)))
+def _facts(study_input: StudyInput) -> list[tuple[str, str]]:
+    subjects = dict.fromkeys(trial.subject for trial in study_input.trials)
+    rows = [("Subjects", str(len(subjects))), ("Trials", _counted(study_input))]
+    if len(study_input.conditions) > 1 or any(condition.name for condition in study_input.conditions):
+        rows.append(
+            (
+                "Conditions",
+                ", ".join(f"{_title(condition)} ({condition.trials})" for condition in study_input.conditions),
+            )
+        )
     return rows
 
 
-def _title(one: Condition) -> str:
-    return one.name or "all trials"
+def _title(condition: Condition) -> str:
+    return condition.name or "all trials"
 
 
-def _whole_trials(given: StudyInput, state: TrialState) -> tuple[TrialLine, ...]:
+def _whole_trials(study_input: StudyInput, state: TrialState) -> tuple[TrialLine, ...]:
     """Trials in a state, without the lines of steps that are about a whole subject."""
-    return tuple(one for one in given.in_state(state) if one.trial)
+    return tuple(one for one in study_input.in_state(state) if one.trial)
 
 
-def _counted(given: StudyInput) -> str:
-    parts = [f"{len(_whole_trials(given, 'done'))} done"]
-    for state, own in (("failed", _whole_trials(given, "failed")), ("left out", given.in_state("left out"))):
+def _counted(study_input: StudyInput) -> str:
+    parts = [f"{len(_whole_trials(study_input, 'done'))} done"]
+    for state, own in (
+        ("failed", _whole_trials(study_input, "failed")),
+        ("left out", study_input.in_state("left out")),
+    ):
         parts += [f"{len(own)} {state}"] if own else []
     return ", ".join(parts)
 
 
-def _tiles(given: StudyInput) -> list[Tile]:
-    done, failed = _whole_trials(given, "done"), _whole_trials(given, "failed")
+def _tiles(study_input: StudyInput) -> list[Tile]:
+    done, failed = _whole_trials(study_input, "done"), _whole_trials(study_input, "failed")
     over = sum(one.over > 0 for one in done)
-    state = "over" if given.in_state("failed") else "ok"
+    state = "over" if study_input.in_state("failed") else "ok"
     tiles = [Tile(f"{len(done)} / {len(done) + len(failed)}", "trials done", state)]
     if any(one.judged for one in done):
         tiles.append(Tile(f"{over} of {len(done)}", "trials with a quantity over its limit", "note" if over else "ok"))
-    if given.outliers:
-        named = len({(one.subject, one.trial) for one in given.outliers})
+    if study_input.outliers:
+        named = len({(outlier.subject, outlier.trial) for outlier in study_input.outliers})
         tiles.append(Tile(str(named), "trials with outliers", "note"))
-    for one in given.comparisons:
-        if one.tested:
-            curves, words = sum(1 for each in one.curves if each.regions), " and ".join(one.names)
-            tiles.append(Tile(f"{curves} of {len(one.curves)}", f"curves differ, {words}", "ok"))
+    for comparison in study_input.comparisons:
+        if comparison.tested:
+            curves, words = sum(1 for each in comparison.curves if each.regions), " and ".join(comparison.names)
+            tiles.append(Tile(f"{curves} of {len(comparison.curves)}", f"curves differ, {words}", "ok"))
     return tiles
 
 
-def _gone(given: StudyInput) -> list[Section]:
-    failed, left = given.in_state("failed"), given.in_state("left out")
+def _gone(study_input: StudyInput) -> list[Section]:
+    failed, left = study_input.in_state("failed"), study_input.in_state("left out")
     grids = []
     for lines, title, head in ((failed, "Failed", "Why"), (left, "Excluded by the study file", "Reason")):
         if lines:
-            rows = tuple((one.subject, one.trial or "all", one.condition, one.reason) for one in lines)
+            rows = tuple((line.subject, line.trial or "all", line.condition, line.reason) for line in lines)
             grids.append(Grid(("Subject", "Trial", "Condition", head), rows, title, len(rows) > LONG))
     return [Section("gone", "Failed and excluded", grids=tuple(grids))] if grids else []
 
 
-def _changes(given: StudyInput) -> list[Section]:
-    if not given.changes:
+def _changes(study_input: StudyInput) -> list[Section]:
+    if not study_input.changes:
         return []
-    rows = tuple((text, _named(trials)) for text, trials in given.changes)
+    rows = tuple((text, _named(trials)) for text, trials in study_input.changes)
     lead = "Why steps of an earlier run were computed again."
     return [Section("changes", "Changes since the last run", lead, grids=(Grid(("Change", "Trials"), rows),))]
 
@@ -145,9 +155,9 @@ def _named(names: Sequence[str]) -> str:
     return words + (f"; and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else "")
 
 
-def _quality(given: StudyInput) -> list[Section]:
+def _quality(study_input: StudyInput) -> list[Section]:
     """Trials by rank beside each limit, and what is beyond limits how often."""
-    done = [one for one in given.in_state("done") if one.judged]
+    done = [one for one in study_input.in_state("done") if one.judged]
     if not done:
         return []
     figures = []
@@ -175,13 +185,13 @@ def _quality(given: StudyInput) -> list[Section]:
     return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
 
 
-def _described(given: StudyInput) -> list[Section]:
-    if not given.described:
+def _described(study_input: StudyInput) -> list[Section]:
+    if not study_input.described:
         return []
-    unit = given.conditions[0].unit if given.conditions else "subjects"
-    names = tuple(_title(one) for one in given.conditions)
-    first = [one for one in given.described if one.quantity.startswith(("stride ", "speed", "duty", "track"))]
-    rest = [one for one in given.described if one not in first]
+    unit = study_input.conditions[0].unit if study_input.conditions else "subjects"
+    names = tuple(_title(condition) for condition in study_input.conditions)
+    first = [one for one in study_input.described if one.quantity.startswith(("stride ", "speed", "duty", "track"))]
+    rest = [one for one in study_input.described if one not in first]
     grids = [
         Grid(("Quantity", *names), tuple(_described_row(one) for one in part), title, folded)
         for part, title, folded in (
@@ -195,16 +205,20 @@ def _described(given: StudyInput) -> list[Section]:
     return [Section("values", "Values", lead, grids=tuple(grids))]
 
 
-def _described_row(one: Described) -> tuple[str, ...]:
-    unit = "" if one.unit == "1" else f" [{one.unit}]"
-    return (f"{one.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in one.conditions))
+def _described_row(described: Described) -> tuple[str, ...]:
+    unit = "" if described.unit == "1" else f" [{described.unit}]"
+    return (f"{described.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in described.conditions))
 
 
-def _differences(given: StudyInput) -> list[Section]:
+def _differences(study_input: StudyInput) -> list[Section]:
     """Values that differ most beside what is open, with the draws' errors in their intervals."""
     grids = []
-    for pair in dict.fromkeys((one.first, one.second) for one in given.differences):
-        own = [one for one in given.differences if (one.first, one.second) == pair and one.high_all > one.low_all]
+    for pair in dict.fromkeys((difference.first, difference.second) for difference in study_input.differences):
+        own = [
+            difference
+            for difference in study_input.differences
+            if (difference.first, difference.second) == pair and difference.high_all > difference.low_all
+        ]
         own.sort(key=lambda one: -abs(one.difference) / (one.high_all - one.low_all))
         rows = tuple(_difference_row(one) for one in own[:MAX_VALUES])
         head = ("Quantity", pair[0], pair[1], "Difference", "95 %, spread alone", "95 %, with errors", "SD of errors")
@@ -221,21 +235,32 @@ def _differences(given: StudyInput) -> list[Section]:
     return [Section("differences", "Differences with their errors", lead, grids=tuple(grids))]
 
 
-def _difference_row(one: ValueDifference) -> tuple[str, ...]:
-    unit = "" if one.unit == "1" else f" [{one.unit}]"
-    spread = f"{number(one.low)} to {number(one.high)}" if np.isfinite(one.low) else "–"
-    whole = f"{number(one.low_all)} to {number(one.high_all)}"
-    means = (number(one.means[0]), number(one.means[1]))
-    return (f"{one.quantity}{unit}", *means, number(one.difference), spread, whole, number(one.measured_sd))
+def _difference_row(value_difference: ValueDifference) -> tuple[str, ...]:
+    unit = "" if value_difference.unit == "1" else f" [{value_difference.unit}]"
+    spread = (
+        f"{number(value_difference.low)} to {number(value_difference.high)}"
+        if np.isfinite(value_difference.low)
+        else "–"
+    )
+    whole = f"{number(value_difference.low_all)} to {number(value_difference.high_all)}"
+    means = (number(value_difference.means[0]), number(value_difference.means[1]))
+    return (
+        f"{value_difference.quantity}{unit}",
+        *means,
+        number(value_difference.difference),
+        spread,
+        whole,
+        number(value_difference.measured_sd),
+    )
 
 
-def _family(given: StudyInput, family: str) -> Section:
-    names = _ordered(given.conditions, family)
+def _family(study_input: StudyInput, family: str) -> Section:
+    names = _ordered(study_input.conditions, family)
     figures = [
-        Figure(condition_chart(given.conditions, family, name), folded=name if k >= MAX_OPEN else "")
-        for k, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
+        Figure(condition_chart(study_input.conditions, family, name), folded=name if index >= MAX_OPEN else "")
+        for index, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
     ]
-    own = [one for one in given.conditions if family in one.curves]
+    own = [condition for condition in study_input.conditions if family in condition.curves]
     words = {True: "strides, from foot strike to foot strike", False: "whole trials"}
     cycles = list(dict.fromkeys(words[one.cycle == "stride"] for one in own))
     units = " and ".join(dict.fromkeys(one.unit for one in own))
@@ -247,7 +272,9 @@ def _family(given: StudyInput, family: str) -> Section:
         lead += f" {len(names) - MAX_OPEN - MAX_FOLDED} more are in condition_curves.csv."
     # A percent of a stride is not a percent of a trial: curves that share a chart say which they are over.
     over = {True: " (over the stride)", False: " (over the whole trial)"} if len(cycles) > 1 else {}
-    legend = [(style, _title(one) + over.get(one.cycle == "stride", "")) for style, one in styled(given.conditions)]
+    legend = [
+        (style, _title(one) + over.get(one.cycle == "stride", "")) for style, one in styled(study_input.conditions)
+    ]
     return curve_section(name_and_unit(family)[0], lead, tuple(legend), figures)
 
 
@@ -267,16 +294,16 @@ def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> 
 
 def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
     """Conditions with the style of their lines."""
-    return [(STYLES[k % len(STYLES)], one) for k, one in enumerate(conditions)]
+    return [(STYLES[index % len(STYLES)], condition) for index, condition in enumerate(conditions)]
 
 
 def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
     """Names of a family's curves: usual coordinates and leg muscles first, the others by how far they move."""
     reach: dict[str, float] = {}
-    for one in conditions:
-        curves = one.curves.get(family)
-        for k, name in enumerate(curves.names if curves is not None else ()):
-            column = curves.mean[:, k] if curves is not None else np.zeros(1)
+    for condition in conditions:
+        curves = condition.curves.get(family)
+        for index, name in enumerate(curves.names if curves is not None else ()):
+            column = curves.mean[:, index] if curves is not None else np.zeros(1)
             known = column[np.isfinite(column)]
             reach[name] = max(reach.get(name, 0.0), float(np.ptp(known)) if len(known) else 0.0)
     names = list(reach)
@@ -294,59 +321,60 @@ def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
     return sorted(names, key=rank)
 
 
-def _comparison(found: Comparison, index: int, given: StudyInput) -> Section:
-    first, second = found.names
-    colors = {one.name: style for style, one in styled(given.conditions)}
+def _comparison(comparison: Comparison, index: int, study_input: StudyInput) -> Section:
+    first, second = comparison.names
+    colors = {one.name: style for style, one in styled(study_input.conditions)}
     styles = colors[first], colors[second]
-    pairs = len(given.comparisons)
+    pairs = len(study_input.comparisons)
     lead = f"Differences are {first} minus {second}. "
-    if found.paired:
+    if comparison.paired:
         lead += (
-            f"{len(found.animals[0])} subjects have both and are compared within themselves; the effect size is the "
+            f"{len(comparison.animals[0])} subjects have both and are compared within themselves; the effect "
+            f"size is the "
             "mean difference over the standard deviation of differences. "
         )
     else:
-        counts = " and ".join(str(len(one)) for one in found.animals)
+        counts = " and ".join(str(len(animal)) for animal in comparison.animals)
         lead += f"No subject has both: groups of {counts} subjects; the effect size is Hedges’ g. "
-    if found.tested:
-        how = "all" if found.exact else f"{found.options.permutations} random"
-        turned = "sign changes of the differences" if found.paired else "permutations of subjects"
-        lead += f"Tested by {how} {turned}; smallest possible p {number(found.floor)}. "
-        lead += f"Bars below mark where curves differ (p < {number(found.options.alpha)}"
+    if comparison.tested:
+        how = "all" if comparison.exact else f"{comparison.options.permutations} random"
+        turned = "sign changes of the differences" if comparison.paired else "permutations of subjects"
+        lead += f"Tested by {how} {turned}; smallest possible p {number(comparison.floor)}. "
+        lead += f"Bars below mark where curves differ (p < {number(comparison.options.alpha)}"
         lead += f", which is 0.05 over {pairs} pairs of conditions" if pairs > 1 else ""
         lead += "; corrected for the whole cycle and all curves of a kind by the maximum statistic)."
     else:
         lead += "Too few subjects for a test: described only."
-    lead = " ".join([lead, *(f"{one[:1].upper()}{one[1:]}." for one in found.notes)])
+    lead = " ".join([lead, *(f"{note[:1].upper()}{note[1:]}." for note in comparison.notes)])
     figures = []
-    if any(np.isfinite(one.g) for one in found.scalars):
-        least = found.floor * sum(np.isfinite(one.p) for one in found.scalars)
-        if found.tested and least > found.options.alpha:
+    if any(np.isfinite(scalar.g) for scalar in comparison.scalars):
+        least = comparison.floor * sum(np.isfinite(scalar.p) for scalar in comparison.scalars)
+        if comparison.tested and least > comparison.options.alpha:
             lead += f" So few subjects cannot bring Holm’s p of that many parameters below {number(min(least, 1.0))}."
-        figures.append(effect_figure(found))
-    grids = [scalar_grid(found)] if found.scalars else []
-    for family in found.families:
-        curves, (name, unit) = different_first(found.family(family)), name_and_unit(family)
-        different = [one for one in curves if one.regions]
-        figures += [Figure(difference_chart(one, unit, found.names, styles)) for one in different[:MAX_DIFFERENT]]
+        figures.append(effect_figure(comparison))
+    grids = [scalar_grid(comparison)] if comparison.scalars else []
+    for family in comparison.families:
+        curves, (name, unit) = different_first(comparison.family(family)), name_and_unit(family)
+        different = [curve for curve in curves if curve.regions]
+        figures += [Figure(difference_chart(one, unit, comparison.names, styles)) for one in different[:MAX_DIFFERENT]]
         grids.append(curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
-    legend = tuple(zip(styles, found.names, strict=True))
+    legend = tuple(zip(styles, comparison.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
 
 
-def _outliers(given: StudyInput) -> list[Section]:
-    if not given.outliers:
+def _outliers(study_input: StudyInput) -> list[Section]:
+    if not study_input.outliers:
         return []
     own: dict[tuple[str, str], list[Outlier]] = {}
-    for one in given.outliers:
-        own.setdefault((one.subject, one.trial), []).append(one)
+    for outlier in study_input.outliers:
+        own.setdefault((outlier.subject, outlier.trial), []).append(outlier)
     rows = []
     for lines in sorted(own.values(), key=lambda each: -max(abs(one.score) for one in each)):
         lines.sort(key=lambda one: -abs(one.score))
         words = "; ".join(
-            f"{one.quantity} {number(one.value)}{'' if one.unit == '1' else f' {one.unit}'} "
-            f"(median {number(one.middle)}, score {number(one.score)})"
-            for one in lines[:MAX_LISTED]
+            f"{line.quantity} {number(line.value)}{'' if line.unit == '1' else f' {line.unit}'} "
+            f"(median {number(line.middle)}, score {number(line.score)})"
+            for line in lines[:MAX_LISTED]
         )
         rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), words))
     lead = (
@@ -358,10 +386,10 @@ def _outliers(given: StudyInput) -> list[Section]:
     return [Section("outliers", "Outliers", lead, grids=(grid,))]
 
 
-def _trials(given: StudyInput) -> list[Section]:
+def _trials(study_input: StudyInput) -> list[Section]:
     limits = tuple(title for _, title in SHOWN_LIMITS)
     head = ("Subject", "Trial", "Condition", "Steps", "Frames", *limits, "Unsolved", "Over limits", "Warnings")
-    done = given.in_state("done")
+    done = study_input.in_state("done")
     if not done:
         return []
     rows = tuple(_trial_row(one) for one in done)
@@ -370,27 +398,27 @@ def _trials(given: StudyInput) -> list[Section]:
     return [Section("trials", "All trials", lead, grids=(grid,))]
 
 
-def _trial_row(one: TrialLine) -> tuple[str | Link, ...]:
+def _trial_row(trial_line: TrialLine) -> tuple[str | Link, ...]:
     cells = []
     for quantity, _ in SHOWN_LIMITS:
-        judged = one.judged.get(quantity)
+        judged = trial_line.judged.get(quantity)
         cells.append("" if judged is None else f"{number(judged.value)} {judged.unit.partition(' ')[0]}")
-    unsolved = [one.judged[name].value for name in UNSOLVED if name in one.judged]
+    unsolved = [trial_line.judged[name].value for name in UNSOLVED if name in trial_line.judged]
     return (
-        one.subject,
-        Link(one.trial or "(model)", one.report) if one.report else one.trial or "(model)",
-        one.condition,
-        " ".join(one.steps),
-        str(one.frames) if one.frames else "",
+        trial_line.subject,
+        Link(trial_line.trial or "(model)", trial_line.report) if trial_line.report else trial_line.trial or "(model)",
+        trial_line.condition,
+        " ".join(trial_line.steps),
+        str(trial_line.frames) if trial_line.frames else "",
         *cells,
         f"{sum(unsolved):.0f}" if unsolved else "",
-        str(one.over) if one.judged else "",
-        str(one.warnings) if one.warnings else "",
+        str(trial_line.over) if trial_line.judged else "",
+        str(trial_line.warnings) if trial_line.warnings else "",
     )
 
 
-def _files(given: StudyInput) -> list[Section]:
-    if not given.files:
+def _files(study_input: StudyInput) -> list[Section]:
+    if not study_input.files:
         return []
-    rows = tuple((Link(place, place), words) for place, words in given.files)
+    rows = tuple((Link(place, place), words) for place, words in study_input.files)
     return [Section("files", "Tables", "Beside this page.", grids=(Grid(("File", "Content"), rows),))]

@@ -70,16 +70,16 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
         lines.append(f"Activations from 0 to {_top(analysis.activations):g}.")
     if graph and analysis.contacts is not None:
         lines.append("Lines are contact intervals: a filled dot at the start, an open dot at the end.")
-        if any(one.source == "sound" for one in analysis.contacts.intervals):
+        if any(interval.source == "sound" for interval in analysis.contacts.intervals):
             lines.append("Impacts: ✳ right hand, + left hand, ○ right foot, × left foot.")
     lines.append(cut_words(analysis))
     if analysis.persons and analysis.activations is not None:
-        lacking = tuple(dict.fromkeys(name for one in analysis.persons for name in one.lacking))
+        lacking = tuple(dict.fromkeys(name for person in analysis.persons for name in person.lacking))
         if lacking:
             lines.append(f"The model lacks: {'; '.join(lacking)}.")
     if not analysis.chosen:
         lines.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
-    return " ".join(one for one in lines if one)
+    return " ".join(line for line in lines if line)
 
 
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
@@ -106,10 +106,10 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
 
 def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     """Height of every person's center of gravity, of a single one with that of its first rest."""
-    factor, unit = scaled_unit("m", *(one.center.values[:, 0] for one in analysis.persons))
+    factor, unit = scaled_unit("m", *(person.center.values[:, 0] for person in analysis.persons))
     lines = [
-        Line(one.center.time, factor * one.center.values[:, 0], style, one.who.name or "height")
-        for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
+        Line(person.center.time, factor * person.center.values[:, 0], style, person.who.name or "height")
+        for person, style in zip(analysis.persons, person_styles(analysis), strict=True)
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
@@ -174,6 +174,6 @@ def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:
     """The whole motion, or of a very long one the part that other charts show."""
     long = prepared.span[1] - prepared.span[0] > MAX_SCORE_TIME
     span = prepared.detail if long else prepared.span
-    phases = tuple(one for one in analysis.cutting.phases if one.stop > span[0] and one.start < span[1])
+    phases = tuple(phase for phase in analysis.cutting.phases if phase.stop > span[0] and phase.start < span[1])
     events = prepared.events if analysis.cutting.by in ("events", "given") else ()
     return Backdrop(span, phases if len(phases) <= MAX_STRIPES else (), events)

@@ -25,9 +25,9 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
     if not analysis.persons:
         return None
     drawn = []
-    for k, axis in enumerate(analysis.axes):
+    for index, axis in enumerate(analysis.axes):
         lines = [
-            Line(one.center.time, one.center.values[:, k], style, one.who.name or axis)
+            Line(one.center.time, one.center.values[:, index], style, one.who.name or axis)
             for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
         ]
         drawn.append(draw_track(behind, axis.capitalize(), "m", lines))
@@ -79,8 +79,8 @@ def _extent(points: Array) -> Array:
 
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
-    k = 1 + int(np.argmin(np.sum([_extent(one.center.values) for one in analysis.persons], axis=0)[1:]))
-    found = [1000.0 * leveled(one.center).values[:, [k, 0]] for one in analysis.persons]
+    k = 1 + int(np.argmin(np.sum([_extent(person.center.values) for person in analysis.persons], axis=0)[1:]))
+    found = [1000.0 * leveled(person.center).values[:, [k, 0]] for person in analysis.persons]
     across = (analysis.axes[k], analysis.axes[0])
     title = f"Height over {analysis.axes[k]}"
     return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
@@ -102,19 +102,21 @@ def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, 
 
 def _reaching(inside: np.ndarray) -> np.ndarray:
     """Frames and the one after each stretch, so that the parts of a line meet."""
-    found = inside.copy()
-    found[1:] |= inside[:-1]
-    return found
+    result = inside.copy()
+    result[1:] |= inside[:-1]
+    return result
 
 
 def _path_caption(analysis: MotionAnalysis) -> str:
     stages = analysis.cutting.stages
     printed = "The origin is the start of the first phase."
-    if _thin([one.center.values[:, 1:] for one in analysis.persons]):
+    if _thin([person.center.values[:, 1:] for person in analysis.persons]):
         printed += " Each axis has its own scale."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
         words = ("blue", "violet", "green", "ochre")
-        printed += " Phases: " + ", ".join(f"{one.name} {word}" for one, word in zip(stages, words, strict=False)) + "."
+        printed += (
+            " Phases: " + ", ".join(f"{stage.name} {word}" for stage, word in zip(stages, words, strict=False)) + "."
+        )
     return printed
 
 
@@ -134,24 +136,24 @@ def _printed(analysis: MotionAnalysis, person: Person) -> str:
             f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} its height at rest at the start"
         )
     repeats = [
-        f"{axis} every {number(one.period)} s ({number(one.cycles)} periods, confidence {_sure(one)})"
-        for axis, one in zip(analysis.axes, person.periods, strict=True)
-        if one.periodic
+        f"{axis} every {number(period.period)} s ({number(period.cycles)} periods, confidence {_sure(period)})"
+        for axis, period in zip(analysis.axes, person.periods, strict=True)
+        if period.periodic
     ]
     printed.append(f"periodic along {' and '.join(repeats)}" if repeats else "not periodic along any axis")
     sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(printed) + "."
     return sentence[:1].upper() + sentence[1:]
 
 
-def _sure(one: Periodicity) -> str:
-    return "over 99.9 %" if one.confidence > 0.999 else f"{100 * one.confidence:.3g} %"
+def _sure(periodicity: Periodicity) -> str:
+    return "over 99.9 %" if periodicity.confidence > 0.999 else f"{100 * periodicity.confidence:.3g} %"
 
 
 def _center_grid(analysis: MotionAnalysis) -> Grid:
     rows = []
     for person in analysis.persons:
-        for k, axis in enumerate(analysis.axes):
-            values, one = person.center.values[:, k], person.periods[k]
+        for index, axis in enumerate(analysis.axes):
+            values, one = person.center.values[:, index], person.periods[index]
             values = values[np.isfinite(values)]
             if not len(values):
                 continue

@@ -30,16 +30,16 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     if forces is None or not len(forces) or not forces.sites:
         return None
     groups = groups_of(forces, given.dynamics.wrenches, given.model, who)
-    blocks = tuple(dict.fromkeys(one.block for one in groups))
+    blocks = tuple(dict.fromkeys(group.block for group in groups))
     figures = [
-        Figure(_components(prepared, block, [one for one in groups if one.block == block], behind, who), "full")
+        Figure(_components(prepared, block, [group for group in groups if group.block == block], behind, who), "full")
         for block in blocks
     ]
     floor = _floor(prepared, groups)
     if floor:
         figures.append(Figure(floor, "full"))
-    legend = [(one.style, one.label) for one in groups] if len(blocks) == 1 else []
-    if any(one.measured is not None for one in groups):
+    legend = [(group.style, group.label) for group in groups] if len(blocks) == 1 else []
+    if any(group.measured is not None for group in groups):
         legend.append(("measured", "measured"))
     return Section(
         "contact-forces",
@@ -54,11 +54,11 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
 def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
     """Size of the forces that pass between bodies, a row for all of them; none where none does."""
     forces = prepared.given.contacts.forces
-    if forces is None or all(one.against == GROUND for one in forces.sites):
+    if forces is None or all(site.against == GROUND for site in forces.sites):
         return []
     lines = [
-        Line(forces.time, np.linalg.norm(one.forces, axis=1), ORDINAL[i % len(ORDINAL)], one.label)
-        for i, one in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
+        Line(forces.time, np.linalg.norm(group.forces, axis=1), ORDINAL[i % len(ORDINAL)], group.label)
+        for i, group in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
     return [draw_track(behind, title, "N", lines, 66, low=0.0)]
@@ -71,7 +71,7 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     assert forces is not None
     ground = Ground.under(prepared.up)
     paths: list[tuple[str, str, Array]] = []
-    own = {one.name: (one.label, one.style) for one in groups if one.against == GROUND}
+    own = {group.name: (group.label, group.style) for group in groups if group.against == GROUND}
     for measured, wrenches in ((True, given.dynamics.wrenches), (False, group_forces(forces))):
         if wrenches is None:
             continue
@@ -91,10 +91,10 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     given = prepared.given
     lines = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
-    pairs = [one for one in groups if one.against != GROUND]
+    pairs = [group for group in groups if group.against != GROUND]
     if pairs:
         lines.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
-    if any(one.measured is not None for one in groups):
+    if any(group.measured is not None for group in groups):
         lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if given.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
@@ -115,17 +115,19 @@ def _components(
     assert forces is not None
     vectors, names = axis_names(prepared.up)
     heights = (118, 92, 92) if not block else (92, 74, 74)
-    rows = [named_lines([(one.style, one.label) for one in groups])] if block else []
+    rows = [named_lines([(group.style, group.label) for group in groups])] if block else []
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
         lines = [
-            Line(forces.time, one.measured @ vector, "measured", f"{one.label}, measured")
-            for one in groups
-            if one.measured is not None
+            Line(forces.time, group.measured @ vector, "measured", f"{group.label}, measured")
+            for group in groups
+            if group.measured is not None
         ]
-        lines += [Line(forces.time, one.forces @ vector, one.style, one.label) for one in groups]
+        lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
         known = prepared.given.contacts.intervals
-        open_ = [_interval(prepared, one, vector) for one in groups if known is not None and one.name in known.names]
+        open_ = [
+            _interval(prepared, group, vector) for group in groups if known is not None and group.name in known.names
+        ]
         wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
         drawn = draw_track(behind, name.capitalize(), "N", lines, heights[i], bands=wide, bars=upright, levels=levels)
         rows.append(drawn)
@@ -204,6 +206,8 @@ def _difference(group: Group, vector: Array) -> str:
     return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
 
 
-def _infeasible_grid(given: ReportInput) -> Grid:
-    rows = tuple((f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in given.contacts.infeasible)
+def _infeasible_grid(report_input: ReportInput) -> Grid:
+    rows = tuple(
+        (f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in report_input.contacts.infeasible
+    )
     return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

@@ -18,8 +18,8 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     conflicts = prepared.given.emg_conflicts
     if conflicts is None:
         return None
-    muscles = [one for one in conflicts if one.muscle]
-    reserves = [one for one in conflicts if one.coordinate]
+    muscles = [conflict for conflict in conflicts if conflict.muscle]
+    reserves = [conflict for conflict in conflicts if conflict.coordinate]
     lead = (
         f"Where the joint torques need an activation that is more than {APART:g} from the muscle's EMG, or leave more "
         f"than {BORNE:.0%} of a joint's largest torque to a reserve: gains, the model's moment arms or the torques are "
@@ -30,12 +30,12 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     grids = []
     for title, head, rows in (("Muscles", MUSCLES, muscles), ("Reserves", RESERVES, reserves)):
         if rows:
-            grids.append(Grid(head, tuple(_row(one) for one in rows), title, folded=len(rows) > SHOWN))
+            grids.append(Grid(head, tuple(_row(row) for row in rows), title, folded=len(rows) > SHOWN))
     return Section("emg-conflicts", "EMG against joint torques", lead, (), (), tuple(grids))
 
 
-def _row(one: EmgConflict) -> tuple[str, ...]:
-    times = (f"{number(value, 0.001)} s" for value in (one.start, one.stop, one.worst))
-    if one.muscle:
-        return one.muscle, *times, number(one.emg, 0.01), number(one.found, 0.01)
-    return one.coordinate, *times, number(one.emg), number(one.found)
+def _row(emg_conflict: EmgConflict) -> tuple[str, ...]:
+    times = (f"{number(value, 0.001)} s" for value in (emg_conflict.start, emg_conflict.stop, emg_conflict.worst))
+    if emg_conflict.muscle:
+        return emg_conflict.muscle, *times, number(emg_conflict.emg, 0.01), number(emg_conflict.found, 0.01)
+    return emg_conflict.coordinate, *times, number(emg_conflict.emg), number(emg_conflict.found)

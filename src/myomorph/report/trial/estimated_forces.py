@@ -35,27 +35,33 @@ BETWEEN = "between"
 ORDINAL = ("first", "second", "third", "fourth")
 
 
-def situation_of(given: ReportInput) -> Situation:
+def situation_of(report_input: ReportInput) -> Situation:
     """How the contact forces of a recording are known, "" where there are none."""
-    if given.contacts.situation:
-        return given.contacts.situation
-    if given.contacts.forces is None:
-        return "measured" if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names) else ""
-    if given.contacts.touches is not None and any(one.source == "sound" for one in given.contacts.touches.intervals):
+    if report_input.contacts.situation:
+        return report_input.contacts.situation
+    if report_input.contacts.forces is None:
+        return (
+            "measured"
+            if report_input.dynamics.wrenches is not None and len(report_input.dynamics.wrenches.names)
+            else ""
+        )
+    if report_input.contacts.touches is not None and any(
+        interval.source == "sound" for interval in report_input.contacts.touches.intervals
+    ):
         return "sound"
     return "unknown"
 
 
-def acting_forces(given: ReportInput) -> Wrenches | None:
+def acting_forces(report_input: ReportInput) -> Wrenches | None:
     """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated in their place."""
-    forces = given.contacts.forces
+    forces = report_input.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
-        return given.dynamics.wrenches
+        return report_input.dynamics.wrenches
     estimated = group_forces(forces)
-    measured = given.dynamics.wrenches
+    measured = report_input.dynamics.wrenches
     if measured is None or not len(measured.names):
         return estimated
-    instead = _instead(forces, measured, given.model)
+    instead = _instead(forces, measured, report_input.model)
     if instead.all():
         return estimated
     time = estimated.time
@@ -68,27 +74,29 @@ def acting_forces(given: ReportInput) -> Wrenches | None:
 def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
     """(frames, wrenches) whether contacts were estimated then where a wrench was measured."""
     bodies = _bodies(forces, model)
-    found = np.zeros((len(forces), len(measured.names)), dtype=bool)
-    for k, one in enumerate(forces.sites):
+    result = np.zeros((len(forces), len(measured.names)), dtype=bool)
+    for k, site in enumerate(forces.sites):
         on = forces.strengths[:, k] > 0.0
         for j, body in enumerate(measured.bodies):
-            if not body or body in bodies[one.group]:
-                found[on, j] = True
-    return found
+            if not body or body in bodies[site.group]:
+                result[on, j] = True
+    return result
 
 
 def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]]:
     """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are put on any of it."""
     if model is not None:
         return group_bodies(model, forces.sites)
-    return {name: {one.body for one in forces.sites if one.group == name} for name in (s.group for s in forces.sites)}
+    return {
+        name: {site.body for site in forces.sites if site.group == name} for name in (s.group for s in forces.sites)
+    }
 
 
 def group_forces(forces: ContactForces) -> Wrenches:
     """One force a group of sites, at its center of pressure, whatever bodies they are on; its opposite on the other."""
     first: dict[str, str] = {}
-    for one in forces.sites:
-        first.setdefault(one.group, one.body)
+    for site in forces.sites:
+        first.setdefault(site.group, site.body)
     return replace(forces, sites=tuple(replace(one, body=first[one.group]) for one in forces.sites)).wrenches("group")
 
 
@@ -129,15 +137,17 @@ def groups_of(
 ) -> tuple[Group, ...]:
     """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
     near = _bodies(forces, model)
-    names = tuple(dict.fromkeys(one.group for one in forces.sites))
-    members = {name: [k for k, one in enumerate(forces.sites) if one.group == name] for name in names}
+    names = tuple(dict.fromkeys(site.group for site in forces.sites))
+    members = {name: [index for index, one in enumerate(forces.sites) if one.group == name] for name in names}
     first = {name: forces.sites[own[0]] for name, own in members.items()}
     limbs = {name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names}
     blocks = {name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names}
     found = []
-    for name, own in members.items():
+    for name, member in members.items():
         known = None
-        columns = [] if measured is None else [k for k, body in enumerate(measured.bodies) if body in near[name]]
+        columns = (
+            [] if measured is None else [index for index, body in enumerate(measured.bodies) if body in near[name]]
+        )
         if columns and measured is not None:
             known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
             size = np.linalg.norm(np.nan_to_num(known), axis=1)
@@ -148,37 +158,37 @@ def groups_of(
         style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
         against = first[name].against
         label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
-        ready = np.asarray((forces.strengths[:, own] > 0.0).any(axis=1))
-        force = forces.forces[:, own].sum(axis=1)
+        ready = np.asarray((forces.strengths[:, member] > 0.0).any(axis=1))
+        force = forces.forces[:, member].sum(axis=1)
         found.append(Group(name, label, blocks[name], style, against, force, ready, known))
     return tuple(found)
 
 
-def contact_verdicts(given: ReportInput, height: float) -> list[Verdict]:
+def contact_verdicts(report_input: ReportInput, height: float) -> list[Verdict]:
     """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015).
 
     Parameters
     ----------
     height : mean height of the center of mass over the ground [m]
     """
-    if given.contacts.forces is None or not len(given.contacts.forces):
+    if report_input.contacts.forces is None or not len(report_input.contacts.forces):
         return []
     rows: list[Verdict] = []
-    acting = acting_forces(given)
+    acting = acting_forces(report_input)
     total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
-    residuals = given.contacts.residuals
+    residuals = report_input.contacts.residuals
     if residuals is not None and peak > 0.0:
         for what, scale in (("force", peak), ("moment", peak * height)):
             names = [name.removeprefix("residual_") for name in residuals.names]
-            own = [k for k, name in enumerate(names) if name.startswith(what[0].upper())]
+            own = [index for index, name in enumerate(names) if name.startswith(what[0].upper())]
             values = np.linalg.norm(residuals.values[:, own], axis=1)
             if own and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
                 detail = f" left over once contacts carry; F = {peak:.4g} N"
                 found = judged_residual(what, values, residuals.time, scale, contacts=True)
                 rows += [replace(row, detail=row.detail + detail) for row, _ in found]
-    lost = given.contacts.infeasible
+    lost = report_input.contacts.infeasible
     first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
-    unit = f"of {len(given.contacts.forces)}"
+    unit = f"of {len(report_input.contacts.forces)}"
     rows.append(Verdict(Quantity.INFEASIBLE_CONTACT, float(len(lost)), unit, 0.0, time=first, detail=relaxation))
     return rows

@@ -71,16 +71,16 @@ def _charts(prepared: Prepared, tension: ShownTension, fibers: Fibers, pair: Pai
 
 def _lines(time: Array, values: list[Array], labels: list[str], ends: np.ndarray) -> list[Line]:
     """Lines of what may be believed, and thinner ones of the ends."""
-    found = []
-    for one, label, style in zip(values, labels, STYLES, strict=False):
-        found.append(Line(time, np.where(ends, np.nan, one), style, label))
+    result = []
+    for value, label, style in zip(values, labels, STYLES, strict=False):
+        result.append(Line(time, np.where(ends, np.nan, value), style, label))
         if ends.any():
             # One frame more on the inner side, so that the lines meet.
             wide = ends.copy()
             wide[1:] |= ends[:-1]
             wide[:-1] |= ends[1:]
-            found.append(Line(time, np.where(wide, one, np.nan), f"{style} thin", f"{label}, near an end"))
-    return found
+            result.append(Line(time, np.where(wide, value, np.nan), f"{style} thin", f"{label}, near an end"))
+    return result
 
 
 def _grids(tension: ShownTension, fibers: Fibers) -> tuple[Grid, ...]:

@@ -105,7 +105,7 @@ def force_figures(
     """Ground forces along three axes [N], body weight marked."""
     vectors, names = axis_names(up)
     styles = wrench_styles(wrenches)
-    found = []
+    result = []
     factor, unit = scaled_unit("N", wrenches.forces)
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
         components = factor * (wrenches.forces @ vector)
@@ -116,8 +116,8 @@ def force_figures(
         limits = [Level(factor * weight, "body weight")] if i == 0 and weight else []
         second = (1.0 / (factor * weight), "BW") if weight else None
         shape: dict[str, Any] = {"low": 0.0, "width": 680, "name_events": True} if i == 0 else {}
-        found.append(time_plot(f"Ground force, {name}", unit, lines, span, events, limits, second=second, **shape))
-    return found
+        result.append(time_plot(f"Ground force, {name}", unit, lines, span, events, limits, second=second, **shape))
+    return result
 
 
 @read_only
@@ -166,14 +166,14 @@ def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]
     """Height and vertical velocity of the center of mass."""
     height = com.values @ up
     speed = np.gradient(height, com.time) if len(com) > 1 else np.zeros_like(height)
-    found = []
+    result = []
     for name, label, unit, values in (
         ("Center of mass, height", "height", "m", height),
         ("Center of mass, vertical velocity", "velocity", "m/s", speed),
     ):
         factor, unit = scaled_unit(unit, values)
-        found.append(time_plot(name, unit, [Line(com.time, factor * values, "middle", label)], span, events))
-    return found
+        result.append(time_plot(name, unit, [Line(com.time, factor * values, "middle", label)], span, events))
+    return result
 
 
 def residual_figures(
@@ -181,15 +181,15 @@ def residual_figures(
 ) -> list[str]:
     """Residual force and moment at the root over time, against their limits."""
     force_limit, moment_limit = RESIDUAL_FORCE * peak, RESIDUAL_MOMENT * peak * height
-    found = []
+    result = []
     for what, unit, values, limit, label in (
         ("Residual force", "N", force, force_limit, "5 % of peak external force"),
         ("Residual moment", "N·m", moment, moment_limit, "1 % of COM height × peak force"),
     ):
         factor, unit = scaled_unit(unit, values, np.array([limit]))
         lines, levels = [Line(time, factor * values, "first", what.lower())], [Level(factor * limit, label)]
-        found.append(time_plot(what, unit, lines, span, events, levels, low=0.0, high=1.15 * factor * limit))
-    return found
+        result.append(time_plot(what, unit, lines, span, events, levels, low=0.0, high=1.15 * factor * limit))
+    return result
 
 
 def pair_panel(

@@ -258,4 +258,4 @@ class ReportInput:
     @property
     def strengths(self) -> Mapping[str, float]:
         """Maximum isometric force of every muscle [N]; none without a model."""
-        return {} if self.model is None else {one.name: one.max_isometric_force for one in self.model.muscles}
+        return {} if self.model is None else {muscle.name: muscle.max_isometric_force for muscle in self.model.muscles}

@@ -39,113 +39,123 @@ LIGHT = 0.002
 """Share of the body's mass under which a link of a model of many links is left out of a chart."""
 
 
-def identification_sections(given: IdentificationInput) -> list[Section]:
+def identification_sections(identification_input: IdentificationInput) -> list[Section]:
     """All sections that what was given allows."""
-    styles = dict(zip(given.parameters, STYLES, strict=False))
+    styles = dict(zip(identification_input.parameters, STYLES, strict=False))
     made = (
-        body_section(given),
-        mass_section(given),
-        segment_section(given),
-        base_section(given),
-        *(validation_section(check, styles, i) for i, check in enumerate(given.validation)),
-        calibration_section(given),
+        body_section(identification_input),
+        mass_section(identification_input),
+        segment_section(identification_input),
+        base_section(identification_input),
+        *(validation_section(check, styles, i) for i, check in enumerate(identification_input.validation)),
+        calibration_section(identification_input),
     )
     return [one for one in made if one is not None]
 
 
-def body_section(given: IdentificationInput) -> Section:
+def body_section(identification_input: IdentificationInput) -> Section:
     """The body colored by how much of each link is known from the data, and what identification had to say."""
-    figures = [Figure(body_picture(given), "medium")] if given.model.bodies else []
-    if len(given.share):
-        masses = np.array([body.mass for body in given.model.bodies])
-        order = np.argsort(-np.nan_to_num(given.share, nan=-1.0), kind="stable")
+    figures = [Figure(body_picture(identification_input), "medium")] if identification_input.model.bodies else []
+    if len(identification_input.share):
+        masses = np.array([body.mass for body in identification_input.model.bodies])
+        order = np.argsort(-np.nan_to_num(identification_input.share, nan=-1.0), kind="stable")
         order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > MAX_OPEN_ROWS else order
-        names = [given.model.body_names[i] for i in order]
-        share = [100.0 * given.share[order]]
+        names = [identification_input.model.body_names[i] for i in order]
+        share = [100.0 * identification_input.share[order]]
         plot = dot_plot("Information from the data", "%", names, share, ["first"], ["share"], 520)
         figures.append(Figure(plot, "medium"))
-    lead = f"{number(given.model.mass)} kg in {len(given.model.bodies)} links"
-    lead += f", masses “{given.chosen}”" if given.chosen else ""
-    lead += f"; mass points: {given.source}" if given.source else ""
+    lead = f"{number(identification_input.model.mass)} kg in {len(identification_input.model.bodies)} links"
+    lead += f", masses “{identification_input.chosen}”" if identification_input.chosen else ""
+    lead += f"; mass points: {identification_input.source}" if identification_input.source else ""
     lead += "."
-    if len(given.share):
+    if len(identification_input.share):
         lead += (
             " Colors: how much of the information on a link comes from motion and forces (blue) rather than from "
             "the shape of the body (red)."
         )
-    wrong = [one for one in given.checks if not one.possible]
-    if given.checks:
+    wrong = [check for check in identification_input.checks if not check.possible]
+    if identification_input.checks:
         words = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
-        count = len(given.checks)
+        count = len(identification_input.checks)
         lead += f" {len(wrong)} of {count} links are not physically possible: {words}." if wrong else ""
         lead += "" if wrong else f" All {count} links are physically possible."
     grids = []
-    if given.left_out:
-        frames = given.frames or sum(given.left_out.values())
-        lost = given.left_out.items()
+    if identification_input.left_out:
+        frames = identification_input.frames or sum(identification_input.left_out.values())
+        lost = identification_input.left_out.items()
         rows = tuple((why, number(count, 1.0), f"{number(100.0 * count / frames)} %") for why, count in lost)
         grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames excluded"))
-    if given.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in given.notes), "Notes of the identification"))
-    title = "The identified body" if given.parameters else "The body"
+    if identification_input.notes:
+        grids.append(
+            Grid(("Note",), tuple((text,) for text in identification_input.notes), "Notes of the identification")
+        )
+    title = "The identified body" if identification_input.parameters else "The body"
     return Section("body-identified", title, lead, (), tuple(figures), tuple(grids))
 
 
-def body_picture(given: IdentificationInput) -> str:
+def body_picture(identification_input: IdentificationInput) -> str:
     """The model from its right side and from the front as one drawing with its scale of colors."""
-    model = replace(given.model, muscles=())
-    pose = given.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
-    scene = make_scene(model, pose, [0], given.surfaces)
-    share = given.share if len(given.share) else np.full(len(model.bodies), np.nan)
+    model = replace(identification_input.model, muscles=())
+    pose = identification_input.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
+    scene = make_scene(model, pose, [0], identification_input.surfaces)
+    share = identification_input.share if len(identification_input.share) else np.full(len(model.bodies), np.nan)
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
     drawn = pictures(scene, 560, 560, colors)
-    palette, ends = (LEVEL, ("from the shape", "half", "from the data")) if len(given.share) else (None, ())
+    palette, ends = (
+        (LEVEL, ("from the shape", "half", "from the data")) if len(identification_input.share) else (None, ())
+    )
     return picture_row("The identified body", drawn, palette=palette, ends=ends)
 
 
-def mass_section(given: IdentificationInput) -> Section | None:
+def mass_section(identification_input: IdentificationInput) -> Section | None:
     """Masses per link by method, their spread along the spine, and whether each link is possible."""
-    if not given.parameters:
+    if not identification_input.parameters:
         return None
-    masses = given.masses
+    masses = identification_input.masses
     heavy = np.argsort(-next(iter(masses.values())), kind="stable")
-    shown = [i for i in heavy if max(one[i] for one in masses.values()) >= 0.001]
-    names, values = [given.model.body_names[i] for i in shown], [one[shown] for one in masses.values()]
+    shown = [i for i in heavy if max(mass[i] for mass in masses.values()) >= 0.001]
+    names, values = [identification_input.model.body_names[i] for i in shown], [mass[shown] for mass in masses.values()]
     plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
-    grids = [_grid(mass_sheet(given), "Mass of each link [kg]", len(given.model.bodies) > MAX_OPEN_ROWS)]
-    spine = spine_sheet(given)
+    grids = [
+        _grid(
+            mass_sheet(identification_input),
+            "Mass of each link [kg]",
+            len(identification_input.model.bodies) > MAX_OPEN_ROWS,
+        )
+    ]
+    spine = spine_sheet(identification_input)
     if spine.rows:
         grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
-    if given.checks:
-        sheet = link_sheet(given)
+    if identification_input.checks:
+        sheet = link_sheet(identification_input)
         keep = [sheet.head.index(one) for one in ("link", "mass [kg]", "share from the data", sheet.head[5], "possible",
                                                   "reason")]  # fmt: skip
         cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
-        grids.append(_grid(cut, f"Physical consistency of {len(given.checks)} links", True))
-    left = len(given.model.bodies) - len(shown)
+        grids.append(_grid(cut, f"Physical consistency of {len(identification_input.checks)} links", True))
+    left = len(identification_input.model.bodies) - len(shown)
     lead = "Every method's mass of every link, heaviest first."
     lead += f" {left} links below one gram are only in the table." if left else ""
     legend = tuple(zip(STYLES, masses, strict=False))
     return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
 
-def segment_section(given: IdentificationInput) -> Section | None:
+def segment_section(identification_input: IdentificationInput) -> Section | None:
     """Shares of the body's mass beside athletes', and which link counts to which segment."""
-    if not given.parameters or not segments_given(given):
+    if not identification_input.parameters or not segments_given(identification_input):
         return None
-    masses = given.masses
-    chosen = given.chosen if given.chosen in masses else next(iter(masses))
+    masses = identification_input.masses
+    chosen = identification_input.chosen if identification_input.chosen in masses else next(iter(masses))
     rows = []
     for name, athletes in ATHLETES.items():
-        right = [segment_share(given, one, name, "right") for one in masses.values()]
-        left = segment_share(given, masses[chosen], name, "left")
+        right = [segment_share(identification_input, mass, name, "right") for mass in masses.values()]
+        left = segment_share(identification_input, masses[chosen], name, "left")
         paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
         label = name.replace(" ", "\u00a0")
         rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
-    segments = segments_given(given)
+    segments = segments_given(identification_input)
     members: dict[str, list[str]] = {}
-    for body in given.model.body_names:
+    for body in identification_input.model.body_names:
         if body in segments:
             members.setdefault(segment_words(segments[body]).capitalize(), []).append(body)
     links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
@@ -162,9 +172,9 @@ def segment_section(given: IdentificationInput) -> Section | None:
     return Section("segments", "Segments of the body", lead, (), (), grids)
 
 
-def base_section(given: IdentificationInput) -> Section | None:
+def base_section(identification_input: IdentificationInput) -> Section | None:
     """How well the base parameters are known, and what no motion, or not this one, shows."""
-    base = given.base
+    base = identification_input.base
     if base is None:
         return None
     well = int(np.sum(base.shown & (base.relative_sd < WELL_KNOWN)))
@@ -180,15 +190,15 @@ def base_section(given: IdentificationInput) -> Section | None:
     if np.isfinite(base.residual).any():
         cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
         grids.insert(0, Grid(COMPONENTS, (cells,), "Residual of the base parameters, root mean square"))
-    misfit = misfit_sheet(given)
+    misfit = misfit_sheet(identification_input)
     if misfit.rows:
         grids.insert(0, _grid(misfit, "Residual of the base wrench in the frames used, root mean square of its norm"))
-    if given.from_shape:
-        rows = tuple((link, ", ".join(names)) for link, names in given.from_shape.items())
+    if identification_input.from_shape:
+        rows = tuple((link, ", ".join(names)) for link, names in identification_input.from_shape.items())
         grids.append(Grid(("Link", "Parameters"), rows, "Parameters that come from the shape of the body", True))
     for title, names in (
-        ("Not identifiable from this motion", given.not_shown),
-        ("Not identifiable from any motion", given.never_shown),
+        ("Not identifiable from this motion", identification_input.not_shown),
+        ("Not identifiable from any motion", identification_input.never_shown),
     ):
         if names:
             grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))

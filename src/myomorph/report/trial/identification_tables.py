@@ -78,33 +78,42 @@ _SPINE = (
 )
 
 
-def segments_given(given: IdentificationInput) -> Mapping[str, Segment]:
+def segments_given(identification_input: IdentificationInput) -> Mapping[str, Segment]:
     """Segment of each body: as given, else by the bodies' names; none of a model whose names contain none."""
     try:
-        return given.segments or segments_of(given.model)
+        return identification_input.segments or segments_of(identification_input.model)
     except BadData:
         return {}
 
 
-def mass_sheet(given: IdentificationInput) -> Sheet:
+def mass_sheet(identification_input: IdentificationInput) -> Sheet:
     """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2), and intervals."""
-    masses = given.masses
-    own = given.model.bodies
-    known = len(given.sd) > 0
+    masses = identification_input.masses
+    own = identification_input.model.bodies
+    known = len(identification_input.sd) > 0
     rows: list[tuple[Cell, ...]] = []
-    for i, body in enumerate(given.model.body_names):
-        row: tuple[Cell, ...] = (body, *(float(one[i]) for one in masses.values()))
+    for i, body in enumerate(identification_input.model.body_names):
+        row: tuple[Cell, ...] = (body, *(float(mass[i]) for mass in masses.values()))
         if known:
-            reach = NINETY * float(given.sd[i, 0])
+            reach = NINETY * float(identification_input.sd[i, 0])
             low, high = max(float(own[i].mass) - reach, 0.0), float(own[i].mass) + reach
-            row += (float(given.sd[i, 0]), low, high, "data" if given.from_data[i, 0] else "prior")
+            row += (
+                float(identification_input.sd[i, 0]),
+                low,
+                high,
+                "data" if identification_input.from_data[i, 0] else "prior",
+            )
         rows.append(row)
-    total: tuple[Cell, ...] = ("Total", *(float(one.sum()) for one in masses.values()), *((None,) * 4 if known else ()))
+    total: tuple[Cell, ...] = (
+        "Total",
+        *(float(mass.sum()) for mass in masses.values()),
+        *((None,) * 4 if known else ()),
+    )
     head = ("link", *(f"{name} [kg]" for name in masses))
     return Sheet(head + (TRUST if known else ()), (*rows, total))
 
 
-def parameter_sheet(given: IdentificationInput) -> Sheet:
+def parameter_sheet(identification_input: IdentificationInput) -> Sheet:
     """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
 
     Below the methods stand the standard deviations of the model's parameters, and whether data or prior say them.
@@ -113,40 +122,43 @@ def parameter_sheet(given: IdentificationInput) -> Sheet:
     head = ("method", "link", *(f"{name} [{unit}]" for name, unit in zip(PARAMETERS, units, strict=True)))
     rows: list[tuple[Cell, ...]] = [
         (method, body, *(float(one) for one in row))
-        for method, table in given.parameters.items()
-        for body, row in zip(given.model.body_names, table, strict=True)
+        for method, table in identification_input.parameters.items()
+        for body, row in zip(identification_input.model.body_names, table, strict=True)
     ]
-    if len(given.sd):
-        names = given.model.body_names
-        rows += [("standard deviation", name, *map(float, row)) for name, row in zip(names, given.sd, strict=True)]
+    if len(identification_input.sd):
+        names = identification_input.model.body_names
+        rows += [
+            ("standard deviation", name, *map(float, row))
+            for name, row in zip(names, identification_input.sd, strict=True)
+        ]
         rows += [
             ("determined by", name, *("data" if one else "prior" for one in row))
-            for name, row in zip(names, given.from_data, strict=True)
+            for name, row in zip(names, identification_input.from_data, strict=True)
         ]
     return Sheet(head, tuple(rows))
 
 
 def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
     """Indices of the vertebrae of each group of [D] table 3.3 that a model has, at least two of them."""
-    found: dict[str, list[int]] = {}
+    result: dict[str, list[int]] = {}
     for group, pattern in _SPINE:
         members = [i for i, name in enumerate(bodies) if re.match(pattern, name.rsplit("__", 1)[-1], re.IGNORECASE)]
         if len(members) > 1:
-            found[group] = members
-    return found
+            result[group] = members
+    return result
 
 
-def spine_sheet(given: IdentificationInput) -> Sheet:
+def spine_sheet(identification_input: IdentificationInput) -> Sheet:
     """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3)."""
-    masses = given.masses
+    masses = identification_input.masses
     rows: list[tuple[Cell, ...]] = [
-        (group, len(members), *(float(np.std(one[members])) for one in masses.values()))
-        for group, members in spine_groups(given.model.body_names).items()
+        (group, len(members), *(float(np.std(mass[members])) for mass in masses.values()))
+        for group, members in spine_groups(identification_input.model.body_names).items()
     ]
     return Sheet(("link group", "links", *(f"{name} [kg]" for name in masses)), tuple(rows))
 
 
-def segment_share(given: IdentificationInput, masses: Array, row: str, side: str) -> float | None:
+def segment_share(identification_input: IdentificationInput, masses: Array, row: str, side: str) -> float | None:
     """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link.
 
     Parameters
@@ -154,42 +166,46 @@ def segment_share(given: IdentificationInput, masses: Array, row: str, side: str
     masses : (bodies,) [kg]
     side : "right" or "left", for segments that come in pairs
     """
-    segments = segments_given(given)
+    segments = segments_given(identification_input)
     members = [
         i
-        for i, body in enumerate(given.model.body_names)
+        for i, body in enumerate(identification_input.model.body_names)
         if body in segments and segments[body].name in _PARTS[row] and segments[body].side in ("", side)
     ]
     total = float(masses.sum())
     return 100.0 * float(masses[members].sum()) / total if members and total > 0.0 else None
 
 
-def segment_sheet(given: IdentificationInput) -> Sheet:
+def segment_sheet(identification_input: IdentificationInput) -> Sheet:
     """Segments' shares of the body's mass [%] beside athletes' ([D] table 3.4), right and left."""
-    masses = given.masses
+    masses = identification_input.masses
     head = ["segment", "athletes (Ae et al. 1992) [%]"]
     head += [f"{name}, {side} [%]" for side in ("right", "left") for name in masses]
     rows = [
         (row, ATHLETES[row])
-        + tuple(segment_share(given, one, row, side) for side in ("right", "left") for one in masses.values())
+        + tuple(
+            segment_share(identification_input, mass, row, side)
+            for side in ("right", "left")
+            for mass in masses.values()
+        )
         for row in _PARTS
     ]
     return Sheet(tuple(head), tuple(rows))
 
 
-def link_sheet(given: IdentificationInput) -> Sheet:
+def link_sheet(identification_input: IdentificationInput) -> Sheet:
     """Segment of every link ([D] table 3.5), and how well it is known and whether it is possible."""
-    segments = segments_given(given)
-    checks = {one.link: one for one in given.checks}
+    segments = segments_given(identification_input)
+    checks = {one.link: one for one in identification_input.checks}
     rows: list[tuple[Cell, ...]] = []
-    for i, body in enumerate(given.model.body_names):
+    for i, body in enumerate(identification_input.model.body_names):
         segment, check = segments.get(body), checks.get(body)
         where = ("", "") if segment is None else (segment.name, segment.side)
-        share = float(given.share[i]) if len(given.share) else None
+        share = float(identification_input.share[i]) if len(identification_input.share) else None
         judged: tuple[Cell, ...] = (None,) * 4
         if check is not None:
             judged = check.mass, check.least_eigenvalue, "yes" if check.possible else "no", check.reason
-        rows.append((body, *where, share, *judged, ", ".join(given.from_shape.get(body, ()))))
+        rows.append((body, *where, share, *judged, ", ".join(identification_input.from_shape.get(body, ()))))
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
         "possible", "reason", "parameters from the shape",
@@ -197,11 +213,13 @@ def link_sheet(given: IdentificationInput) -> Sheet:
     return Sheet(head, tuple(rows))
 
 
-def misfit_sheet(given: IdentificationInput) -> Sheet:
+def misfit_sheet(identification_input: IdentificationInput) -> Sheet:
     """Root mean square misfit of moment and force by every method, in the frames used and in those held out."""
-    rows: list[tuple[Cell, ...]] = [(name, float(one[0]), float(one[1])) for name, one in given.misfit.items()]
-    for name, one in given.held_out.items():
-        rows.append((f"{name}, on {given.held_out_on}", float(one[0]), float(one[1])))
+    rows: list[tuple[Cell, ...]] = [
+        (name, float(one[0]), float(one[1])) for name, one in identification_input.misfit.items()
+    ]
+    for name, one in identification_input.held_out.items():
+        rows.append((f"{name}, on {identification_input.held_out_on}", float(one[0]), float(one[1])))
     return Sheet(("method", "moment [N m]", "force [N]"), tuple(rows))
 
 
@@ -225,7 +243,7 @@ class WrenchError:
 
 def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
     """Every component's error by every method, over the frames that both know."""
-    found = []
+    result = []
     for method, errors in check.errors.items():
         for component, column in zip(COMPONENTS, errors.T, strict=True):
             known = column[np.isfinite(column)]
@@ -233,16 +251,25 @@ def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
                 continue
             size, rms = np.abs(known), float(np.sqrt(np.mean(known**2)))
             means, share = (float(known.mean()), float(size.mean())), 100.0 * rms / check.weight
-            found.append(WrenchError(component, method, *means, rms, float(size.max()), share))
-    return found
+            result.append(WrenchError(component, method, *means, rms, float(size.max()), share))
+    return result
 
 
-def validation_sheet(given: IdentificationInput) -> Sheet:
+def validation_sheet(identification_input: IdentificationInput) -> Sheet:
     """Errors of the base wrench on motions not used ([D] figure 3.3), component by component."""
     rows = [
-        (check.trial, one.component, one.method, one.mean, one.mean_absolute, one.rms, one.peak, one.share)
-        for check in given.validation
-        for one in wrench_errors(check)
+        (
+            check.trial,
+            error.component,
+            error.method,
+            error.mean,
+            error.mean_absolute,
+            error.rms,
+            error.peak,
+            error.share,
+        )
+        for check in identification_input.validation
+        for error in wrench_errors(check)
     ]
     head = (
         "motion", "component", "method", "mean error [N m, N]", "mean absolute error [N m, N]", "RMS error [N m, N]",
@@ -260,12 +287,12 @@ def wrench_sheet(check: WrenchCheck) -> Sheet:
     return Sheet(("time [s]", *head), tuple(tuple(float(one) for one in row) for row in values))
 
 
-def base_sheet(given: IdentificationInput) -> Sheet:
+def base_sheet(identification_input: IdentificationInput) -> Sheet:
     """Base parameters with their standard deviations."""
     head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
-    if given.base is None:
+    if identification_input.base is None:
         return Sheet(head, ())
-    base = given.base
+    base = identification_input.base
     rows = [
         (name, float(value), float(abs(value) * relative), float(relative), "yes" if shown else "no")
         for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True)
@@ -273,45 +300,49 @@ def base_sheet(given: IdentificationInput) -> Sheet:
     return Sheet(head, tuple(rows))
 
 
-def length_sheet(given: IdentificationInput) -> Sheet:
+def length_sheet(identification_input: IdentificationInput) -> Sheet:
     """Link lengths before and after calibration, and their standard deviations [m]."""
-    lengths = () if given.calibration is None else given.calibration.lengths
+    lengths = () if identification_input.calibration is None else identification_input.calibration.lengths
     head = ("length", "before [m]", "after [m]", "standard deviation [m]")
-    return Sheet(head, tuple((one.name, one.before, one.after, one.sd) for one in lengths))
+    return Sheet(head, tuple((length.name, length.before, length.after, length.sd) for length in lengths))
 
 
-def marker_sheet(given: IdentificationInput) -> Sheet:
+def marker_sheet(identification_input: IdentificationInput) -> Sheet:
     """How far calibration moved each marker on its body [m]."""
-    moved = {} if given.calibration is None else given.calibration.markers
-    bodies = {one.name: one.body for one in given.model.markers}
+    moved = {} if identification_input.calibration is None else identification_input.calibration.markers
+    bodies = {marker.name: marker.body for marker in identification_input.model.markers}
     return Sheet(
         ("marker", "body", "moved by [m]"), tuple((name, bodies.get(name, ""), far) for name, far in moved.items())
     )
 
 
-def trial_sheet(given: IdentificationInput) -> Sheet:
+def trial_sheet(identification_input: IdentificationInput) -> Sheet:
     """Marker errors before and after calibration, trial by trial [m]."""
-    errors = () if given.calibration is None else given.calibration.errors
+    errors = () if identification_input.calibration is None else identification_input.calibration.errors
     head = ("trial", "used for calibration", "RMS before [m]", "RMS after [m]")
-    return Sheet(head, tuple((one.trial, "yes" if one.used else "no", one.before, one.after) for one in errors))
+    return Sheet(
+        head, tuple((error.trial, "yes" if error.used else "no", error.before, error.after) for error in errors)
+    )
 
 
-def identification_tables(given: IdentificationInput) -> dict[str, Sheet]:
+def identification_tables(identification_input: IdentificationInput) -> dict[str, Sheet]:
     """Every table that was given something, by the name of the file to write it to."""
     found = {
-        "masses.csv": mass_sheet(given) if given.parameters else None,
-        "parameters.csv": parameter_sheet(given) if given.parameters else None,
-        "spine.csv": spine_sheet(given) if given.parameters else None,
-        "segments.csv": segment_sheet(given) if given.parameters and segments_given(given) else None,
-        "links.csv": link_sheet(given),
-        "misfit.csv": misfit_sheet(given),
-        "base_parameters.csv": base_sheet(given),
-        "cross_validation.csv": validation_sheet(given),
-        "lengths.csv": length_sheet(given),
-        "markers.csv": marker_sheet(given),
-        "marker_errors.csv": trial_sheet(given),
+        "masses.csv": mass_sheet(identification_input) if identification_input.parameters else None,
+        "parameters.csv": parameter_sheet(identification_input) if identification_input.parameters else None,
+        "spine.csv": spine_sheet(identification_input) if identification_input.parameters else None,
+        "segments.csv": segment_sheet(identification_input)
+        if identification_input.parameters and segments_given(identification_input)
+        else None,
+        "links.csv": link_sheet(identification_input),
+        "misfit.csv": misfit_sheet(identification_input),
+        "base_parameters.csv": base_sheet(identification_input),
+        "cross_validation.csv": validation_sheet(identification_input),
+        "lengths.csv": length_sheet(identification_input),
+        "markers.csv": marker_sheet(identification_input),
+        "marker_errors.csv": trial_sheet(identification_input),
     }
-    for i, check in enumerate(given.validation):
+    for i, check in enumerate(identification_input.validation):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", check.trial)
         found[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
     return {name: sheet for name, sheet in found.items() if sheet is not None and sheet.rows}

@@ -229,7 +229,7 @@ class IdentificationInput:
 
     def __post_init__(self) -> None:
         bodies = len(self.model.bodies)
-        given = {name: frozen_array(one, (bodies, 10)) for name, one in self.parameters.items()}
+        given = {name: frozen_array(parameter, (bodies, 10)) for name, parameter in self.parameters.items()}
         object.__setattr__(self, "parameters", FrozenMap(given))
         if len(self.share) not in (0, bodies):
             raise BadData(f"expected the share of {bodies} links, but got {len(self.share)}")
@@ -238,14 +238,14 @@ class IdentificationInput:
     @property
     def masses(self) -> Mapping[str, Array]:
         """(bodies,) masses by method [kg]."""
-        return {name: one[:, 0] for name, one in self.parameters.items()}
+        return {name: parameter[:, 0] for name, parameter in self.parameters.items()}
 
 
 NOTHING: Mapping[str, Surface] = FrozenMap({})
 
 
 def identification_input(
-    found: Identification,
+    identification: Identification,
     *,
     validation: Mapping[str, CrossValidation] | None = None,
     calibration: CalibratedBody | None = None,
@@ -263,16 +263,16 @@ def identification_input(
     surfaces : meshes by `Mesh.file`
     pose : of the picture, one frame
     """
-    fit = found.base
+    fit = identification.base
     return IdentificationInput(
-        model=found.model,
+        model=identification.model,
         segments=segments or {},
-        parameters=found.parameters,
-        chosen=found.chosen,
-        share=found.known.shares.mean(axis=1),
-        sd=found.sd,
-        from_data=found.known.data & (found.chosen == found.identified),
-        rank=found.known.rank,
+        parameters=identification.parameters,
+        chosen=identification.chosen,
+        share=identification.known.shares.mean(axis=1),
+        sd=identification.sd,
+        from_data=identification.known.data & (identification.chosen == identification.identified),
+        rank=identification.known.rank,
         base=IdentifiedBase(
             names=fit.base.names,
             estimate=fit.estimate,
@@ -282,19 +282,19 @@ def identification_input(
             frames=fit.frames,
             residual=fit.residual_rms,
         ),
-        from_shape=found.from_shape,
-        misfit=found.residuals,
-        identified=found.identified,
-        held_out=_unseen(found),
-        held_out_on=found.unseen.what,
+        from_shape=identification.from_shape,
+        misfit=identification.residuals,
+        identified=identification.identified,
+        held_out=_unseen(identification),
+        held_out_on=identification.unseen.what,
         never_shown=fit.base.never,
         not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.identifiable)),
         checks=tuple(
-            LinkCheck(one.name, one.mass, float(one.eigenvalues[0]), one.ok, ", ".join(one.faults))
-            for one in found.consistency[found.chosen].links
+            LinkCheck(link.name, link.mass, float(link.eigenvalues[0]), link.ok, ", ".join(link.faults))
+            for link in identification.consistency[identification.chosen].links
         ),
-        left_out=found.left_out,
-        frames=sum(one.frames for one in found.recordings),
+        left_out=identification.left_out,
+        frames=sum(recording.frames for recording in identification.recordings),
         validation=tuple(
             WrenchCheck(one.time, one.measured, one.predicted, one.weight, name)
             for name, one in (validation or {}).items()
@@ -302,19 +302,24 @@ def identification_input(
         calibration=calibration,
         surfaces=surfaces,
         pose=pose,
-        source=found.points.source,
-        notes=found.notes,
+        source=identification.points.source,
+        notes=identification.notes,
     )
 
 
-def _unseen(found: Identification) -> Mapping[str, Array]:
-    if not len(found.unseen.frames):
+def _unseen(identification: Identification) -> Mapping[str, Array]:
+    if not len(identification.unseen.frames):
         return {}
-    rms = found.unseen.rms
-    return {found.identified: rms(found.unseen.identified), GENERIC: rms(found.unseen.generic)}
+    rms = identification.unseen.rms
+    return {
+        identification.identified: rms(identification.unseen.identified),
+        GENERIC: rms(identification.unseen.generic),
+    }
 
 
-def calibrated_body(found: Calibration, names: Sequence[str], others: Sequence[TrialError] = ()) -> CalibratedBody:
+def calibrated_body(
+    calibration: Calibration, names: Sequence[str], others: Sequence[TrialError] = ()
+) -> CalibratedBody:
     """What the report shows of a calibration.
 
     Parameters
@@ -329,17 +334,21 @@ def calibrated_body(found: Calibration, names: Sequence[str], others: Sequence[T
 
     used = tuple(
         TrialError(name, rms(before), rms(after), used=True)
-        for name, before, after in zip(names, found.before, found.after, strict=True)
+        for name, before, after in zip(names, calibration.before, calibration.after, strict=True)
     )
     return CalibratedBody(
         lengths=tuple(
-            LengthFound(one.length.name, one.generic, one.value, one.length.extent * one.sd) for one in found.lengths
+            LengthFound(length.length.name, length.generic, length.value, length.length.extent * length.sd)
+            for length in calibration.lengths
         ),
-        markers={one.name: float(np.linalg.norm(one.shift)) for one in found.markers},
+        markers={marker.name: float(np.linalg.norm(marker.shift)) for marker in calibration.markers},
         errors=used + tuple(others),
-        frames=sum(len(one) for one in found.frames),
-        notes=found.notes,
-        zeros=tuple(ZeroFound(one.coordinate, one.offset, *one.interval, one.source) for one in found.zero_angles),
-        ended=f"{'Converged' if found.converged else 'NOT converged'} after {found.steps} steps, last change "
-        f"{found.last_change:.1g} of a length or a meter.",
+        frames=sum(len(frame) for frame in calibration.frames),
+        notes=calibration.notes,
+        zeros=tuple(
+            ZeroFound(angle.coordinate, angle.offset, *angle.interval, angle.source)
+            for angle in calibration.zero_angles
+        ),
+        ended=f"{'Converged' if calibration.converged else 'NOT converged'} after {calibration.steps} steps, "
+        f"last change {calibration.last_change:.1g} of a length or a meter.",
     )

@@ -38,27 +38,27 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     legend += list(zip(STYLES[1:], list(names)[: len(STYLES) - 1], strict=False))
     rows = tuple(
         (
-            one.load,
-            str(one.stride) if one.stride else "recording",
-            f"{number(one.start, 0.001)} s",
-            f"{number(one.stop, 0.001)} s",
-            f"{number(one.peak)} N",
-            number(one.peak / found.weight),
-            f"{one.peak_percent:.0f} %",
-            f"{number(one.impulse)} N·s",
+            load.load,
+            str(load.stride) if load.stride else "recording",
+            f"{number(load.start, 0.001)} s",
+            f"{number(load.stop, 0.001)} s",
+            f"{number(load.peak)} N",
+            number(load.peak / found.weight),
+            f"{load.peak_percent:.0f} %",
+            f"{number(load.impulse)} N·s",
         )
-        for one in stride_loads(found.loads(), strides)
+        for load in stride_loads(found.loads(), strides)
     )
     grid = Grid(HEAD, rows, "Peaks and impulses by stride", len(rows) > 12)
     return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
 
 
-def _left(found: JointContactForces) -> str:
+def _left(joint_contact_forces: JointContactForces) -> str:
     """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
     texts = []
-    for j, joint in enumerate(found.joints):
-        moment = float(np.nanmax(found.unbalanced_moments[:, j]))
-        pull = float(np.nanmax(found.unbalanced_forces[:, j]))
+    for j, joint in enumerate(joint_contact_forces.joints):
+        moment = float(np.nanmax(joint_contact_forces.unbalanced_moments[:, j]))
+        pull = float(np.nanmax(joint_contact_forces.unbalanced_forces[:, j]))
         if moment > 0.1:
             texts.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
         if pull > 1.0:
@@ -67,19 +67,21 @@ def _left(found: JointContactForces) -> str:
     return f" {text[0].upper()}{text[1:]}." if text else ""
 
 
-def _chart(prepared: Prepared, found: JointContactForces, joint: str, strides: Strides | None) -> str:
-    own = [k for k, name in enumerate(found.joint_of) if name == joint]
-    names = ("whole joint", *(found.points[k] for k in own))
-    columns = [found.of(joint), *(found.forces[:, k] for k in own)]
-    loads = Series(found.time, names, np.stack(columns, axis=1) / found.weight)
+def _chart(prepared: Prepared, joint_contact_forces: JointContactForces, joint: str, strides: Strides | None) -> str:
+    own = [index for index, name in enumerate(joint_contact_forces.joint_of) if name == joint]
+    names = ("whole joint", *(joint_contact_forces.points[k] for k in own))
+    columns = [joint_contact_forces.of(joint), *(joint_contact_forces.forces[:, k] for k in own)]
+    loads = Series(joint_contact_forces.time, names, np.stack(columns, axis=1) / joint_contact_forces.weight)
     steps = own_strides(joint, strides)
     styles = (STYLES * (1 + len(names) // len(STYLES)))[: len(names)]
     if not steps:
-        lines = [Line(found.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)]
+        lines = [
+            Line(joint_contact_forces.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)
+        ]
         return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
-    cycles = over_cycles(loads, [(one.start, one.stop) for one in steps]).values
+    cycles = over_cycles(loads, [(step.start, step.stop) for step in steps]).values
     curves = [
-        CycleCurve(band(cycles[:, :, k]).mean, style, name, each=cycles[:, :, k])
-        for k, (name, style) in enumerate(zip(names, styles, strict=True))
+        CycleCurve(band(cycles[:, :, index]).mean, style, name, each=cycles[:, :, index])
+        for index, (name, style) in enumerate(zip(names, styles, strict=True))
     ]
     return cycle_chart(joint, "body weights", curves, [cycles[np.isfinite(cycles)], np.zeros(1)])

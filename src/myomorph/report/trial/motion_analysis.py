@@ -85,7 +85,7 @@ class MotionAnalysis:
     @property
     def who(self) -> tuple[Subject, ...]:
         """Subjects and objects."""
-        return tuple(one.who for one in self.persons)
+        return tuple(person.who for person in self.persons)
 
 
 def analyse(prepared: Prepared) -> MotionAnalysis | None:
@@ -95,7 +95,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     who = subjects(given.model) if given.model is not None and prepared.centroid is not None else ()
     if not who and (contacts is None or not contacts.intervals):
         return None
-    sources = tuple({one.source for one in contacts.intervals}) if contacts is not None else ()
+    sources = tuple({interval.source for interval in contacts.intervals}) if contacts is not None else ()
     people = sum(1 for one in who if one.muscles)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
@@ -110,7 +110,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
     cutting = cut(
-        Cuttable(prepared.span, clock, prepared.events, tuple(one.label for one in limbs), touching, nothing, period),
+        Cuttable(prepared.span, clock, prepared.events, tuple(limb.label for limb in limbs), touching, nothing, period),
         preset.cuts,
         given.analysis.phases,
     )
@@ -162,7 +162,7 @@ def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) ->
         return False
     alone = touching.sum(axis=1) == 1
     step = float(np.median(np.diff(time)))
-    stood = {one.side: step * float((alone & on).sum()) for one, on in zip(limbs, touching.T, strict=True)}
+    stood = {limb.side: step * float((alone & on).sum()) for limb, on in zip(limbs, touching.T, strict=True)}
     return all(stood.get(side, 0.0) > STEP_TIME for side in ("right", "left"))
 
 
@@ -185,15 +185,15 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
     names = given.tension.muscles if given.tension is not None else ()
     found = []
     for one, center in zip(who, centers, strict=True):
-        own = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
+        series = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
         lowest = lowest_joint(given.model, fewer, one, prepared.up)
-        height = float(np.nanmean(own.values[:, 0])) if np.isfinite(own.values[:, 0]).any() else float("nan")
+        height = float(np.nanmean(series.values[:, 0])) if np.isfinite(series.values[:, 0]).any() else float("nan")
         muscles, lacking = named_muscles(
             [name for name in names if name in set(one.muscles)], preset.muscles if one.muscles else (), one.prefix
         )
-        periods = tuple(find_period(own.time, column) if len(own) > 8 else NONE for column in own.values.T)
+        periods = tuple(find_period(series.time, column) if len(series) > 8 else NONE for column in series.values.T)
         standing = standing_height(given.model, one, prepared.up), height - lowest
-        found.append(Person(one, own, standing, _still(own), periods, muscles, lacking))
+        found.append(Person(one, series, standing, _still(series), periods, muscles, lacking))
     return tuple(found)
 
 
@@ -210,9 +210,9 @@ def _still(center: Series) -> float:
 
 def _rhythm(persons: tuple[Person, ...]) -> int:
     """Of the axes of the first person's center of gravity with the longest periods the clearest; -1 for none."""
-    periods = [one.period if one.periodic else 0.0 for one in persons[0].periods] if persons else [0.0]
-    longest = [one > NEARLY * max(periods) > 0.0 for one in periods]
-    alike = [one.likeness for one in persons[0].periods] if persons else []
+    periods = [period.period if period.periodic else 0.0 for period in persons[0].periods] if persons else [0.0]
+    longest = [period > NEARLY * max(periods) > 0.0 for period in periods]
+    alike = [period.likeness for period in persons[0].periods] if persons else []
     return int(np.argmax(np.where(longest, alike, -1.0))) if any(longest) else -1
 
 
@@ -258,7 +258,7 @@ def _rows(
     state = np.zeros((1, 0), dtype=bool) if touching is None else touching
     changing = np.asarray(state.any(axis=0) & ~state.all(axis=0))
     if touching is not None and changing.any():
-        names = tuple(one.label for one, changes in zip(limbs, changing, strict=True) if changes)
+        names = tuple(limb.label for limb, changes in zip(limbs, changing, strict=True) if changes)
         rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
     if activations is not None and activations.names:
         rows.append(activations)
@@ -269,8 +269,8 @@ def _joined(rows: list[Series]) -> Series:
     """Columns of several series at the last one's times within all."""
     last = rows[-1]
     inside = np.ones(len(last), dtype=bool)
-    for one in rows:
-        inside &= (last.time >= one.time[0] - 1e-9) & (last.time <= one.time[-1] + 1e-9)
+    for row in rows:
+        inside &= (last.time >= row.time[0] - 1e-9) & (last.time <= row.time[-1] + 1e-9)
     time = last.time[inside]
     columns = [np.interp(time, one.time, column) for one in rows for column in one.values.T]
     names = tuple(name for one in rows for name in one.names)
@@ -296,4 +296,4 @@ def person_styles(analysis: MotionAnalysis) -> list[str]:
 
 def person_legend(analysis: MotionAnalysis) -> list[tuple[str, str]]:
     """Styles and names of the persons."""
-    return [(style, one.who.name) for one, style in zip(analysis.persons, person_styles(analysis), strict=True)]
+    return [(style, person.who.name) for person, style in zip(analysis.persons, person_styles(analysis), strict=True)]

@@ -24,14 +24,14 @@ def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
     emg = prepared.given.recorded.emg
     if emg is None:
         return []
-    found = []
+    result = []
     for channel, muscles in prepared.given.recorded.emg_muscles.items():
         if channel not in emg.names:
             continue
         for side, members in pair.members.items():
             if set(members) & set(muscles):
-                found.append((side, emg.time, emg[channel]))
-    return found
+                result.append((side, emg.time, emg[channel]))
+    return result
 
 
 def matched_emg(prepared: Prepared) -> bool:
@@ -77,7 +77,7 @@ def tension_section(prepared: Prepared) -> Section | None:
     drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
     forces = Series(tension.time, tension.muscles, tension.forces)
     rows, strengths = [], prepared.given.strengths
-    for row in sorted(extremes(forces), key=lambda one: -one.high):
+    for row in sorted(extremes(forces), key=lambda extreme: -extreme.high):
         active = number(float(np.nanmax(tension.activations[:, tension.muscles.index(row.name)])))
         most = strengths.get(row.name, 0.0)
         share = f"{number(100 * row.high / most)} %" if most > 0 else "–"
@@ -147,19 +147,19 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
     ranges = analysis.ranges
     if not ranges:
         return None
-    shown = {one.muscle for one in ranges}
-    moving = {one.muscle: one.excursion for one in ranges}
+    shown = {span.muscle for span in ranges}
+    moving = {span.muscle: span.excursion for span in ranges}
     most = np.array([moving.get(name, 0.0) for name in analysis.muscles])
     chosen = [pair for pair in major_muscles(analysis.muscles, most) if shown & set(pair.names)]
     figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
-    counts = ", ".join(f"{len(own)} of {limb}" for limb, own in analysis.strides.items())
+    counts = ", ".join(f"{len(stride)} of {limb}" for limb, stride in analysis.strides.items())
     lead = (
         f"From foot strike to foot strike of each muscle's own side ({counts}): as plates show it, else as events of "
         "the recording, else where the foot is farthest ahead of the trunk. Thin lines are strides; the band is the "
         "95 % interval of their mean. Velocities in the table are means of each stride's maximum, in optimal fiber "
         "lengths a second; 'standing' is the model's default pose."
     )
-    rows = tuple(range_row(one) for one in ranges)
+    rows = tuple(range_row(span) for span in ranges)
     grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)
     return Section("length_cycles", "Muscle lengths over the stride", lead, SIDES_LEGEND, figures, (grid,))
 

@@ -44,9 +44,9 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
 
 def _fiber_lengths(model: Model, lengths: Array) -> Array:
     """(frames, muscles) fiber lengths over optimal ones, tendons at slack length; NaN where a muscle has none."""
-    optimal = np.array([one.optimal_fiber_length for one in model.muscles])
-    slack = np.array([one.tendon_slack_length for one in model.muscles])
-    sine = np.sin([one.pennation_at_optimal for one in model.muscles])
+    optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
+    slack = np.array([muscle.tendon_slack_length for muscle in model.muscles])
+    sine = np.sin([muscle.pennation_at_optimal for muscle in model.muscles])
     optimal = np.where(optimal > 0.0, optimal, np.nan)
     return np.asarray(np.hypot(np.maximum(lengths - slack, 0.0) / optimal, sine))
 
@@ -68,7 +68,7 @@ def _range(model: Model, time: Array, fibers: Array) -> str:
 
 def _fastest(model: Model, time: Array, velocities: Array) -> str:
     """The greatest shortening velocity as a share of what the muscle can do at all."""
-    limit = np.array([one.optimal_fiber_length * one.max_contraction_velocity for one in model.muscles])
+    limit = np.array([muscle.optimal_fiber_length * muscle.max_contraction_velocity for muscle in model.muscles])
     shares = -velocities / np.where(limit > 0.0, limit, np.nan)
     if not np.isfinite(shares).any():
         return "no velocities"

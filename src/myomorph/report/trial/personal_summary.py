@@ -9,22 +9,23 @@ from myomorph.report.trial.summary_lines import reserve_unit
 from myomorph.tension.personal.personalize import Personalized
 
 
-def personal_lines(found: Personalized) -> list[str]:
+def personal_lines(personalized: Personalized) -> list[str]:
     """What was fitted to, whether it explains what was held out, and what the recordings show."""
     lines = []
-    if found.mapped is not None:
-        before, after = (float(np.nanmax(one)) for one in (found.mapped.before, found.mapped.after))
+    if personalized.mapped is not None:
+        before, after = (float(np.nanmax(one)) for one in (personalized.mapped.before, personalized.mapped.after))
         lines.append(
-            f"{len(found.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths differ by at "
+            f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber "
+            f"lengths differ by at "
             f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
         )
-    if found.recordings:
+    if personalized.recordings:
         lines.append(
-            f"{', '.join(found.recordings)}: {found.frames[1]} frames that count as {found.frames[0]:.0f} independent "
-            f"ones, torques of {len(found.coordinates)} coordinates"
+            f"{', '.join(personalized.recordings)}: {personalized.frames[1]} frames that count "
+            f"as {personalized.frames[0]:.0f} independent ones, torques of {len(personalized.coordinates)} coordinates"
         )
-    if found.held_out is not None:
-        one = found.held_out
+    if personalized.held_out is not None:
+        one = personalized.held_out
         generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
         better = "better" if one.score < one.score_generic else "NO better"
         if better == "better" and own > generic:
@@ -33,45 +34,53 @@ def personal_lines(found: Personalized) -> list[str]:
             f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
             f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"
         )
-    elif found.recordings:
+    elif personalized.recordings:
         lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
-    lines += [one for one in (_torque_line(found), _parameter_line(found), _fiber_line(found)) if one]
+    lines += [
+        one for one in (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized)) if one
+    ]
     return lines
 
 
-def _torque_line(found: Personalized) -> str:
+def _torque_line(personalized: Personalized) -> str:
     """The coordinate whose torques are known worst."""
-    errors = np.asarray(found.torque_errors, float)
+    errors = np.asarray(personalized.torque_errors, float)
     if not len(errors) or not np.isfinite(errors).any():
         return ""
     worst = int(np.nanargmax(errors))
-    unit = reserve_unit(found.model, found.coordinates[worst])
+    unit = reserve_unit(personalized.model, personalized.coordinates[worst])
     middle = f"{float(np.nanmedian(errors)):.2g}"
-    return f"torques fitted to {middle} N m (median SD), worst {found.coordinates[worst]} {errors[worst]:.2g} {unit}"
+    where = f"{personalized.coordinates[worst]} {errors[worst]:.2g} {unit}"
+    return f"torques fitted to {middle} N m (median SD), worst {where}"
 
 
-def _parameter_line(found: Personalized) -> str:
+def _parameter_line(personalized: Personalized) -> str:
     """How many parameters the recordings show, and which end at what is physiological."""
-    if not found.recordings:
+    if not personalized.recordings:
         return ""
-    counts = {kind: sum(one.identifiable == kind for one in found.estimates) for kind in ("yes", "partly", "no")}
-    bound = [f"{one.of} {one.parameter.replace('_', ' ')}" for one in found.estimates if one.bound]
+    counts = {
+        kind: sum(estimate.identifiable == kind for estimate in personalized.estimates)
+        for kind in ("yes", "partly", "no")
+    }
+    bound = [
+        f"{estimate.of} {estimate.parameter.replace('_', ' ')}" for estimate in personalized.estimates if estimate.bound
+    ]
     ends = "none at the end of what is physiological"
     if bound:
         more = f" and {len(bound) - 2} more" if len(bound) > 2 else ""
         ends = f"{len(bound)} at the end of what is physiological ({', '.join(bound[:2])}{more})"
     return (
-        f"of {len(found.estimates)} parameters {counts['yes']} identifiable, {counts['partly']} partly, "
+        f"of {len(personalized.estimates)} parameters {counts['yes']} identifiable, {counts['partly']} partly, "
         f"{counts['no']} as assumed before; {ends}"
     )
 
 
-def _fiber_line(found: Personalized) -> str:
+def _fiber_line(personalized: Personalized) -> str:
     """Where fibers work in the recordings, against the range in which they pull."""
-    after = np.asarray(found.after, float)
+    after = np.asarray(personalized.after, float)
     if not after.size or not np.isfinite(after).any():
         return ""
-    names, (low, high) = found.model.muscle_names, FIBER_RANGE
+    names, (low, high) = personalized.model.muscle_names, FIBER_RANGE
     shortest, longest = int(np.nanargmin(after[:, 0])), int(np.nanargmax(after[:, 1]))
     with np.errstate(invalid="ignore"):
         outside = int(((after[:, 0] < low) | (after[:, 1] > high)).sum())

@@ -53,12 +53,12 @@ class PersonalizedInput:
     lines: tuple[str, ...]
 
 
-def personalized_page(head: PageHead, given: PersonalizedInput) -> str:
+def personalized_page(head: PageHead, personalized_input: PersonalizedInput) -> str:
     """The page as HTML text."""
     sections = []
-    if given.before.any():
+    if personalized_input.before.any():
         figure = Figure(
-            fiber_ranges(given.muscles, given.before, given.after),
+            fiber_ranges(personalized_input.muscles, personalized_input.before, personalized_input.after),
             "full",
             "Normalized fiber lengths over the recordings, tendons at slack length: above of the generic muscle, "
             "below of the person's. The shaded range is that expected of a recording.",
@@ -66,7 +66,14 @@ def personalized_page(head: PageHead, given: PersonalizedInput) -> str:
         sections.append(
             Section("fibers", "Fiber lengths", "", (("second", "generic"), ("first", "person")), figures=(figure,))
         )
-    sections.append(Section("parameters", "Parameters", ". ".join(given.lines) + ".", grids=tuple(_grids(given.rows))))
+    sections.append(
+        Section(
+            "parameters",
+            "Parameters",
+            ". ".join(personalized_input.lines) + ".",
+            grids=tuple(_grids(personalized_input.rows)),
+        )
+    )
     return rendered(head, sections, ())
 
 
@@ -80,11 +87,11 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     left, right = (float(area.x.at(one)) for one in PHYSIOLOGICAL)
     marks.append(rect("spread", left, 24.0, right - left, height))
     marks.append(grid_along(area, 6))
-    for k, name in enumerate(names):
-        y = 24.0 + ROW * (k + 0.5)
+    for index, name in enumerate(names):
+        y = 24.0 + ROW * (index + 0.5)
         marks.append(text(LEFT - 4.0, y + 3.0, name, "tick y"))
-        for ends, style, aside in ((before[k], "second", -2.0), (after[k], "first", 2.0)):
-            a, b = (float(area.x.at(one)) for one in ends)
+        for ends, style, aside in ((before[index], "second", -2.0), (after[index], "first", 2.0)):
+            a, b = (float(area.x.at(end)) for end in ends)
             under = f"{name}: {number(ends[0])} to {number(ends[1])}"
             marks.append(mark("path", f"line {style}", under, d=f"M{a:.1f} {y + aside:.1f}H{max(b, a + 1.0):.1f}"))
             marks.append(dot(b, y + aside, style, 1.6, under))

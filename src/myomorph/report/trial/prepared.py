@@ -66,7 +66,7 @@ class Prepared:
     @property
     def events(self) -> tuple[Event, ...]:
         """Events within the span."""
-        return tuple(one for one in self.movement.events if self.span[0] <= one.time <= self.span[1])
+        return tuple(event for event in self.movement.events if self.span[0] <= event.time <= self.span[1])
 
     @property
     def played(self) -> tuple[float, float]:
@@ -125,42 +125,44 @@ class Prepared:
         return float(np.nanmean(self.centroid.values @ self.up)) - self.floor
 
 
-def prepare(given: ReportInput) -> Prepared:
+def prepare(report_input: ReportInput) -> Prepared:
     """Span, events, center of mass and verdicts of what was given."""
-    up = np.array([0.0, 1.0, 0.0]) if given.model is None else given.model.up
-    span = _span(given)
-    motion = given.kinematics.motion
+    up = np.array([0.0, 1.0, 0.0]) if report_input.model is None else report_input.model.up
+    span = _span(report_input)
+    motion = report_input.kinematics.motion
     com = None
-    if given.model is not None and motion is not None and len(motion) and given.model.mass > 0.0:
+    if report_input.model is not None and motion is not None and len(motion) and report_input.model.mass > 0.0:
         # It is drawn, not computed with.
-        com = centroid(given.model, thinned(motion, MOST_CENTROID_FRAMES))
+        com = centroid(report_input.model, thinned(motion, MOST_CENTROID_FRAMES))
     weight = None
-    if given.model is not None and given.model.mass > 0.0 and np.any(given.model.gravity):
-        weight = given.model.weight
+    if report_input.model is not None and report_input.model.mass > 0.0 and np.any(report_input.model.gravity):
+        weight = report_input.model.weight
     # A model of part of a body does not weigh what stands on the plates.
-    whole = weight if not given.dynamics.root_note else None
+    whole = weight if not report_input.dynamics.root_note else None
     movement = Movement()
-    pressing = given.dynamics.wrenches
-    if pressing is None and given.contacts.forces is not None:
-        pressing = given.contacts.forces.wrenches()
+    pressing = report_input.dynamics.wrenches
+    if pressing is None and report_input.contacts.forces is not None:
+        pressing = report_input.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
         movement = find_movement(pressing, up, whole, com)
-    if given.recorded.events is not None:
-        kind = movement.kind if not given.recorded.events else movement.kind or "movement"
-        movement = Movement(kind, tuple(sorted(given.recorded.events, key=lambda one: one.time)), movement.measures)
-    scale = body_scale(given.kinematics.markers)
-    found = Prepared(given, up, span, movement, com, _floor(given, up), whole, scale, ())
-    return replace(found, verdicts=tuple(_verdicts(found)))
+    if report_input.recorded.events is not None:
+        kind = movement.kind if not report_input.recorded.events else movement.kind or "movement"
+        movement = Movement(
+            kind, tuple(sorted(report_input.recorded.events, key=lambda event: event.time)), movement.measures
+        )
+    scale = body_scale(report_input.kinematics.markers)
+    prepared = Prepared(report_input, up, span, movement, com, _floor(report_input, up), whole, scale, ())
+    return replace(prepared, verdicts=tuple(_verdicts(prepared)))
 
 
-def _span(given: ReportInput) -> tuple[float, float]:
+def _span(report_input: ReportInput) -> tuple[float, float]:
     for one in (
-        given.kinematics.motion,
-        given.dynamics.torques,
-        given.tension,
-        given.kinematics.markers,
-        given.dynamics.wrenches,
-        given.recorded.emg,
+        report_input.kinematics.motion,
+        report_input.dynamics.torques,
+        report_input.tension,
+        report_input.kinematics.markers,
+        report_input.dynamics.wrenches,
+        report_input.recorded.emg,
     ):
         if one is not None and len(one.time):
             return float(one.time[0]), float(one.time[-1])
@@ -173,13 +175,13 @@ def thinned(motion: Motion, max_frames: int) -> Motion:
     return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
-def _floor(given: ReportInput, up: Array) -> float:
+def _floor(report_input: ReportInput, up: Array) -> float:
     """Height of the ground: the plates', else of loaded points of application, else zero."""
-    if given.recorded.plates:
-        return float(np.mean([plate.corners @ up for plate in given.recorded.plates]))
-    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
-        loaded = np.nan_to_num(given.dynamics.wrenches.forces @ up)
-        points = given.dynamics.wrenches.points @ up
+    if report_input.recorded.plates:
+        return float(np.mean([plate.corners @ up for plate in report_input.recorded.plates]))
+    if report_input.dynamics.wrenches is not None and len(report_input.dynamics.wrenches.names):
+        loaded = np.nan_to_num(report_input.dynamics.wrenches.forces @ up)
+        points = report_input.dynamics.wrenches.points @ up
         shown = points[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(points)]
         if shown.size:
             return float(np.median(shown))
@@ -206,7 +208,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         if model is not None and torques is not None:
             names, reserves = tension.reserve_coordinates, tension.reserves
             rows += reserve_verdicts(model, torques, names, reserves, tension.time, given.muscles.driven)
-        bounds = {} if model is None else {one.name: one.max_activation for one in model.muscles}
+        bounds = {} if model is None else {muscle.name: muscle.max_activation for muscle in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
         if tension.passive is not None or tension.overstretched:
             rows.append(stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))

@@ -36,12 +36,12 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
         figures.append(Figure(_activity(analysis, analysis.persons[0]), "full"))
     who = analysis.persons[0].who.name if analysis.persons else ""
     lead = cut_words(analysis)
-    if any(len(one.stage.phases) > 1 for one in analysis.measures):
+    if any(len(measure.stage.phases) > 1 for measure in analysis.measures):
         lead += " Phases with the same contacts are combined; range and variance are within a phase."
     if who:
         lead += f" Center of gravity and muscles of {who}."
     grids = (_center_grid(analysis), _doing_grid(analysis))
-    return Section("phases", "Phases", lead, (), tuple(figures), tuple(one for one in grids if one.rows))
+    return Section("phases", "Phases", lead, (), tuple(figures), tuple(grid for grid in grids if grid.rows))
 
 
 def _center_grid(analysis: MotionAnalysis) -> Grid:
@@ -52,18 +52,18 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     if analysis.persons:
         head += ["Mean height", f"Range {short}", f"Variance {short}"]
     rows = []
-    for one in analysis.measures:
-        phases = one.stage.phases
+    for measure in analysis.measures:
+        phases = measure.stage.phases
         when = f"{number(phases[0].start, 0.01)} – {number(phases[0].stop, 0.01)} s"
         cells = [
-            one.stage.name,
+            measure.stage.name,
             when if len(phases) == 1 else f"{len(phases)} times",
-            f"{number(one.stage.duration)} s ({100 * one.stage.duration / total:.0f} %)",
+            f"{number(measure.stage.duration)} s ({100 * measure.stage.duration / total:.0f} %)",
         ]
         if analysis.persons:
-            cells.append(f"{number(float(one.mean[0]), 0.001)} m")
-            cells.append(", ".join(number(1000 * float(value)) for value in one.range) + " mm")
-            cells.append(", ".join(number(1e6 * float(value)) for value in one.variance) + " mm²")
+            cells.append(f"{number(float(measure.mean[0]), 0.001)} m")
+            cells.append(", ".join(number(1000 * float(value)) for value in measure.range) + " mm")
+            cells.append(", ".join(number(1e6 * float(value)) for value in measure.variance) + " mm²")
         rows.append(tuple(cells))
     return Grid(tuple(head), tuple(rows), "Center of gravity by phase")
 
@@ -82,14 +82,18 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
         for side in pair.members
     ]
     rows = []
-    for one in analysis.measures if muscles or touching else ():
-        cells = [one.stage.name]
+    for measure in analysis.measures if muscles or touching else ():
+        cells = [measure.stage.name]
         if muscles:
-            cells += [number(one.activity), number(one.peak), names[one.strongest] if one.strongest >= 0 else "–"]
+            cells += [
+                number(measure.activity),
+                number(measure.peak),
+                names[measure.strongest] if measure.strongest >= 0 else "–",
+            ]
         if touching:
             shares = [
                 f"{limb.label} {100 * share:.0f} %"
-                for limb, share in zip(analysis.limbs, one.contact, strict=True)
+                for limb, share in zip(analysis.limbs, measure.contact, strict=True)
                 if np.isfinite(share) and share >= 0.005
             ]
             cells.append(", ".join(shares) or "no contact")
@@ -101,7 +105,7 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
     """Mean activation of every muscle in every phase."""
     series = analysis.activations
     assert series is not None
-    stages = [one.stage for one in analysis.measures][:MAX_COLUMNS]
+    stages = [measure.stage for measure in analysis.measures][:MAX_COLUMNS]
     inside = [stage.inside(series.time) for stage in stages]
     peak = 1e-9
     values: dict[tuple[int, int, str], float] = {}
@@ -136,7 +140,7 @@ def relation_section(analysis: MotionAnalysis) -> Section | None:
         return None
     rows: dict[str, dict[str, int]] = {}
     for i, name in enumerate(found.rows):
-        label, side = _split(name, {one.label for one in analysis.limbs})
+        label, side = _split(name, {limb.label for limb in analysis.limbs})
         rows.setdefault(label, {})[side] = i
     locking, columns = analysis.locking, list(found.columns)
     if locking is not None:
@@ -156,8 +160,8 @@ def relation_section(analysis: MotionAnalysis) -> Section | None:
     return Section("relations", "Correlations", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
 
 
-def _relation_lead(analysis: MotionAnalysis, found: Correlations) -> str:
-    count, total = int(found.related.sum()), int(np.isfinite(found.values).sum())
+def _relation_lead(analysis: MotionAnalysis, correlations: Correlations) -> str:
+    count, total = int(correlations.related.sum()), int(np.isfinite(correlations.values).sum())
     printed = [
         "Correlation of contacts and activations with the detrended center of gravity at the lag "
         "where it is strongest. Positive lag: the contact or muscle follows the center of gravity.",
@@ -188,13 +192,14 @@ def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
     return f"{printed[:1].upper() + printed[1:]} contact", side
 
 
-def _cell(found: Correlations, i: int, j: int) -> Cell:
-    value, lag = float(found.values[i, j]), float(found.lags[i, j])
+def _cell(correlations: Correlations, i: int, j: int) -> Cell:
+    value, lag = float(correlations.values[i, j]), float(correlations.lags[i, j])
     printed = (
-        f"{found.rows[i]} and {found.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
-        f"{number(float(found.freedom[i, j]))} independent samples, chance {number(float(found.chance[i, j]))}"
+        f"{correlations.rows[i]} and {correlations.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
+        f"{number(float(correlations.freedom[i, j]))} independent samples, chance "
+        f"{number(float(correlations.chance[i, j]))}"
     )
-    if not found.related[i, j]:
+    if not correlations.related[i, j]:
         return Cell(float("nan"), number(value, 0.01), printed)
     return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", printed)
 

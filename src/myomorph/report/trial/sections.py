@@ -92,7 +92,7 @@ def marker_section(prepared: Prepared) -> Section | None:
         "Marker errors",
         text + ". The error is the distance between a recorded marker and the same marker on the model.",
         (("first", "RMS"), ("second", "largest"), ("limit", "limit")),
-        (Figure(over_time, "full"), *(Figure(one, "medium") for one in bars)),
+        (Figure(over_time, "full"), *(Figure(bar, "medium") for bar in bars)),
     )
 
 
@@ -121,7 +121,10 @@ def force_section(prepared: Prepared) -> Section | None:
         return None
     grids: tuple[Grid, ...] = ()
     if prepared.movement.measures:
-        rows = tuple((one.name, f"{number(one.value)} {one.unit}", one.source) for one in prepared.movement.measures)
+        rows = tuple(
+            (measure.name, f"{number(measure.value)} {measure.unit}", measure.source)
+            for measure in prepared.movement.measures
+        )
         grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"
     legend: tuple[tuple[str, str], ...] = ()
@@ -158,7 +161,7 @@ def joint_section(prepared: Prepared) -> Section | None:
                 f"{base} moment", "N·m", pair, torques, *shown, second=scale, truth=truth.torques, spread=moments
             )
         figures.append(Figure(drawing))
-    moving = sum(1 for one in ranges.values() if one > 1e-6)
+    moving = sum(1 for span in ranges.values() if span > 1e-6)
     lead = f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that "
     lead += "move; all are in the table." + (" Vertical lines are events." if prepared.events else "")
     lead += prepared.detail_note + (BANDS if angles is not None else "")
@@ -171,20 +174,20 @@ def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
     given = prepared.given
     model = given.model
     assert model is not None
-    turning = {one.name for one in model.coordinates if one.motion == "rotational"}
+    turning = {coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"}
     torques = given.dynamics.torques
 
     def grid(series: Series, units: tuple[str, str], last: str, what: str) -> Grid:
         rows = []
-        for one in extremes(series, dict.fromkeys(turning, 180 / np.pi) if series is motion else None):
-            unit = units[one.name not in turning]
-            ends = [f"{number(value)} {unit}" for value in (one.low, one.high)]
-            times = [f"{number(time, 0.001)} s" for time in (one.low_time, one.high_time)]
-            size = f"{number(one.high - one.low)} {unit}"
+        for extreme in extremes(series, dict.fromkeys(turning, 180 / np.pi) if series is motion else None):
+            unit = units[extreme.name not in turning]
+            ends = [f"{number(value)} {unit}" for value in (extreme.low, extreme.high)]
+            times = [f"{number(time, 0.001)} s" for time in (extreme.low_time, extreme.high_time)]
+            size = f"{number(extreme.high - extreme.low)} {unit}"
             if series is torques:
-                peak = max(abs(one.low), abs(one.high))
+                peak = max(abs(extreme.low), abs(extreme.high))
                 size = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"
-            rows.append((one.name, ends[0], times[0], ends[1], times[1], size))
+            rows.append((extreme.name, ends[0], times[0], ends[1], times[1], size))
         head = ("Coordinate", "Smallest", "at", "Largest", "at", last)
         return Grid(head, tuple(rows), f"All {len(rows)} {what}", True)
 

@@ -109,7 +109,7 @@ def tension_line(model: Model, tension: Tension) -> str:
         text += _reserves(model, tension)
     if tension.contacts is not None:
         peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
-        groups = len({one.group for one in tension.contacts.sites})
+        groups = len({site.group for site in tension.contacts.sites})
         text += f"; {groups} contacts carry up to {peak:.4g} N together"
     if tension.pushing:
         some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
@@ -153,20 +153,20 @@ def _reserves(model: Model, tension: Tension) -> str:
 
 def _without_muscles(torques: Series, names: list[str], tension: Tension) -> list[str]:
     """Coordinates of joints whose torque is that of their reserve throughout, so that no muscle drives them."""
-    found = []
+    result = []
     for i, name in enumerate(names):
         if name in torques.names and np.isfinite(torques[name]).any():
             peak = float(np.nanmax(np.abs(torques[name])))
             if float(np.nanmax(np.abs(torques[name] - tension.reserves[:, i]))) <= ALONE * peak:
-                found.append(name)
-    return found
+                result.append(name)
+    return result
 
 
 def reserve_coordinate(model: Model, name: str) -> str:
     """The coordinate that a reserve drives, "" where it drives none."""
     if name in model.coordinate_names:
         return name
-    own = next((one.coordinate for one in model.actuators if one.name == name), "")
+    own = next((actuator.coordinate for actuator in model.actuators if actuator.name == name), "")
     short = name.removesuffix("_reserve").removeprefix("reserve_")
     return own or (short if short in model.coordinate_names else "")
 
@@ -183,23 +183,23 @@ def _residual_unit(model: Model, name: str, coordinate: str) -> str:
     return "N" if "_F" in name.removeprefix("residual") else "N m"
 
 
-def calibration_line(found: Calibration) -> str:
+def calibration_line(calibration: Calibration) -> str:
     """Frames, markers, errors before and after, size, and whether the search ended."""
-    count = sum(len(one) for one in found.frames)
-    names = found.marker_names
-    after = np.concatenate([one.reshape(-1, len(names)) for one in found.after])
+    count = sum(len(frame) for frame in calibration.frames)
+    names = calibration.marker_names
+    after = np.concatenate([one.reshape(-1, len(names)) for one in calibration.after])
     with np.errstate(invalid="ignore"):
         each = np.sqrt(np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0))
     worst = int(np.nanargmax(each))
-    ended = f"{'converged' if found.converged else 'NOT converged'} after {found.steps} steps"
-    ended += f" (last change {found.last_change:.1g})"
-    fixed = Counter(one.source for one in found.zero_angles)
+    ended = f"{'converged' if calibration.converged else 'NOT converged'} after {calibration.steps} steps"
+    ended += f" (last change {calibration.last_change:.1g})"
+    fixed = Counter(angle.source for angle in calibration.zero_angles)
     zeros = f"; zero angles by {', '.join(f'{name} {fixed[name]}' for name in SOURCES if fixed[name])}" if fixed else ""
-    limit = "within" if found.rms_after <= MARKER_RMS else "over"
+    limit = "within" if calibration.rms_after <= MARKER_RMS else "over"
     return (
-        f"{count} frames, {len(names)} markers: root mean square {1e3 * found.rms_before:.1f} -> "
-        f"{1e3 * found.rms_after:.1f} mm ({limit} {1e3 * MARKER_RMS:g} mm), worst marker {names[worst]} "
-        f"{1e3 * each[worst]:.1f} mm; size {found.size:.3f}; {ended}{zeros}"
+        f"{count} frames, {len(names)} markers: root mean square {1e3 * calibration.rms_before:.1f} -> "
+        f"{1e3 * calibration.rms_after:.1f} mm ({limit} {1e3 * MARKER_RMS:g} mm), worst marker {names[worst]} "
+        f"{1e3 * each[worst]:.1f} mm; size {calibration.size:.3f}; {ended}{zeros}"
     )
 
 

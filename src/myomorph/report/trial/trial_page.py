@@ -27,7 +27,7 @@ KEY_INSTANTS, FEW_INSTANTS = 6, 3
 WIDE = 1.2
 
 
-def report_page(given: ReportInput) -> str:
+def report_page(report_input: ReportInput) -> str:
     """One self-contained HTML page: no network, every style, script and picture inside.
 
     A section appears where its part is given; what is absent is told in one sentence each. Works
@@ -35,13 +35,13 @@ def report_page(given: ReportInput) -> str:
 
     Parameters
     ----------
-    given : everything one trial produced, each part optional
+    report_input : everything one trial produced, each part optional
 
     Returns
     -------
     HTML text, to be written as UTF-8
     """
-    return prepared_page(prepare(given))
+    return prepared_page(prepare(report_input))
 
 
 def prepared_page(prepared: Prepared) -> str:
@@ -73,7 +73,7 @@ def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Referenc
         given.tension is not None,
         prepared.movement.kind == "jump",
         given.identification is not None,
-        any(one.key == "analysis" for one in parts),
+        any(part.key == "analysis" for part in parts),
     )
 
 
@@ -121,19 +121,19 @@ def _tiles(prepared: Prepared) -> list[Tile]:
         (Quantity.RESIDUAL_MOMENT_PEAK, "residual moment, of COM height × force"),
         (Quantity.RESERVES, "largest reserve, of its peak torque"),
     ):
-        own = (one for one in prepared.verdicts if one.quantity == quantity)
+        own = (verdict for verdict in prepared.verdicts if verdict.quantity == quantity)
         tiles += [Tile(f"{number(one.value)} %", name, one.state) for one in own]
     if given.tension is not None:
         solved = int(np.sum(given.tension.solved))
         state = _state(prepared, Quantity.NOT_OPTIMAL)
         tiles.append(Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", state))
-        full = next(one for one in prepared.verdicts if one.quantity == Quantity.SATURATED)
+        full = next(verdict for verdict in prepared.verdicts if verdict.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles
 
 
 def _state(prepared: Prepared, quantity: Quantity) -> str:
-    return next((one.state for one in prepared.verdicts if one.quantity == quantity), "note")
+    return next((verdict.state for verdict in prepared.verdicts if verdict.quantity == quantity), "note")
 
 
 def _body(prepared: Prepared) -> tuple[list[Instant], str]:
@@ -175,9 +175,9 @@ def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tu
     good = good[first : max(last, first) + 1]
     time = motion.time[good]
     marked = [
-        (int(good[int(np.argmin(np.abs(time - one.time)))]), f"{one.side} {one.label}".strip().capitalize())
-        for one in prepared.events
-        if time[0] <= one.time <= time[-1]
+        (int(good[int(np.argmin(np.abs(time - event.time)))]), f"{event.side} {event.label}".strip().capitalize())
+        for event in prepared.events
+        if time[0] <= event.time <= time[-1]
     ]
     marked = [one for i, one in enumerate(marked) if i == 0 or one[0] != marked[i - 1][0]]
     if len(marked) > KEY_INSTANTS:

@@ -66,7 +66,7 @@ def unit_of(table: str, column: str, model: Model | None) -> str:
 
 
 def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -> Grid:
-    scales = np.where([one == "°" for one in units], 180.0 / np.pi, 1.0)
+    scales = np.where([unit == "°" for unit in units], 180.0 / np.pi, 1.0)
     widths = scales * np.nanmean(spread.high - spread.low, axis=0)
     deviations = scales * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
     order = np.argsort(-np.nan_to_num(widths))[:ROWS]
@@ -81,11 +81,11 @@ def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -
 def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
     """How large sources of error were taken to be, those that are left out not."""
     rows = []
-    for one in sizes:
-        if not one.size:
+    for size in sizes:
+        if not size.size:
             continue
-        found = f"{one.origin}, {one.items} sizes, {number(one.least)} to {number(one.greatest)}"
-        rows.append((one.source, one.group, number(one.size), found if one.items else one.origin))
+        found = f"{size.origin}, {size.items} sizes, {number(size.least)} to {number(size.greatest)}"
+        rows.append((size.source, size.group, number(size.size), found if size.items else size.origin))
     return Grid(("Source", "Group", "Standard deviation", "From"), tuple(rows), "Sizes of errors")
 
 

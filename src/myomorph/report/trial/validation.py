@@ -62,11 +62,11 @@ def _chart(check: WrenchCheck, k: int, styles: Mapping[str, str], span: tuple[fl
 
 def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
     methods = tuple(check.predicted)
-    errors = {(one.component, one.method): one for one in wrench_errors(check)}
+    errors = {(error.component, error.method): error for error in wrench_errors(check)}
 
     def grid(title: str, of: str, folded: bool = False, percent: bool = False) -> Grid:
-        def told(one: WrenchError | None) -> str:
-            return "–" if one is None else number(float(getattr(one, of))) + (" %" if percent else "")
+        def told(wrench_error: WrenchError | None) -> str:
+            return "–" if wrench_error is None else number(float(getattr(wrench_error, of))) + (" %" if percent else "")
 
         rows = []
         for k in FORCE_FIRST:
@@ -102,63 +102,64 @@ MAX_MARKERS = 40
 MAX_OPEN_ROWS = 30
 
 
-def calibration_section(given: IdentificationInput) -> Section | None:
+def calibration_section(identification_input: IdentificationInput) -> Section | None:
     """Lengths, markers and marker errors before and after kinematic identification."""
-    found = given.calibration
+    found = identification_input.calibration
     if found is None:
         return None
     lead = "Segment lengths and marker positions that fit the recordings"
     lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
     lead += f" {found.ended}" if found.ended else ""
-    lead += " Bars are ± one standard deviation." if any(one.sd for one in found.lengths) else ""
+    lead += " Bars are ± one standard deviation." if any(length.sd for length in found.lengths) else ""
     return Section(
         "calibration", "Lengths and markers", lead, (), _calibration_figures(found), _calibration_grids(found)
     )
 
 
-def _calibration_figures(found: CalibratedBody) -> tuple[Figure, ...]:
+def _calibration_figures(calibrated_body: CalibratedBody) -> tuple[Figure, ...]:
     figures = []
-    if found.lengths:
-        names = [one.name for one in found.lengths]
-        change = 1000.0 * np.array([one.after - one.before for one in found.lengths])
-        sd = 1000.0 * np.array([np.nan if one.sd is None else one.sd for one in found.lengths])
+    if calibrated_body.lengths:
+        names = [length.name for length in calibrated_body.lengths]
+        change = 1000.0 * np.array([length.after - length.before for length in calibrated_body.lengths])
+        sd = 1000.0 * np.array([np.nan if length.sd is None else length.sd for length in calibrated_body.lengths])
         figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
-    if found.markers:
-        moved = dict(sorted(found.markers.items(), key=lambda one: -one[1])[:MAX_MARKERS])
+    if calibrated_body.markers:
+        moved = dict(sorted(calibrated_body.markers.items(), key=lambda one: -one[1])[:MAX_MARKERS])
         far = [1000.0 * np.array(list(moved.values()))]
         figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
-    return tuple(Figure(one, "medium") for one in figures)
+    return tuple(Figure(figure, "medium") for figure in figures)
 
 
-def _calibration_grids(found: CalibratedBody) -> tuple[Grid, ...]:
+def _calibration_grids(calibrated_body: CalibratedBody) -> tuple[Grid, ...]:
     grids = []
-    if found.errors:
+    if calibrated_body.errors:
         head = ("Trial", "Used for calibration", "RMS before", "RMS after")
         errors = tuple(
-            (one.trial, "yes" if one.used else "no", _millimetres(one.before), _millimetres(one.after))
-            for one in found.errors
+            (error.trial, "yes" if error.used else "no", _millimetres(error.before), _millimetres(error.after))
+            for error in calibrated_body.errors
         )
         grids.append(Grid(head, errors, "Marker errors before and after"))
-    if found.lengths:
+    if calibrated_body.lengths:
         head = ("Length", "Before", "After", "Standard deviation")
         rows = tuple(
-            (one.name, *(_millimetres(value) for value in (one.before, one.after, one.sd))) for one in found.lengths
+            (length.name, *(_millimetres(value) for value in (length.before, length.after, length.sd)))
+            for length in calibrated_body.lengths
         )
         grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
-    if found.zeros:
+    if calibrated_body.zeros:
         head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
         rows = tuple(
             (
-                one.coordinate,
-                f"{number(np.degrees(one.offset))}°",
-                f"{number(np.degrees(one.lowest))}° to {number(np.degrees(one.highest))}°",
-                one.source,
+                zero.coordinate,
+                f"{number(np.degrees(zero.offset))}°",
+                f"{number(np.degrees(zero.lowest))}° to {number(np.degrees(zero.highest))}°",
+                zero.source,
             )
-            for one in found.zeros
+            for zero in calibrated_body.zeros
         )
         grids.append(Grid(head, rows, "Zero angles", len(rows) > MAX_OPEN_ROWS))
-    if found.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in found.notes), "Notes of the calibration"))
+    if calibrated_body.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in calibrated_body.notes), "Notes of the calibration"))
     return tuple(grids)
 
 
@@ -174,7 +175,9 @@ def truth_section(prepared: Prepared) -> Section | None:
         return None
     model, grids = given.model, []
     no_angles: set[str] = set()
-    turning = {one.name for one in model.coordinates if one.motion == "rotational"} if model else set()
+    turning = (
+        {coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"} if model else set()
+    )
     for title, estimate, known, own, units in (
         ("Angles and translations", given.kinematics.motion, truth.motion, turning, ("°", "m")),
         ("Joint moments", given.dynamics.torques, truth.torques, turning, ("N·m", "N")),
@@ -210,8 +213,8 @@ def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], un
     turned = [one for one in rows if one.name in turning] or list(rows)
     lines: list[tuple[str, ...]]
     lines = [group("all" if len(turned) == len(rows) else "all rotations", turned, turned[0].name)] if rows else []
-    for one in rows:
-        values = (told(value, one.name) for value in (one.rmse, one.worst, one.span))
-        lines.append((one.name, *values, number(one.correlation)))
+    for row in rows:
+        values = (told(value, row.name) for value in (row.rmse, row.worst, row.span))
+        lines.append((row.name, *values, number(row.correlation)))
     head = ("", "RMS difference", "Maximum", "Range of the truth", "Correlation")
     return Grid(head, tuple(lines), title, len(lines) > 14)

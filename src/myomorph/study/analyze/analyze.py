@@ -151,7 +151,7 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
     )
     target = out / STUDY
     target.write_text(study_text(study, out), encoding="utf-8")
-    own = [f"{one.name}: {text}" for one in trials for text in one.assumed]
+    own = [f"{trial.name}: {text}" for trial in trials for text in trial.assumed]
     return Prepared(target, (*assumed, *own))
 
 
@@ -196,15 +196,15 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
     return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
 
 
-def _check_markers(one: Recording) -> None:
+def _check_markers(recording: Recording) -> None:
     """Raise `BadData` where the labels that are known do not show a pelvis and a leg, and say what the markers are."""
-    segments = {site.segment for site in one.found.sites.values()}
+    segments = {site.segment for site in recording.found.sites.values()}
     lacking = [name for name in NEEDED if name not in segments]
-    if len(one.found.sites) >= MIN_MARKERS and not lacking:
+    if len(recording.found.sites) >= MIN_MARKERS and not lacking:
         return
-    if not one.found.sites and not one.found.unknown:
-        raise BadData(f"{one.path}: holds no marker that is ever seen: give the recording of the markers")
-    raise BadData(f"{one.path}: {unfit_markers(one.found, lacking)}")
+    if not recording.found.sites and not recording.found.unknown:
+        raise BadData(f"{recording.path}: holds no marker that is ever seen: give the recording of the markers")
+    raise BadData(f"{recording.path}: {unfit_markers(recording.found, lacking)}")
 
 
 def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None) -> None:
@@ -293,49 +293,53 @@ def _is_y_up(model: Model) -> bool:
     return bool(model.gravity[1] < 0.0)
 
 
-def _height(one: Recording, height: float | None) -> tuple[float | None, list[str]]:
+def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
     """The height that the generic model begins with [m], None for its own; and a sentence on what markers show."""
     if height is None:
         return None, []
-    found = standing_height(one)
+    found = standing_height(recording)
     if found is None:
         return height, [
             f"--height {height:g} m could not be held against the markers: none are on shoulders and ankles."
         ]
     apart = found / height - 1.0
-    shown = f"the markers of {one.path.name} show a body of about {found:.2f} m, {100.0 * apart:+.0f} % of --height"
+    shown = (
+        f"the markers of {recording.path.name} show a body of about {found:.2f} m, {100.0 * apart:+.0f} % of --height"
+    )
     if abs(apart) < HEIGHT_TOLERANCE:
         return height, [f"Height {height:g} m (--height): {shown}."]
     return None, [f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"]
 
 
-def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:
+def _trial(recording: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:
     """What the study file says of a recording."""
     texts = []
-    laboratory = one.laboratory if _is_y_up(model) else AS_RECORDED
+    laboratory = recording.laboratory if _is_y_up(model) else AS_RECORDED
     if laboratory.up:
-        texts.append(f"{laboratory.up} points up in the laboratory, for {one.why_up}: turned to the model's y axis.")
+        texts.append(
+            f"{laboratory.up} points up in the laboratory, for {recording.why_up}: turned to the model's y axis."
+        )
     if laboratory.turn:
-        texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {one.why_turn}.")
-    emg, dead, said = _emg(one, model, request)
+        texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}.")
+    emg, dead, said = _emg(recording, model, request)
     texts += said
-    plates = one.trial.plates
-    contacts, loads = "", one.loads
-    if one.loads is not None:
-        texts.append(f"External forces from {one.loads.name}.")
-        if one.loads.suffix.lower() in TABLES:
-            notes = force_table(one.loads, None, request.forces).notes
-            texts += [f"{one.loads.name}: {text}." for text in notes]
+    plates = recording.trial.plates
+    contacts, loads = "", recording.loads
+    if recording.loads is not None:
+        texts.append(f"External forces from {recording.loads.name}.")
+        if recording.loads.suffix.lower() in TABLES:
+            notes = force_table(recording.loads, None, request.forces).notes
+            texts += [f"{recording.loads.name}: {text}." for text in notes]
     elif plates and feet_of(model):
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
         # Named, so that a file of forces beside the recording is not taken for them.
-        loads = one.path
+        loads = recording.path
     elif feet_of(model):
         contacts = "auto"
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
     if loads is not None and feet_of(model):
         weight = request.mass * float(np.linalg.norm(model.gravity))
-        bare_share = uncovered_share(one, weight, request.forces)
+        bare_share = uncovered_share(recording, weight, request.forces)
         if bare_share > LASTS:
             contacts = "auto"
             texts.append(
@@ -343,14 +347,14 @@ def _trial(one: Recording, model: Model, request: AnalyzeRequest, name: str) -> 
                 "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
                 "measured; torques of inverse dynamics are wrong there."
             )
-    return TrialEntry(name, one.path, laboratory, loads, emg, contacts, dead, request.time, tuple(texts))
+    return TrialEntry(name, recording.path, laboratory, loads, emg, contacts, dead, request.time, tuple(texts))
 
 
-def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:
+def _emg(recording: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:
     """The file of EMG of a recording, its channels without a signal, and sentences on them."""
-    if one.emg is not None:
-        return one.emg, (), [f"EMG from {one.emg.name}."]
-    analog = one.trial.analog
+    if recording.emg is not None:
+        return recording.emg, (), [f"EMG from {recording.emg.name}."]
+    analog = recording.trial.analog
     if analog is None:
         return None, (), []
     given = request.emg_muscles
@@ -375,18 +379,18 @@ def _emg(one: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | 
         texts.append(f"Analog channels without a signal, which take no part: {_list(dead)}.")
     if lost:
         texts.append(f"EMG without a side in its name is not used: {_list(lost)} (--emg-side left or right).")
-    return (one.path, dead, texts) if alive else (None, (), texts)
+    return (recording.path, dead, texts) if alive else (None, (), texts)
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:
     """Names of trials: those of the files, and of their folders where these say nothing or are alike."""
     names = [one.name for one in recordings]
-    found = []
-    for one, name in zip(recordings, names, strict=True):
+    result = []
+    for recording, name in zip(recordings, names, strict=True):
         plain = name.lower() in ("markers", "marker", "motion", "motion_capture")
-        parent = one.path.resolve().parent.name
-        found.append(parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name)
-    return found
+        parent = recording.path.resolve().parent.name
+        result.append(parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name)
+    return result
 
 
 def _list(names: Sequence[str], count: int = 8) -> str:

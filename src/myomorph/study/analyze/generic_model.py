@@ -85,10 +85,11 @@ def _places() -> dict[str, tuple[str, Array]]:
 def _legs() -> Model:
     model = in_opensim_form(legs_and_trunk())
     held = [
-        replace(one, locked=True, default=0.0) if one.name in LOCKED
-        else replace(one, range=(one.range[0] - FURTHER, one.range[1] + FURTHER), clamped=True) if one.name in WIDENED
-        else one
-        for one in model.coordinates
+        replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
+        else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
+        if coordinate.name in WIDENED
+        else coordinate
+        for coordinate in model.coordinates
     ]  # fmt: skip
     return replace(model, coordinates=tuple(held), kept=())
 
@@ -129,7 +130,7 @@ def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ..
     axes += [Axis("rotation", vector, linear(1.0), (name,)) for name, vector in turns]
     coordinates = [Coordinate(name, "rotational") for name, _ in turns]
     coordinates += [Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts]
-    names = tuple(one.name for one in coordinates)
+    names = tuple(coordinate.name for coordinate in coordinates)
     frame = Transform(start, np.zeros(3))
     joint = Joint("ground_pelvis", "CustomJoint", GROUND, child, Transform.identity(), frame, tuple(axes), names)
     return joint, tuple(coordinates)

@@ -35,11 +35,13 @@ def in_opensim_form(model: Model) -> Model:
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
-    objects = {one.name: one for one in model.wrap_objects}
+    objects = {item.name: item for item in model.wrap_objects}
     made: dict[str, WrapObject] = {}
-    muscles = tuple(_muscle(one, objects, made, tree, poses.rotations[0], poses.origins[0]) for one in model.muscles)
-    used = {wrap.wrap_object for one in muscles for wrap in one.path.wraps}
-    kept = tuple(one for one in model.wrap_objects if one.name in used and one.name not in made)
+    muscles = tuple(
+        _muscle(muscle, objects, made, tree, poses.rotations[0], poses.origins[0]) for muscle in model.muscles
+    )
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    kept = tuple(item for item in model.wrap_objects if item.name in used and item.name not in made)
     return replace(model, muscles=muscles, wrap_objects=(*kept, *made.values()))
 
 
@@ -64,23 +66,25 @@ def _muscle(
     return replace(muscle, kind=kind, path=replace(muscle.path, wraps=tuple(wraps)))
 
 
-def _sided(own: WrapObject, name: str, toward: Array | None) -> WrapObject:
+def _sided(wrap_object: WrapObject, name: str, toward: Array | None) -> WrapObject:
     """A surface whose positive x half is on the side of a point (3,) from its center, in its body's axes."""
-    size = (own.size[0], LONG) if own.kind == "cylinder" else own.size
+    size = (wrap_object.size[0], LONG) if wrap_object.kind == "cylinder" else wrap_object.size
     if toward is None:
-        return replace(own, name=name, size=size)
-    R = own.pose.rotation
+        return replace(wrap_object, name=name, size=size)
+    R = wrap_object.pose.rotation
     z = R[:, 2]
-    x = toward - (toward @ z) * z if own.kind == "cylinder" else toward
+    x = toward - (toward @ z) * z if wrap_object.kind == "cylinder" else toward
     length = float(np.linalg.norm(x))
     if length < 1e-9:
-        return replace(own, name=name, size=size)
+        return replace(wrap_object, name=name, size=size)
     x = x / length
-    if own.kind != "cylinder":
+    if wrap_object.kind != "cylinder":
         other = R[:, int(np.argmin(np.abs(R.T @ x)))]
         z = np.cross(x, other) / np.linalg.norm(np.cross(x, other))
     turned = np.column_stack([x, np.cross(z, x), z])
-    return replace(own, name=name, size=size, pose=Transform(turned, own.pose.translation), quadrant="+x")
+    return replace(
+        wrap_object, name=name, size=size, pose=Transform(turned, wrap_object.pose.translation), quadrant="+x"
+    )
 
 
 def _digits(place: Array) -> str:

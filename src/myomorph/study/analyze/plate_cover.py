@@ -23,7 +23,7 @@ LASTS = 0.05
 """Share of a recording in which feet stand without a force, from which on it counts."""
 
 
-def uncovered_share(one: Recording, weight: float, options: ForceOptions | None = None) -> float:
+def uncovered_share(recording: Recording, weight: float, options: ForceOptions | None = None) -> float:
     """Share of a recording's frames in which a foot stands and the measured forces carry less than half the weight.
 
     Parameters
@@ -35,8 +35,8 @@ def uncovered_share(one: Recording, weight: float, options: ForceOptions | None 
     -------
     nan where there are no forces, or no marker of a foot
     """
-    found = _vertical(one, options or ForceOptions())
-    markers = one.trial.markers
+    found = _vertical(recording, options or ForceOptions())
+    markers = recording.trial.markers
     if found is None or markers is None or len(markers) < 3:
         return float("nan")
     time, force = found
@@ -46,11 +46,11 @@ def uncovered_share(one: Recording, weight: float, options: ForceOptions | None 
     seen = False
     for side in ("right", "left"):
         for keys in (("foot.heel",), FOREFOOT):
-            place = mean_place(one, *keys, side=side)
+            place = mean_place(recording, *keys, side=side)
             if place is None:
                 continue
             seen = True
-            stands |= _stands(place @ one.laboratory.rotation.T, markers.time)
+            stands |= _stands(place @ recording.laboratory.rotation.T, markers.time)
     if not seen:
         return float("nan")
     carried = np.interp(markers.time, time, np.nan_to_num(force), left=0.0, right=0.0)
@@ -66,16 +66,16 @@ def _stands(place: Array, time: Array) -> np.ndarray:
         return (height < np.nanpercentile(height, 5.0) + STANDS) & (speed < NEAR)
 
 
-def _vertical(one: Recording, options: ForceOptions) -> tuple[Array, Array] | None:
+def _vertical(recording: Recording, options: ForceOptions) -> tuple[Array, Array] | None:
     """Vertical force of all plates or of the table together, and its clock; None where there are none."""
-    up = one.laboratory.rotation[1]
-    if one.trial.plates and one.loads is None:
-        total: Array = np.sum([plate.forces for plate in one.trial.plates], axis=0) @ up
-        return one.trial.plate_time, total
-    if one.loads is None:
+    up = recording.laboratory.rotation[1]
+    if recording.trial.plates and recording.loads is None:
+        total: Array = np.sum([plate.forces for plate in recording.trial.plates], axis=0) @ up
+        return recording.trial.plate_time, total
+    if recording.loads is None:
         return None
     try:
-        tables = _tables(one.loads)
+        tables = _tables(recording.loads)
         wrenches = [read_forces(path, layout=layout_of(options)) for path in tables]
     except (MyomorphError, OSError):
         return None

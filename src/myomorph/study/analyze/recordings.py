@@ -95,18 +95,20 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     )
 
 
-def mean_place(one: Recording, *keys: str, side: str = "") -> Array | None:
+def mean_place(recording: Recording, *keys: str, side: str = "") -> Array | None:
     """(frames, 3) mean of the markers of landmarks of a side ("" for both), None where there is none."""
-    assert one.trial.markers is not None
-    labels = [label for label, site in one.found.sites.items() if site.key in keys and side in ("", site.side)]
-    return _mean(one.found, {label: one.trial.markers[label] for label in labels}, *keys) if labels else None
+    assert recording.trial.markers is not None
+    labels = [label for label, site in recording.found.sites.items() if site.key in keys and side in ("", site.side)]
+    return (
+        _mean(recording.found, {label: recording.trial.markers[label] for label in labels}, *keys) if labels else None
+    )
 
 
-def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
+def _mean(recognized: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
     """(frames, 3) mean of the markers of landmarks or segments that have a place, None where there is none."""
     chosen = [
         places[label]
-        for label, site in found.sites.items()
+        for label, site in recognized.sites.items()
         if label in places and (site.key in keys or site.segment in segments)
     ]
     if not chosen:
@@ -119,9 +121,9 @@ def _mean(found: Recognized, places: dict[str, Array], *keys: str, segments: tup
     return mean
 
 
-def _up(trial: Trial, found: Recognized, places: dict[str, Array]) -> tuple[Up, str]:
+def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple[Up, str]:
     """The axis that points up, "" where it is y; and why."""
-    low, high = (_mean(found, places, segments=one) for one in (("foot", "shank"), ("pelvis", "trunk", "head")))
+    low, high = (_mean(recognized, places, segments=one) for one in (("foot", "shank"), ("pelvis", "trunk", "head")))
     axis: Up = "y"
     why = ""
     if low is not None and high is not None:
@@ -131,7 +133,9 @@ def _up(trial: Trial, found: Recognized, places: dict[str, Array]) -> tuple[Up, 
             axis = ("-" if along[k] < 0.0 else "") + "xyz"[k]  # type: ignore[assignment]
             why = f"the trunk is above the feet along {axis}"
     if not why and trial.plates:
-        normals = [np.cross(one.corners[0] - one.corners[1], one.corners[0] - one.corners[3]) for one in trial.plates]
+        normals = [
+            np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3]) for plate in trial.plates
+        ]
         k = int(np.argmax(np.abs(np.mean(normals, axis=0))))
         axis = "xyz"[k]  # type: ignore[assignment]
         why = f"the plates lie level with {axis}"
@@ -140,17 +144,17 @@ def _up(trial: Trial, found: Recognized, places: dict[str, Array]) -> tuple[Up, 
     return ("", "") if axis == "y" else (axis, why)
 
 
-def _turn(upright: Laboratory, found: Recognized, places: dict[str, Array]) -> tuple[float, str]:
+def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array]) -> tuple[float, str]:
     """By how much the recording is turned about the vertical so that people face along x [degrees]; and why."""
-    front, back = _mean(found, places, "pelvis.asis"), _mean(found, places, "pelvis.psis", "pelvis.sacrum")
+    front, back = _mean(recognized, places, "pelvis.asis"), _mean(recognized, places, "pelvis.psis", "pelvis.sacrum")
     what = "the pelvis faces"
     if front is None or back is None:
         front = _mean(
-            found,
+            recognized,
             places,
             *FOREFOOT,
         )
-        back = _mean(found, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
+        back = _mean(recognized, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
         what = "the feet point"
     if front is None or back is None:
         return 0.0, ""
@@ -190,9 +194,9 @@ def loads_beside(path: Path) -> Path | None:
 
     External loads files, and tables with columns of forces.
     """
-    found = companion(path, "loads")
-    if found is not None and _has_forces(found):
-        return found
+    result = companion(path, "loads")
+    if result is not None and _has_forces(result):
+        return result
     folders = [
         one
         for home in (path.parent, path.parent.parent)
@@ -201,16 +205,16 @@ def loads_beside(path: Path) -> Path | None:
         if one.is_dir() and one.name.lower().replace("_", "") in FORCE_FOLDERS
     ]
     for folder in folders:
-        found = companion(folder / path.name, "loads")
-        if found is not None and _has_forces(found):
-            return found
+        result = companion(folder / path.name, "loads")
+        if result is not None and _has_forces(result):
+            return result
     stem = plain_stem(path).lower()
     tables = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in TABLES and one != path]
-    named = [one for one in tables if one.stem.lower().startswith(stem) and _has_forces(one)]
+    named = [table for table in tables if table.stem.lower().startswith(stem) and _has_forces(table)]
     if len(named) == 1:
         return named[0]
     alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
-    forces = [one for one in tables if _has_forces(one)] if alone else []
+    forces = [table for table in tables if _has_forces(table)] if alone else []
     return forces[0] if len(forces) == 1 else None
 
 
@@ -220,9 +224,9 @@ def _has_forces(path: Path) -> bool:
 
 def emg_beside(path: Path) -> Path | None:
     """The file of EMG that belongs to a recording: by its name, or the only one that is called EMG."""
-    found = companion(path, "emg")
-    if found is not None:
-        return found
+    result = companion(path, "emg")
+    if result is not None:
+        return result
     alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
     named = [
         one
@@ -233,9 +237,9 @@ def emg_beside(path: Path) -> Path | None:
     return named[0] if alone and len(named) == 1 else None
 
 
-def static_beside(one: Recording, table: ProtocolTable | None = None) -> Recording | None:
+def static_beside(recording: Recording, table: ProtocolTable | None = None) -> Recording | None:
     """A recording beside another one, by its name of standing still, with the same markers on the same body."""
-    path = one.path
+    path = recording.path
     homes = [path.parent]
     if path.parent.parent.is_dir():
         homes += [
@@ -249,21 +253,21 @@ def static_beside(one: Recording, table: ProtocolTable | None = None) -> Recordi
             if not named or other == path or not other.is_file() or trial_format(other) is None:
                 continue
             try:
-                found = look_at(other, table=table)
+                result = look_at(other, table=table)
             except MyomorphError:
                 continue
-            if found.still and same_body(found, one):
-                return found
+            if result.still and same_body(result, recording):
+                return result
     return None
 
 
-def same_body(one: Recording, other: Recording) -> bool:
+def same_body(recording: Recording, other: Recording) -> bool:
     """Whether two recordings share most of their markers, and distances on pelvis and shanks agree."""
-    mine, theirs = ({site: label for label, site in each.found.sites.items()} for each in (one, other))
+    mine, theirs = ({site: label for label, site in each.found.sites.items()} for each in (recording, other))
     shared = mine.keys() & theirs.keys()
     if len(shared) < 6 or len(shared) < SHARED * len(theirs):
         return False
-    assert one.trial.markers is not None
+    assert recording.trial.markers is not None
     assert other.trial.markers is not None
     for first, second in RIGID:
         ends = [site for end in (first, second) for site in shared if (site.key, site.side) == end]
@@ -271,14 +275,14 @@ def same_body(one: Recording, other: Recording) -> bool:
             continue
         lengths = [
             float(np.nanmedian(np.linalg.norm(markers[names[ends[0]]] - markers[names[ends[1]]], axis=1)))
-            for markers, names in ((one.trial.markers, mine), (other.trial.markers, theirs))
+            for markers, names in ((recording.trial.markers, mine), (other.trial.markers, theirs))
         ]
         if abs(lengths[0] / lengths[1] - 1.0) > ALIKE:
             return False
     return True
 
 
-def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
+def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     """The recordings that files and folders stand for, and what was passed over, one line each.
 
     A folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose files of one
@@ -291,7 +295,7 @@ def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
     """
     found: list[Path] = []
     notes: list[str] = []
-    for path in given:
+    for path in paths:
         if not path.exists():
             raise BadFile(path, "does not exist", "give recordings of markers (.c3d, .trc) or a folder of them")
         if path.is_file():
@@ -310,12 +314,12 @@ def files_of(given: Iterable[Path]) -> tuple[list[Path], list[str]]:
 
 def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
     for name in ("MarkerData", "pose-3d", "markers"):
-        inside = sorted(one for one in folder.rglob(name) if one.is_dir())
+        inside = sorted(path for path in folder.rglob(name) if path.is_dir())
         if inside:
-            files = [one for home in inside for one in sorted(home.rglob("*")) if trial_format(one) is not None]
+            files = [path for home in inside for path in sorted(home.rglob("*")) if trial_format(path) is not None]
             return _last_stage(files, notes)
-    here = [one for one in sorted(folder.iterdir()) if one.is_file() and trial_format(one)]
-    below = [] if here else [one for one in sorted(folder.rglob("*")) if one.is_file() and trial_format(one)]
+    here = [path for path in sorted(folder.iterdir()) if path.is_file() and trial_format(path)]
+    below = [] if here else [path for path in sorted(folder.rglob("*")) if path.is_file() and trial_format(path)]
     return _last_stage(here or below, notes)
 
 
@@ -338,11 +342,11 @@ def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:
 
 def sites_of(recordings: Iterable[Recording]) -> dict[str, Site]:
     """Labels of all recordings, without the names of subjects, and what they lie on."""
-    found: dict[str, Site] = {}
-    for one in recordings:
-        for label, site in one.found.sites.items():
-            found.setdefault(bare(label), site)
-    return found
+    result: dict[str, Site] = {}
+    for recording in recordings:
+        for label, site in recording.found.sites.items():
+            result.setdefault(bare(label), site)
+    return result
 
 
 def bare(label: str) -> str:
@@ -350,15 +354,15 @@ def bare(label: str) -> str:
     return label.split(":")[-1].strip()
 
 
-def standing_height(one: Recording) -> float | None:
+def standing_height(recording: Recording) -> float | None:
     """Height of the body that markers show [m], by the usual shares of a body's height; None where unknown.
 
     Source: Winter 2009, table 4.1 (after Drillis and Contini 1966): the acromion at 0.818 of the height, the ankle at
     0.039.
     """
-    high, low = (mean_place(one, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
+    high, low = (mean_place(recording, key) for key in ("trunk.acromion", "shank.lateral_malleolus"))
     if high is None or low is None:
         return None
-    rise = ((high - low) @ one.laboratory.rotation.T)[:, 1]
+    rise = ((high - low) @ recording.laboratory.rotation.T)[:, 1]
     rise = rise[np.isfinite(rise)]
     return float(np.percentile(rise, 90.0)) / (0.818 - 0.039) if len(rise) else None

@@ -104,7 +104,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
             lines.append(f"static_turn = {study.static_laboratory.turn:g}")
     if study.tasks is not None:
         lines.append(f"tasks = {path(study.tasks)}")
-    lines.append(f"steps = [{', '.join(_text(one) for one in study.steps)}]")
+    lines.append(f"steps = [{', '.join(_text(step) for step in study.steps)}]")
     if study.emg_side:
         lines.append(f"emg_side = {_text(study.emg_side)}")
     if study.emg_mvc:
@@ -116,7 +116,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
     channels = dead | dict(study.emg_muscles)
     for title, table in (
         ("labels", {old: _text(new) for old, new in study.labels.items()}),
-        ("emg_muscles", {one: f"[{', '.join(map(_text, names))}]" for one, names in channels.items()}),
+        ("emg_muscles", {name: f"[{', '.join(map(_text, names))}]" for name, names in channels.items()}),
     ):
         if table:
             lines += ["", f"[subject.{title}]", *(f"{_text(key)} = {value}" for key, value in table.items())]
@@ -145,7 +145,7 @@ def study_text(study: StudyEntries, folder: Path) -> str:
 def _forces(options: ForceOptions) -> list[str]:
     """Settings of forces that are not the usual ones."""
     usual = ForceOptions()
-    changed = {one.name: getattr(options, one.name) for one in fields(options)}
+    changed = {field.name: getattr(options, field.name) for field in fields(options)}
     changed = {name: value for name, value in changed.items() if value != getattr(usual, name)}
     if not changed:
         return []

@@ -26,39 +26,39 @@ MOSTLY = 0.8
 """Share of labels that makes all of them of a kind."""
 
 
-def unfit_markers(found: Recognized, lacking: Sequence[str]) -> str:
+def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
     """What keeps a recording's markers from moving the generic model, and the option that helps.
 
     Parameters
     ----------
     lacking : segments that the generic model needs and no label lies on
     """
-    unknown = found.unknown
-    labels = (*found.sites, *unknown)
+    unknown = recognized.unknown
+    labels = (*recognized.sites, *unknown)
     some = ", ".join(f"'{name}'" for name in unknown[:5]) + (", ..." if len(unknown) > 5 else "")
-    if is_arm(found):
+    if is_arm(recognized):
         return (
             "the markers are those of an arm, and the model that comes along has legs and a trunk: give a model of the "
             "arm with such markers (--model ARM.osim)" + (f"; not known: {some}" if unknown else "")
         )
     stems = {match["stem"].lower() for match in map(NUMBERED.match, unknown) if match is not None}
     counted = sum(NUMBERED.match(name) is not None for name in unknown)
-    if not found.sites and counted >= MOSTLY * len(labels) and len(stems) <= 2:
+    if not recognized.sites and counted >= MOSTLY * len(labels) and len(stems) <= 2:
         return f"its {len(labels)} markers are numbered, not named ({some}): {TABLE}"
-    count = f"{len(found.sites)} of {len(labels)} labels are those of a marker protocol"
+    count = f"{len(recognized.sites)} of {len(labels)} labels are those of a marker protocol"
     where = f"none on {' and '.join(lacking) or 'enough landmarks'}"
-    bony = any(site.kind != "skin" for site in found.sites.values())
-    kind = "" if bony or not found.sites else ", all of them in clusters, which lie on no landmark"
+    bony = any(site.kind != "skin" for site in recognized.sites.values())
+    kind = "" if bony or not recognized.sites else ", all of them in clusters, which lie on no landmark"
     return f"{count}{kind}, {where}" + (f" (not known: {some})" if unknown else "") + f"; {TABLE}"
 
 
-def is_arm(found: Recognized) -> bool:
+def is_arm(recognized: Recognized) -> bool:
     """Whether markers are those of an arm: several labels on one, none on a leg."""
-    segments = [site.segment for site in found.sites.values()]
-    if any(one in LEG_SEGMENTS for one in segments):
+    segments = [site.segment for site in recognized.sites.values()]
+    if any(segment in LEG_SEGMENTS for segment in segments):
         return False
-    known = sum(one in ARM_SEGMENTS for one in segments)
-    plain = [name.split(":")[-1].strip().lower() for name in (*found.unknown, *found.sites)]
+    known = sum(segment in ARM_SEGMENTS for segment in segments)
+    plain = [name.split(":")[-1].strip().lower() for name in (*recognized.unknown, *recognized.sites)]
     named = sum(ARM_WORDS.search(name) is not None for name in plain)
     short = sum(name in ARM_SHORT for name in plain)
     return max(known, named, short) >= MIN_ARM

@@ -32,8 +32,8 @@ def axes_of_text(text: str) -> Array:
     if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", one) for one in parts):
         raise BadData(f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the old frame")
     matrix = np.zeros((3, 3))
-    for row, one in enumerate(parts):
-        matrix[row, "xyz".index(one[-1])] = -1.0 if one.startswith("-") else 1.0
+    for row, part in enumerate(parts):
+        matrix[row, "xyz".index(part[-1])] = -1.0 if part.startswith("-") else 1.0
     if abs(np.linalg.det(matrix)) < 0.5:
         raise BadData(f"--axes {text}: names an axis twice")
     if np.linalg.det(matrix) < 0.0:
@@ -43,11 +43,11 @@ def axes_of_text(text: str) -> Array:
     return matrix
 
 
-def vertical(found: Recording) -> str:
+def vertical(recording: Recording) -> str:
     """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y", or "" if unknown."""
-    if found.level:
+    if recording.level:
         return "z"
-    values = np.zeros((0, 0, 3)) if found.markers is None else found.markers.values
+    values = np.zeros((0, 0, 3)) if recording.markers is None else recording.markers.values
     seen = np.asarray(np.isfinite(values).all(axis=2))
     values = values[seen.any(axis=1)]
     if len(values):
@@ -56,8 +56,8 @@ def vertical(found: Recording) -> str:
             return "z"
         if extent[1] > 1.3 * max(extent[0], extent[2]):
             return "y"
-    if found.wrenches is not None:
-        total = np.abs(np.nan_to_num(found.wrenches.forces).sum(axis=(0, 1)))
+    if recording.wrenches is not None:
+        total = np.abs(np.nan_to_num(recording.wrenches.forces).sum(axis=(0, 1)))
         if total.max() > 2.0 * np.sort(total)[1]:
             return "xyz"[int(np.argmax(total))]
     return ""
@@ -95,14 +95,14 @@ def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
     return found
 
 
-def _facing(found: Recording, forward: Forward) -> Recording:
+def _facing(recording: Recording, forward: Forward) -> Recording:
     """The recording turned about the vertical by right angles, so that the walk goes along an axis."""
-    up = vertical(found)
+    up = vertical(recording)
     if not up or up == forward[-1]:
         raise BadData(f"--forward {forward}: expected a horizontal axis; {up or 'no axis'} points up")
-    if found.markers is None:
+    if recording.markers is None:
         raise BadData(f"--forward {forward}: a walking direction needs markers")
-    middle = np.nanmean(found.markers.values, axis=1)
+    middle = np.nanmean(recording.markers.values, axis=1)
     middle = middle[np.isfinite(middle).all(axis=1)]
     level = np.eye(3)["xyz".index(up)]
     way = middle[-1] - middle[0] if len(middle) else np.zeros(3)
@@ -116,27 +116,27 @@ def _facing(found: Recording, forward: Forward) -> Recording:
     angle = np.arctan2(np.cross(way, target) @ level, way @ target)
     quarter = int(np.round(angle / (0.5 * np.pi))) % 4
     if not quarter:
-        return found
+        return recording
     cosine, sine = (1.0, 0.0, -1.0, 0.0)[quarter], (0.0, 1.0, 0.0, -1.0)[quarter]
     cross = np.cross(np.eye(3), level)
     # Rodrigues' formula; `cross` holds e x level in its rows, so its transpose turns to the left.
     matrix = cosine * np.eye(3) + sine * cross + (1.0 - cosine) * np.outer(level, level)
     return rotated(
-        found, matrix, f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}"
+        recording, matrix, f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}"
     )
 
 
-def rotated(found: Recording, matrix: Array, note: str) -> Recording:
+def rotated(recording: Recording, matrix: Array, note: str) -> Recording:
     """The recording in a frame whose axes are the rows of a matrix (3, 3)."""
-    wrenches = found.wrenches
+    wrenches = recording.wrenches
     if wrenches is not None:
         parts = {name: getattr(wrenches, name) @ matrix.T for name in ("forces", "points", "torques")}
         wrenches = replace(wrenches, **parts)
     return replace(
-        found,
-        markers=None if found.markers is None else found.markers.rotated(matrix),
+        recording,
+        markers=None if recording.markers is None else recording.markers.rotated(matrix),
         wrenches=wrenches,
-        plates=tuple(replace(one, corners=one.corners @ matrix.T) for one in found.plates),
+        plates=tuple(replace(plate, corners=plate.corners @ matrix.T) for plate in recording.plates),
         level=False,
-        notes=(*found.notes, note),
+        notes=(*recording.notes, note),
     )

@@ -98,34 +98,34 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
     return _folder(found, out, options)
 
 
-def _up(found: Recording, options: ConvertOptions, ending: str) -> Up:
+def _up(recording: Recording, options: ConvertOptions, ending: str) -> Up:
     """Axis that is to point up: OpenSim's y where nothing is asked for and the vertical is known."""
     if options.up:
         return options.up
-    return "y" if ending != ".c3d" and vertical(found) == "z" else "keep"
+    return "y" if ending != ".c3d" and vertical(recording) == "z" else "keep"
 
 
-def _folder(found: Recording, out: Path, options: ConvertOptions) -> Converted:
+def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Converted:
     """All parts of a recording as files in a folder."""
     if out.exists() and not out.is_dir():
         raise BadFile(out, "is a file, but several files are to be written", "give the name of a folder")
     out.mkdir(parents=True, exist_ok=True)
     files: list[tuple[Path, str]] = []
-    notes = found.notes
-    if found.markers is not None:
-        path = out / f"{found.name}.trc"
-        files.append((path, _write_markers(found.markers, path, options.units)))
-    if found.wrenches is not None:
-        wrenches = on_feet(found.wrenches, found.markers, options.plates)
-        files += _write_forces(wrenches, out / f"{found.name}_grf.mot")
+    notes = recording.notes
+    if recording.markers is not None:
+        path = out / f"{recording.name}.trc"
+        files.append((path, _write_markers(recording.markers, path, options.units)))
+    if recording.wrenches is not None:
+        wrenches = on_feet(recording.wrenches, recording.markers, options.plates)
+        files += _write_forces(wrenches, out / f"{recording.name}_grf.mot")
         notes = (*notes, *wrenches.notes)
-    if found.analog is not None and found.emg:
-        path = out / f"{found.name}_emg.sto"
-        files.append((path, _write_channels(_emg(found), path)))
-    if found.events:
-        path = out / f"{found.name}_events.csv"
-        files.append((path, _write_events(found.events, path)))
-    for name, table in found.tables.items():
+    if recording.analog is not None and recording.emg:
+        path = out / f"{recording.name}_emg.sto"
+        files.append((path, _write_channels(_emg(recording), path)))
+    if recording.events:
+        path = out / f"{recording.name}_events.csv"
+        files.append((path, _write_events(recording.events, path)))
+    for name, table in recording.tables.items():
         path = out / f"{name}.sto"
         files.append((path, _write_table(table, path)))
     if not files:
@@ -133,22 +133,24 @@ def _folder(found: Recording, out: Path, options: ConvertOptions) -> Converted:
     return Converted(tuple(files), notes)
 
 
-def _one_file(found: Recording, out: Path, options: ConvertOptions) -> Converted:
+def _one_file(recording: Recording, out: Path, options: ConvertOptions) -> Converted:
     """The part of a recording that a file is for, by its ending."""
     ending = out.suffix.lower()
     if ending == ".trc":
-        if found.markers is None:
+        if recording.markers is None:
             raise BadData(f"{out}: there are no markers to write")
-        return Converted(((out, _write_markers(found.markers, out, options.units)),), found.notes)
-    if found.wrenches is not None and (ending == ".mot" or not (found.emg or found.tables)):
-        wrenches = on_feet(found.wrenches, found.markers, options.plates)
-        return Converted(tuple(_write_forces(wrenches, out)), (*found.notes, *wrenches.notes))
-    tables = list(found.tables.values())
-    table = tables[0] if len(tables) == 1 else _emg(found) if found.analog is not None and found.emg else None
+        return Converted(((out, _write_markers(recording.markers, out, options.units)),), recording.notes)
+    if recording.wrenches is not None and (ending == ".mot" or not (recording.emg or recording.tables)):
+        wrenches = on_feet(recording.wrenches, recording.markers, options.plates)
+        return Converted(tuple(_write_forces(wrenches, out)), (*recording.notes, *wrenches.notes))
+    tables = list(recording.tables.values())
+    table = (
+        tables[0] if len(tables) == 1 else _emg(recording) if recording.analog is not None and recording.emg else None
+    )
     if table is None:
         what = "forces" if ending == ".mot" else "forces, EMG, or a single table"
         raise BadData(f"{out}: there are no {what} to write")
-    return Converted(((out, _write_table(table, out)),), found.notes)
+    return Converted(((out, _write_table(table, out)),), recording.notes)
 
 
 def _write_markers(markers: Markers, path: Path, units: str) -> str:
@@ -170,12 +172,12 @@ def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
     return [(table, f"forces of {', '.join(wrenches.names)}"), (loads, owners)]
 
 
-def _emg(found: Recording) -> Table:
+def _emg(recording: Recording) -> Table:
     """Channels of EMG as a table, in the file's units."""
-    assert found.analog is not None
-    columns = [found.analog.names.index(name) for name in found.emg if name in found.analog.names]
-    names = tuple(found.analog.names[k] for k in columns)
-    return Table(found.analog.time, names, found.analog.values[:, columns], facts=FrozenMap({"name": "EMG"}))
+    assert recording.analog is not None
+    columns = [recording.analog.names.index(name) for name in recording.emg if name in recording.analog.names]
+    names = tuple(recording.analog.names[column] for column in columns)
+    return Table(recording.analog.time, names, recording.analog.values[:, columns], facts=FrozenMap({"name": "EMG"}))
 
 
 def _write_channels(table: Table, path: Path) -> str:
@@ -199,11 +201,11 @@ def _write_events(events: Sequence[Event], path: Path) -> str:
     with written(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("time", "event", "side"))
-        rows.writerows((f"{one.time:.10g}", one.label, one.side) for one in events)
+        rows.writerows((f"{event.time:.10g}", event.label, event.side) for event in events)
     return f"{len(events)} events"
 
 
-def c3d_trial(found: Recording) -> Trial:
+def c3d_trial(recording: Recording) -> Trial:
     """A recording in the form of a C3D file: analog channels and plates a whole number of samples a frame.
 
     Forces of a table become plates of type 2 under their centers of pressure. What does not lie on the clock of the
@@ -214,33 +216,36 @@ def c3d_trial(found: Recording) -> Trial:
     BadData
         where there are no markers
     """
-    if found.markers is None:
+    if recording.markers is None:
         raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")
-    markers = found.markers
+    markers = recording.markers
     if len(markers) < 2:
         return Trial(markers=markers)
-    clocks = [found.wrenches.time] if found.wrenches is not None and not found.plates else []
-    clocks += [table.time for table in found.tables.values()]
-    clocks += [found.plate_time] if found.plates else []
-    clocks += [found.analog.time] if found.analog is not None else []
+    clocks = [recording.wrenches.time] if recording.wrenches is not None and not recording.plates else []
+    clocks += [table.time for table in recording.tables.values()]
+    clocks += [recording.plate_time] if recording.plates else []
+    clocks += [recording.analog.time] if recording.analog is not None else []
     if not clocks:
-        return Trial(markers=markers, events=found.events)
+        return Trial(markers=markers, events=recording.events)
     fastest = max(1.0 / float(np.median(np.diff(one))) for one in clocks if len(one) > 1)
     every = max(1, round(fastest / markers.rate))
     step = 1.0 / (markers.rate * every)
     clock = markers.time[0] + step * np.arange(len(markers) * every)
-    up = np.eye(3)["xyz".index(vertical(found) or "y")]
-    plates = tuple(replace(one, channels=_at(found.plate_time, one.channels, clock), zero=None) for one in found.plates)
-    if found.wrenches is not None and not plates:
-        plates = tuple(_plate(found.wrenches, k, clock, up) for k in range(len(found.wrenches.names)))
+    up = np.eye(3)["xyz".index(vertical(recording) or "y")]
+    plates = tuple(
+        replace(plate, channels=_at(recording.plate_time, plate.channels, clock), zero=None)
+        for plate in recording.plates
+    )
+    if recording.wrenches is not None and not plates:
+        plates = tuple(_plate(recording.wrenches, index, clock, up) for index in range(len(recording.wrenches.names)))
     names: list[str] = []
     units: list[str] = []
     columns: list[Array] = []
-    if found.analog is not None:
-        names += found.analog.names
-        units += found.analog.units or ("",) * len(found.analog.names)
-        columns.append(_at(found.analog.time, found.analog.values, clock))
-    for table in found.tables.values():
+    if recording.analog is not None:
+        names += recording.analog.names
+        units += recording.analog.units or ("",) * len(recording.analog.names)
+        columns.append(_at(recording.analog.time, recording.analog.values, clock))
+    for table in recording.tables.values():
         names += [name if name not in names else f"{name}_2" for name in table.names]
         units += ["V"] * len(table.names)
         columns.append(_at(table.time, table.values, clock))
@@ -250,8 +255,8 @@ def c3d_trial(found: Recording) -> Trial:
         plate_recordings=plates,
         plate_time=clock,
         analog=analog,
-        events=found.events,
-        source=found.name,
+        events=recording.events,
+        source=recording.name,
     )
 
 

@@ -37,18 +37,18 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
     if bodies:
         if len(bodies) > len(wrenches.names):
             raise BadData(f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}")
-        chosen = [k for k, body in enumerate(bodies) if body]
+        chosen = [index for index, body in enumerate(bodies) if body]
         return _some(wrenches, chosen, tuple(bodies[k] for k in chosen))
     size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
-    used = [k for k in range(len(wrenches.names)) if size[:, k].max(initial=0.0) > LOADED]
-    idle = [name for k, name in enumerate(wrenches.names) if k not in used]
+    used = [index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED]
+    idle = [name for index, name in enumerate(wrenches.names) if index not in used]
     notes = (*wrenches.notes, *((f"nobody steps on {', '.join(idle)}: left out",) if idle else ()))
     wrenches = replace(_some(wrenches, used, tuple(wrenches.bodies[k] for k in used)), notes=notes)
     places = {} if markers is None else foot_places(markers, wrenches.time)
     if all(wrenches.bodies) or len(places) < 2 or not used:
         return wrenches
     found = assign_bodies(wrenches, places)
-    kept = [k for k, body in enumerate(found.wrenches.bodies) if body]
+    kept = [index for index, body in enumerate(found.wrenches.bodies) if body]
     bodies = tuple(found.wrenches.bodies[k] for k in kept)
     return replace(_some(found.wrenches, kept, bodies), notes=(*notes, *found.warnings))
 
@@ -89,4 +89,4 @@ def side_of(name: str) -> str:
 def _some(wrenches: Wrenches, chosen: Sequence[int], bodies: tuple[str, ...]) -> Wrenches:
     columns = list(chosen)
     parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
-    return replace(wrenches, names=tuple(wrenches.names[k] for k in columns), bodies=bodies, **parts)
+    return replace(wrenches, names=tuple(wrenches.names[column] for column in columns), bodies=bodies, **parts)

@@ -65,30 +65,30 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     """
     if not paths:
         raise BadData("no file to convert: give a recording (.c3d, .trc), or tables beside it (.mot, .sto, .csv)")
-    found = Recording(paths[0].stem)
+    result = Recording(paths[0].stem)
     for path in paths:
         with about(path):
             if trial_format(path) is not None:
-                found = _with_recording(found, path)
+                result = _with_recording(result, path)
             elif path.suffix.lower() in TABLES:
-                found = _with_table(found, path)
+                result = _with_table(result, path)
             else:
                 raise BadFile(
                     path,
                     f"is neither a recording nor a table: its name ends in '{path.suffix}'",
                     "expected .c3d, .trc, .mat, .mot, .sto or .csv",
                 )
-    return found
+    return result
 
 
-def _with_recording(found: Recording, path: Path) -> Recording:
+def _with_recording(recording: Recording, path: Path) -> Recording:
     trial = read_recording(path)
-    if found.markers is not None and trial.markers is not None:
+    if recording.markers is not None and trial.markers is not None:
         raise BadData(f"{path}: a second file with markers: convert one recording at a time")
     plates = {name for one in trial.plate_recordings for name in one.channel_names}
     others = None
     if trial.analog is not None:
-        kept = [k for k, name in enumerate(trial.analog.names) if name not in plates]
+        kept = [index for index, name in enumerate(trial.analog.names) if name not in plates]
         units = trial.analog.units or ("",) * len(trial.analog.names)
         others = Analog(
             trial.analog.time,
@@ -101,31 +101,31 @@ def _with_recording(found: Recording, path: Path) -> Recording:
         count = len(trial.other_points.names)
         notes.append(f"{path.name}: {count} quantities that a program computed (angles, moments) are not converted")
     return replace(
-        found,
-        markers=trial.markers if trial.markers is not None else found.markers,
-        wrenches=recorded_wrenches(trial) if trial.plates else found.wrenches,
-        plates=trial.plate_recordings if trial.plates else found.plates,
-        plate_time=trial.plate_time if trial.plates else found.plate_time,
-        analog=others if others is not None and others.names else found.analog,
-        emg=emg_channels(trial) or found.emg,
-        events=trial.events or found.events,
+        recording,
+        markers=trial.markers if trial.markers is not None else recording.markers,
+        wrenches=recorded_wrenches(trial) if trial.plates else recording.wrenches,
+        plates=trial.plate_recordings if trial.plates else recording.plates,
+        plate_time=trial.plate_time if trial.plates else recording.plate_time,
+        analog=others if others is not None and others.names else recording.analog,
+        emg=emg_channels(trial) or recording.emg,
+        events=trial.events or recording.events,
         level=bool(trial.plates) and all(map(faces_z, trial.plates)),
-        notes=(*found.notes, *notes),
+        notes=(*recording.notes, *notes),
     )
 
 
-def _with_table(found: Recording, path: Path) -> Recording:
+def _with_table(recording: Recording, path: Path) -> Recording:
     if holds_forces(path):
-        if found.wrenches is not None:
+        if recording.wrenches is not None:
             raise BadData(f"{path}: a second file with forces: convert one recording at a time")
         wrenches = read_forces(path)
-        return replace(found, wrenches=wrenches, notes=(*found.notes, *wrenches.notes))
+        return replace(recording, wrenches=wrenches, notes=(*recording.notes, *wrenches.notes))
     table = read_sto(path)
-    notes = (*found.notes, *(f"{path.name}: {text}" for text in table.warnings))
-    return replace(found, tables=FrozenMap({**found.tables, path.stem: table}), notes=notes)
+    notes = (*recording.notes, *(f"{path.name}: {text}" for text in table.warnings))
+    return replace(recording, tables=FrozenMap({**recording.tables, path.stem: table}), notes=notes)
 
 
-def between(found: Recording, start: float, end: float) -> Recording:
+def between(recording: Recording, start: float, end: float) -> Recording:
     """The part of a recording between two times [s].
 
     Raises
@@ -135,29 +135,29 @@ def between(found: Recording, start: float, end: float) -> Recording:
     """
     if not start < end:
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
-    wrenches, analog = found.wrenches, found.analog
-    plates, plate_time = found.plates, found.plate_time
+    wrenches, analog = recording.wrenches, recording.analog
+    plates, plate_time = recording.plates, recording.plate_time
     if wrenches is not None:
         inside = (wrenches.time >= start - 1e-9) & (wrenches.time <= end + 1e-9)
         parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
         wrenches = replace(wrenches, **parts)
     if len(plate_time):
         inside = (plate_time >= start - 1e-9) & (plate_time <= end + 1e-9)
-        plates = tuple(replace(one, channels=one.channels[inside], zero=None) for one in plates)
+        plates = tuple(replace(plate, channels=plate.channels[inside], zero=None) for plate in plates)
         plate_time = plate_time[inside]
     return replace(
-        found,
-        markers=None if found.markers is None else cut(found.markers, start, end),
+        recording,
+        markers=None if recording.markers is None else cut(recording.markers, start, end),
         wrenches=wrenches,
         plates=plates,
         plate_time=plate_time,
         analog=None if analog is None else cut(analog, start, end),
-        events=tuple(one for one in found.events if start <= one.time <= end),
-        tables=FrozenMap({name: cut(one, start, end) for name, one in found.tables.items()}),
+        events=tuple(event for event in recording.events if start <= event.time <= end),
+        tables=FrozenMap({name: cut(table, start, end) for name, table in recording.tables.items()}),
     )
 
 
-def labelled(found: Recording, labels: Mapping[str, str]) -> Recording:
+def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
     """The recording with other names of markers and channels; "" drops one.
 
     Raises
@@ -165,7 +165,7 @@ def labelled(found: Recording, labels: Mapping[str, str]) -> Recording:
     BadData
         where no label is in the recording, or two would be the same
     """
-    markers, analog = found.markers, found.analog
+    markers, analog = recording.markers, recording.analog
     known = {*(markers.names if markers else ()), *(analog.names if analog else ())}
     if labels and not known & set(labels):
         raise BadData(
@@ -178,12 +178,12 @@ def labelled(found: Recording, labels: Mapping[str, str]) -> Recording:
         names, kept = _renamed(analog.names, labels)
         units = analog.units or ("",) * len(analog.names)
         analog = Analog(analog.time, names, analog.values[:, kept], units=tuple(units[k] for k in kept))
-    emg = tuple(labels.get(name, name) for name in found.emg if labels.get(name, name))
-    return replace(found, markers=markers, analog=analog, emg=emg)
+    emg = tuple(labels.get(name, name) for name in recording.emg if labels.get(name, name))
+    return replace(recording, markers=markers, analog=analog, emg=emg)
 
 
 def _renamed(names: Sequence[str], labels: Mapping[str, str]) -> tuple[tuple[str, ...], list[int]]:
-    kept = [k for k, name in enumerate(names) if labels.get(name, name)]
+    kept = [index for index, name in enumerate(names) if labels.get(name, name)]
     renamed = tuple(labels.get(names[k], names[k]) for k in kept)
     twice = next((name for name in renamed if renamed.count(name) > 1), "")
     if twice:

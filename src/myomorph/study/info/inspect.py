@@ -114,7 +114,7 @@ def inspect_model(model: Model) -> Inspection:
     ]
     if model.loops:
         facts.append(("closed loops", _list([loop.name for loop in model.loops])))
-    passive = [*(one.name for one in model.passive_torques), *(one.name for one in model.bushings)]
+    passive = [*(torque.name for torque in model.passive_torques), *(bushing.name for bushing in model.bushings)]
     if passive:
         facts.append(("springs, limits and bushings", _list(passive)))
     viscous = [one.name for one in model.muscles if one.viscosity]
@@ -139,25 +139,25 @@ def _coordinates(model: Model) -> str:
 
 def _model_warnings(model: Model) -> list[str]:
     """What looks wrong with a model's numbers."""
-    found = []
+    result = []
     light = [body.name for body in model.bodies if body.mass <= 0.0]
     if not np.isfinite(model.mass) or model.mass <= 0:
-        found.append("the bodies have no mass: inverse dynamics and tensions would be zero")
+        result.append("the bodies have no mass: inverse dynamics and tensions would be zero")
     elif light:
-        found.append(f"{len(light)} bodies have no mass: {_list(light)}")
+        result.append(f"{len(light)} bodies have no mass: {_list(light)}")
     for body in model.bodies:
         moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
         if body.mass > 0 and (moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12):
-            found.append(
+            result.append(
                 f"the inertia of body '{body.name}' is not that of a real body: {np.round(moments, 6).tolist()}"
             )
     for coordinate in model.coordinates:
         lower, upper = coordinate.range
         if coordinate.clamped and not lower <= coordinate.default <= upper:
-            found.append(f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its range")
+            result.append(f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its range")
     if np.linalg.norm(model.gravity) == 0:
-        found.append("gravity is zero")
-    return found
+        result.append("gravity is zero")
+    return result
 
 
 def _counted(kinds: Sequence[str]) -> str:

@@ -215,17 +215,17 @@ def inspect_table(table: Table) -> Inspection:
 
 def _unit_warnings(table: Table) -> list[str]:
     """Angles whose size does not fit the header, and points of pressure of an unlikely size."""
-    found = []
+    result = []
     sizes = np.array([np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T])
     angles = sizes[[bool(ANGLE.search(name)) and not NOT_ANGLE.search(name) for name in table.names]]
     if len(angles) > 4 and table.in_degrees and 0.0 < angles.max() < 2.0 * np.pi:
-        found.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
+        result.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
     if len(angles) > 4 and not table.in_degrees and np.median(angles) > 8.0 * np.pi:
-        found.append("the header says radians, but many angles exceed 25: are they degrees?")
+        result.append("the header says radians, but many angles exceed 25: are they degrees?")
     reach = max((_reach(table, name) for name in table.names if POINT.search(name)), default=0.0)
     if reach > 50.0:
-        found.append(f"points of application reach {reach:.4g} under load: are they in millimetres instead of metres?")
-    return found
+        result.append(f"points of application reach {reach:.4g} under load: are they in millimetres instead of metres?")
+    return result
 
 
 def _reach(table: Table, name: str) -> float:
@@ -234,7 +234,7 @@ def _reach(table: Table, name: str) -> float:
     point = np.abs(np.nan_to_num(table[name]))
     if not set(forces) <= set(table.names):
         return 0.0
-    size = np.abs(np.nan_to_num(np.column_stack([table[one] for one in forces]))).max(axis=1)
+    size = np.abs(np.nan_to_num(np.column_stack([table[force] for force in forces]))).max(axis=1)
     return float(np.max(point[size > 0.1 * size.max()], initial=0.0))
 
 

@@ -59,7 +59,7 @@ class Exclusions:
             if number in self._used or not (table.subject or table.trial):
                 continue
             where = f"exclude.{number + 1} excludes nothing"
-            meant = [one for one in subjects if fnmatchcase(one, table.subject or "*")]
+            meant = [subject for subject in subjects if fnmatchcase(subject, table.subject or "*")]
             if not meant:
                 problems.append(f"{where}: no subject '{table.subject}': there are {listing(table.subject, subjects)}")
             elif set(meant) <= gone:
@@ -89,7 +89,7 @@ def with_conditions(
     excluded : trials whose names a pattern may stand for without being wrong
     problems, remarks : take up what is wrong, and which trials are in no condition
     """
-    named = [one.condition for one in trials if one.condition]
+    named = [trial.condition for trial in trials if trial.condition]
     names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *named]))
     for subject, conditions in own.items():
         for name in conditions:
@@ -98,7 +98,7 @@ def with_conditions(
                     f"subject '{subject}': conditions: '{name}' is none of the study's: {listing(name, names)}"
                 )
     used: set[tuple[str, str, str]] = set()
-    placed = [_placed(one, study, own.get(one.subject, {}), names, used, problems) for one in trials]
+    placed = [_placed(trial, study, own.get(trial.subject, {}), names, used, problems) for trial in trials]
     found = {}
     for gone in excluded:
         for name in (own.get(gone.subject) or study) if gone.trial else ():
@@ -106,7 +106,7 @@ def with_conditions(
                 found[gone.subject, gone.trial] = name
     for owner, conditions in (("", study), *own.items()):
         where = f"subject '{owner}'" if owner else "study"
-        exist = tuple(dict.fromkeys(one.name for one in trials if owner in ("", one.subject)))
+        exist = tuple(dict.fromkeys(trial.name for trial in trials if owner in ("", trial.subject)))
         problems += [
             f"{where}: conditions: '{name}': no trial matches '{pattern}': there are {listing(pattern, exist)}"
             for name, patterns in conditions.items()

@@ -81,7 +81,7 @@ def groups_of(
     return GroupPlan(
         (one, tuple(first)),
         (other, tuple(second)),
-        {subject: tuple(own) for subject, own in trials.items()},
+        {subject: tuple(trial) for subject, trial in trials.items()},
         StridePlan(strides.trunk, limbs, strides.direction, strides.belt),
     )
 
@@ -90,7 +90,7 @@ def group_members(
     groups: Mapping[str, Sequence[str]], subjects: Sequence[str], left_out: Sequence[str], problems: list[str]
 ) -> dict[str, list[str]]:
     """Subjects by group, patterns as the subjects they match, without those that the study leaves out."""
-    found: dict[str, list[str]] = {}
+    result: dict[str, list[str]] = {}
     for name, members in groups.items():
         own: list[str] = []
         for member in members:
@@ -103,8 +103,8 @@ def group_members(
                     f"groups: '{name}': no subject matches '{member}': there are {listing(member, subjects)}"
                 )
             own += [one for one in fit if one in subjects and one not in own]
-        found[name] = own
-    return found
+        result[name] = own
+    return result
 
 
 def measured_groups(

@@ -97,18 +97,18 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
         problems.append(f"{where}: is empty: expected a line of names ({', '.join(COLUMNS)}) and one line a subject")
         return {}
     columns = _columns(filled[0][1], where, problems, remarks)
-    found: dict[str, Measures] = {}
+    result: dict[str, Measures] = {}
     if "subject" not in {name for name, _ in columns}:
-        return found
+        return result
     if len(filled) == 1:
         remarks.append(f"{where}: has a line of names, but no line of a subject")
     for number, row in filled[1:]:
         one = _line(row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems)
-        if one is not None and one.subject in found:
+        if one is not None and one.subject in result:
             problems.append(f"{where}, line {number}: subject '{one.subject}' is there twice")
         elif one is not None:
-            found[one.subject] = one
-    return found
+            result[one.subject] = one
+    return result
 
 
 def _columns(headings: list[str], where: str, problems: list[str], remarks: list[str]) -> list[tuple[str, float]]:
@@ -163,7 +163,7 @@ def _line(
         problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
     model = cells.get("model", ("", 1.0))[0]
     if model and not (folder / model).is_file():
-        near = [one.name for one in (folder / model).parent.glob("*") if one.suffix.lower() in (".osim", ".xml")]
+        near = [path.name for path in (folder / model).parent.glob("*") if path.suffix.lower() in (".osim", ".xml")]
         problems.append(f"{where}: model file '{model}' does not exist: there are {listing(Path(model).name, near)}")
     return Measures(
         subject,

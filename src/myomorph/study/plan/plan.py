@@ -197,7 +197,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     if len(problems) == before:
         _with_makers(found, steps)
     check_model_names(found.trials, problems)
-    told = {name: one.table.conditions for name, one in found.tables.items() if one.table.conditions}
+    told = {name: table.table.conditions for name, table in found.tables.items() if table.table.conditions}
     trials, conditions = with_conditions(
         found.trials, file.study.conditions, told, exclusions.found, problems, notes.remarks
     )
@@ -245,7 +245,7 @@ def _measures(
 
 def _add(
     one: Named,
-    found: _Subjects,
+    subjects: _Subjects,
     measures: Mapping[str, Measures],
     source: str | None,
     settings: Settings,
@@ -260,47 +260,47 @@ def _add(
     given = given_options(one.table)
     whole = merged(settings, given)
     if given:
-        found.own[one.name, ""] = whole
+        subjects.own[one.name, ""] = whole
         check_settings(given, f"subject '{one.name}': ", notes.problems)
     steps = tuple(step for step in study_steps() if step in one.table.steps)
     trials = []
     for trial, told in subject_trials(one, model, exclusions.trial, notes):
         trials.append(trial)
         if given or told:
-            found.own[one.name, trial.name] = merged(whole, told)
+            subjects.own[one.name, trial.name] = merged(whole, told)
             check_settings(told, f"subject '{one.name}': trial '{trial.name}': ", notes.problems)
     files = subject_files(one, model, tuple(trials), notes)
-    if one.name in found.subjects and set(SUBJECT_STEPS) & {*steps, *found.steps_of(one.name)}:
+    if one.name in subjects.subjects and set(SUBJECT_STEPS) & {*steps, *subjects.steps_of(one.name)}:
         notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
     if trials or not any(gone.subject == one.name for gone in exclusions.found):
-        found.subjects[one.name] = files
-    found.tables[one.name] = one
-    found.trials += trials
-    found.steps += [steps] * len(trials)
+        subjects.subjects[one.name] = files
+    subjects.tables[one.name] = one
+    subjects.trials += trials
+    subjects.steps += [steps] * len(trials)
 
 
-def _with_makers(found: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
+def _with_makers(subjects: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
     """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
-    makers = {name: maker_of(name, found.subjects, steps) for name in found.subjects}
+    makers = {name: maker_of(name, subjects.subjects, steps) for name in subjects.subjects}
     for name, maker in makers.items():
         if not maker:
             continue
         first = maker
         while makers[first]:
             first = makers[first]
-        model = found.subjects[first].model
-        found.trials = [replace(one, model=model) if one.subject == name else one for one in found.trials]
-        own = tuple(one for one in found.trials if one.subject == name)
-        found.subjects[name] = replace(found.subjects[name], model=model, model_of=maker, trials=own)
+        model = subjects.subjects[first].model
+        subjects.trials = [replace(trial, model=model) if trial.subject == name else trial for trial in subjects.trials]
+        own = tuple(trial for trial in subjects.trials if trial.subject == name)
+        subjects.subjects[name] = replace(subjects.subjects[name], model=model, model_of=maker, trials=own)
 
 
 def _together(file: Any, trials: Sequence[TrialFiles], home: Path, notes: Notes) -> list[Together]:
     """Trials of several subjects that are solved as one."""
-    found = []
+    result = []
     for one in file.together:
         contacts = contacts_file(one.contacts, home, f"together '{one.name}'", notes)
-        found.append(together_of(one, trials, home, contacts, notes.problems))
-    return found
+        result.append(together_of(one, trials, home, contacts, notes.problems))
+    return result
 
 
 def _groups(

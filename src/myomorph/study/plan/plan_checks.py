@@ -73,12 +73,14 @@ def check_names(
     for subject, own in steps.items():
         steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
         made = [*(name for step in steps_on for name in (step.model, step.tables) if name), *(OF_STUDY if flat else ())]
-        own_trials = [one.name for one in trials if one.subject == subject]
+        own_trials = [trial.name for trial in trials if trial.subject == subject]
         for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
             if own_trials.count(name) > 1:
                 problems.append(f"subject '{subject}' has two trials named '{name}': give one a 'name'")
-        _clashes([(f"subject '{subject}': trial '{one}'", one) for one in dict.fromkeys(own_trials)], problems)
+        _clashes(
+            [(f"subject '{subject}': trial '{fromkey}'", fromkey) for fromkey in dict.fromkeys(own_trials)], problems
+        )
 
 
 def _possible(name: str, what: str, taken: Sequence[str], problems: list[str]) -> None:
@@ -142,11 +144,13 @@ def check_makers(subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Seque
 
 def check_masses(subjects: Mapping[str, SubjectFiles], problems: list[str]) -> None:
     """Add to the problems the subjects without a mass where others have one."""
-    without = [name for name, one in subjects.items() if one.mass is None]
+    without = [name for name, subject in subjects.items() if subject.mass is None]
     if without and len(without) < len(subjects):
         known = len(subjects) - len(without)
         reported = [
-            name for name in without if not any(f"subject '{name}'" in one and "mass" in one for one in problems)
+            name
+            for name in without
+            if not any(f"subject '{name}'" in problem and "mass" in problem for problem in problems)
         ]
         problems += [
             f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in reported
@@ -192,7 +196,7 @@ def _named_in(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
 def _names(kind: str, model: Model) -> tuple[str, ...]:
     if kind == "body":
         return tuple(body.name for body in model.bodies)
-    return tuple(one.name for one in (model.markers if kind == "marker" else model.muscles))
+    return tuple(marker.name for marker in (model.markers if kind == "marker" else model.muscles))
 
 
 def _text(path: Path) -> str:

@@ -68,7 +68,7 @@ def merged(
 
     A filter that these name for one of the steps that share it takes the place of all that were named before.
     """
-    found = {step: dict(given) for step, given in settings.items()}
+    found = {step: dict(setting) for step, setting in settings.items()}
     filtered = filtered_steps()
     if any("cutoff" in own.get(step, {}) for step in filtered):
         for step in filtered:

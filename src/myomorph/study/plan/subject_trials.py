@@ -79,12 +79,12 @@ class Notes:
     found: list[str] = field(default_factory=list)
 
 
-def measured(one: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:
+def measured(named: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:
     """A subject's table with what the table of measures tells, and its model where that is told there.
 
     What both tell must be the same; where either height or chest is known, there is no body shape, so neither is used.
     """
-    where, table = f"subject '{one.name}'", one.table
+    where, table = f"subject '{named.name}'", named.table
     if measures is None:
         if table.model is None and table.model_of is None:
             notes.problems.append(f"{where}: has no model: give 'model', 'model_of', or a column 'model' in {source}")
@@ -109,14 +109,14 @@ def measured(one: Named, measures: Measures | None, source: str, notes: Notes) -
     return table.model_copy(update={name: value for name, value in told.items() if value is not None}), model
 
 
-def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes) -> SubjectFiles:
+def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes) -> SubjectFiles:
     """What the steps on a subject need, and whether they come before the others.
 
     Parameters
     ----------
     model : file that a table of measures names; None where the subject's own table does
     """
-    table, folder, where, problems = one.table, one.folder, f"subject '{one.name}'", notes.problems
+    table, folder, where, problems = named.table, named.folder, f"subject '{named.name}'", notes.problems
     _check_steps(table, where, problems)
     files = {
         role: existing(folder, name, f"{where}: {role}", problems)
@@ -141,7 +141,7 @@ def subject_files(one: Named, model: Path | None, trials: tuple[TrialFiles, ...]
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
     return SubjectFiles(
-        one.name,
+        named.name,
         source,
         table.mass,
         files["static"],
@@ -179,7 +179,7 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
 
 
 def subject_trials(
-    one: Named, model: Path | None, left_out: Callable[[str, str], bool], notes: Notes
+    named: Named, model: Path | None, left_out: Callable[[str, str], bool], notes: Notes
 ) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
     """The trials of a subject, each with what its own table says of the steps.
 
@@ -187,7 +187,7 @@ def subject_trials(
     ----------
     left_out : whether the study leaves out a trial of a subject; its other files are then not looked for
     """
-    table, folder, where, problems = one.table, one.folder, f"subject '{one.name}'", notes.problems
+    table, folder, where, problems = named.table, named.folder, f"subject '{named.name}'", notes.problems
     shared = {
         role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (
@@ -202,7 +202,7 @@ def subject_trials(
         problems.append(f"{where}: has no trials")
     whole = TrialFiles(
         model=model or shared["model"] or folder,
-        subject=one.name,
+        subject=named.name,
         emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
         emg_mvc=tuple(reference),
         emg_side=table.emg_side,
@@ -221,7 +221,7 @@ def subject_trials(
     check_time(table.time, f"{where}: time", problems)
     for trial, recording in _recordings(table, folder, where, problems):
         name = trial.name or plain_stem(recording)
-        if not left_out(one.name, name):
+        if not left_out(named.name, name):
             begun = replace(whole, name=name, markers=recording)
             begun = replace(begun, markers=None, motion=recording) if trial.motion else begun
             yield _trial(begun, trial, folder, notes), given_options(trial)
@@ -297,11 +297,11 @@ def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, no
         return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
     recording = whole.markers or whole.motion
     assert recording is not None
-    found = companion(recording, kind)
-    if found is None or found == recording:
+    result = companion(recording, kind)
+    if result is None or result == recording:
         return None
-    notes.found.append(f"{whole.subject}/{recording.name}: {kind} from {found.name}")
-    return found
+    notes.found.append(f"{whole.subject}/{recording.name}: {kind} from {result.name}")
+    return result
 
 
 def _points(given: str, folder: Path, where: str, notes: Notes) -> str:

@@ -115,12 +115,14 @@ class DaskWorkers:
     @property
     def count(self) -> int:
         """Jobs that run at the same time: the processes that are there now."""
-        return sum(1 for one in self._processes.values() if one.useful)
+        return sum(1 for process in self._processes.values() if process.useful)
 
     @property
     def memory(self) -> int | None:
         """What the smallest of the processes may take [bytes], None where none is bounded."""
-        return min((one.memory for one in self._processes.values() if one.useful and one.memory), default=None)
+        return min(
+            (process.memory for process in self._processes.values() if process.useful and process.memory), default=None
+        )
 
     def start(self, job: Job, model: Model | None) -> None:
         """Take a job; it waits where all processes are busy."""
@@ -139,18 +141,18 @@ class DaskWorkers:
         while True:
             if time.monotonic() - self._looked > LOOK:
                 self._look()
-            found = [one for process in list(self._processes.values()) if (one := self._end_of(process)) is not None]
+            result = [one for process in list(self._processes.values()) if (one := self._end_of(process)) is not None]
             self._place()
             left = until - time.monotonic()
-            if found or left <= 0.0:
-                return found
+            if result or left <= 0.0:
+                return result
             with suppress(queue.Empty):
                 self._woken.get(timeout=min(left, LOOK))
 
     def close(self) -> None:
         """Give all jobs up; a process that a nanny starts again ends at once when its job is given up."""
         with suppress(Exception):
-            busy = [one.future for one in self._processes.values() if one.future is not None]
+            busy = [process.future for process in self._processes.values() if process.future is not None]
             self._client.cancel(busy, force=True)
         with suppress(Exception):
             self._client.close(timeout=3)
@@ -162,7 +164,7 @@ class DaskWorkers:
         until = time.monotonic() + patience
         while time.monotonic() < until:
             self._look()
-            if (self.count or self.refused) and all(one.asked is None for one in self._processes.values()):
+            if (self.count or self.refused) and all(process.asked is None for process in self._processes.values()):
                 break
             time.sleep(0.05)
         if self.count:
@@ -281,7 +283,7 @@ class DaskWorkers:
     def _reason(self, process: Process) -> str:
         with suppress(Exception):
             events = self._client.get_events("worker-restart-memory")
-            if any(one[1].get("worker") == process.address for one in events):
+            if any(event[1].get("worker") == process.address for event in events):
                 return f"over its memory, {process.memory / 1e9:.1f} GB"
         return "killed, cut off or ended"
 

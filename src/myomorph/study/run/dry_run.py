@@ -151,12 +151,12 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
 
 def _makers(plan: Plan, subject: str) -> list[str]:
     """Subjects whose own steps come before a subject's trials, in that order."""
-    found: list[str] = []
+    result: list[str] = []
     name = plan.maker(subject)
-    while name and name not in found:
-        found.insert(0, name)
+    while name and name not in result:
+        result.insert(0, name)
         name = plan.begins_with(name)
-    return found
+    return result
 
 
 @dataclass
@@ -204,8 +204,8 @@ class _Looked:
                 )
             except MyomorphError as error:
                 reasons, problem = dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
-        counts = [self._frames(one) for one in files.trials]
-        frames = sum(one for one in counts if one is not None) if None not in counts else None
+        counts = [self._frames(trial) for trial in files.trials]
+        frames = sum(count for count in counts if count is not None) if None not in counts else None
         if any(reasons.values()):
             self.computed.add((name, ""))
         given = (files.static, files.shape.skin, files.shape.landmarks)
@@ -249,7 +249,7 @@ class _Looked:
         elif any(key in self.computed for key in trials.items()):
             why = (NEW_PARTS,)
         reasons = dict.fromkeys(TOGETHER_STEPS, why)
-        own = [one for one in self.plan.trials if (one.subject, one.name) in set(trials.items())]
+        own = [trial for trial in self.plan.trials if (trial.subject, trial.name) in set(trials.items())]
         counts = [one for one in map(self._frames, own) if one is not None]
         frames = min(counts) if counts else None
         expected = self._expected((name, name), reasons, frames, own[0].model if own else None)
@@ -280,10 +280,10 @@ class _Looked:
                 self._models[path] = open_model(path) if made is None else made.open()
             except MyomorphError as error:
                 self._models[path] = error
-        found = self._models[path]
-        if isinstance(found, MyomorphError):
-            raise found
-        return found
+        result = self._models[path]
+        if isinstance(result, MyomorphError):
+            raise result
+        return result
 
     def _frames(self, files: TrialFiles) -> int | None:
         if files.markers is None:

@@ -12,27 +12,27 @@ HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "tim
 MAX_NAMES = 4
 
 
-def dry_run_lines(found: DryRun) -> Iterator[str]:
+def dry_run_lines(dry_run: DryRun) -> Iterator[str]:
     """The lines that `myomorph run --dry-run` prints."""
-    trials = [row for row in found.rows if row.trial]
-    subjects = dict.fromkeys(row.subject for row in found.rows)
-    conditions = found.plan.conditions.names
+    trials = [row for row in dry_run.rows if row.trial]
+    subjects = dict.fromkeys(row.subject for row in dry_run.rows)
+    conditions = dry_run.plan.conditions.names
     counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
     counts += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{found.plan.name}: {', '.join(counts)}; results go to {found.out}"
+    yield f"{dry_run.plan.name}: {', '.join(counts)}; results go to {dry_run.out}"
     yield ""
-    yield from _table(found.rows, bool(conditions))
-    yield from _reasons(found.rows)
-    if found.excluded:
+    yield from _table(dry_run.rows, bool(conditions))
+    yield from _reasons(dry_run.rows)
+    if dry_run.excluded:
         yield ""
         yield "left out:"
-        yield from (f"  {_name(one.subject, one.trial)}: {one.reason}" for one in found.excluded)
-    if found.problems:
+        yield from (f"  {_name(one.subject, one.trial)}: {one.reason}" for one in dry_run.excluded)
+    if dry_run.problems:
         yield ""
         yield "cannot be looked at:"
-        yield from (f"  {problem}" for problem in found.problems)
+        yield from (f"  {problem}" for problem in dry_run.problems)
     yield ""
-    yield from _time(found)
+    yield from _time(dry_run)
 
 
 def _table(rows: tuple[Row, ...], conditions: bool) -> Iterator[str]:
@@ -78,23 +78,23 @@ def _reasons(rows: tuple[Row, ...]) -> Iterator[str]:
         yield f"  {text}: {', '.join(shown)}{rest}"
 
 
-def _time(found: DryRun) -> Iterator[str]:
-    expected = found.expected
-    if not any(row.computed for row in found.rows):
+def _time(dry_run: DryRun) -> Iterator[str]:
+    expected = dry_run.expected
+    if not any(row.computed for row in dry_run.rows):
         yield "nothing to compute: all results are there and would come out the same"
         return
     seconds = expected.seconds or 0.0
-    work = f"{in_words(seconds)} of work and {in_words(found.begins)} to begin and to write the study's page"
-    yield f"expected: {in_words(found.lasts)} with {_many(found.side, 'worker')}, {work}"
-    if found.compiles:
-        yield f"  and {in_words(found.compiles)} more, once on this machine, to compile kernels"
+    work = f"{in_words(seconds)} of work and {in_words(dry_run.begins)} to begin and to write the study's page"
+    yield f"expected: {in_words(dry_run.lasts)} with {_many(dry_run.side, 'worker')}, {work}"
+    if dry_run.compiles:
+        yield f"  and {in_words(dry_run.compiles)} more, once on this machine, to compile kernels"
     if expected.measured:
         yield "  by what steps took before on this machine (timings.csv, and step_times.csv in the user's cache folder)"
     else:
         yield "  a guess: steps that did not run here before by the times of another machine and the speed of this one"
-    if found.unknown:
-        count = len(found.unknown)
-        names = ", ".join(found.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")
+    if dry_run.unknown:
+        count = len(dry_run.unknown)
+        names = ", ".join(dry_run.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")
         yield f"  without {_many(count, 'row')} for which nothing tells: {names}"
 
 

@@ -84,11 +84,11 @@ class StepTimes:
 
     def __init__(self, timings: Path | None = None, learned: Path | None = None):
         self._timings = [] if timings is None else _read_timings(timings)
-        self._last = {(one.subject, one.trial, one.step): one for one in self._timings}
+        self._last = {(timing.subject, timing.trial, timing.step): timing for timing in self._timings}
         self._rates = _read_rates()
         self._learned: dict[str, list[Sample]] = {}
-        for one in reversed(read_samples(learned)):
-            self._learned.setdefault(one.step, []).append(one)
+        for sample in reversed(read_samples(learned)):
+            self._learned.setdefault(sample.step, []).append(sample)
         self._each = {
             step: _median(one.seconds / one.frames for one in self._of(step) if one.frames) for step in study_steps()
         }
@@ -100,7 +100,7 @@ class StepTimes:
         return cls(timings, times_file())
 
     def _of(self, step: str) -> list[_Timing]:
-        return [one for one in self._timings if one.step == step]
+        return [timing for timing in self._timings if timing.step == step]
 
     def expected(
         self,
@@ -150,8 +150,8 @@ class StepTimes:
         wanted = math.log(max(frames, 1))
         muscles = size.muscles if size is not None else 0
 
-        def unlike(one: Sample) -> float:
-            return abs(math.log(max(one.frames, 1)) - wanted) + abs(math.log((1 + one.muscles) / (1 + muscles)))
+        def unlike(sample: Sample) -> float:
+            return abs(math.log(max(sample.frames, 1)) - wanted) + abs(math.log((1 + sample.muscles) / (1 + muscles)))
 
         nearest = sorted(found, key=unlike)[:NEAREST]
         here = self._guess(step, frames, size)
@@ -228,7 +228,7 @@ def _median(values: Iterable[float]) -> float | None:
 
 def _read_timings(path: Path) -> list[_Timing]:
     """Lines of a table of times; what is damaged, as by a run that was cut off, is passed over."""
-    found = []
+    result = []
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
@@ -239,10 +239,10 @@ def _read_timings(path: Path) -> list[_Timing]:
                     continue
                 # What was compiled once is not compiled again.
                 if math.isfinite(seconds) and seconds >= 0.0 and not compiled:
-                    found.append(_Timing(row["subject"], row["trial"], row["step"], frames, seconds))
+                    result.append(_Timing(row["subject"], row["trial"], row["step"], frames, seconds))
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
-    return found
+    return result
 
 
 def _read_rates() -> dict[str, list[tuple[float, float, float]]]:
@@ -271,5 +271,5 @@ def in_words(seconds: float) -> str:
 
 def together(times: Sequence[Expected]) -> Expected:
     """The sum of times; None where nothing tells one of them."""
-    known = [one.seconds for one in times if one.seconds is not None]
-    return Expected(sum(known) if len(known) == len(times) else None, all(one.measured for one in times))
+    known = [time.seconds for time in times if time.seconds is not None]
+    return Expected(sum(known) if len(known) == len(times) else None, all(time.measured for time in times))

@@ -52,7 +52,7 @@ class Sample:
     seconds: float
 
 
-NAMES = tuple(one.name for one in fields(Sample))
+NAMES = tuple(field.name for field in fields(Sample))
 
 
 def times_file() -> Path | None:
@@ -73,9 +73,9 @@ def settings_key(settings: Mapping[str, object]) -> str:
 
 def read_samples(path: Path | None) -> list[Sample]:
     """Lines of the file in their order; damaged ones are passed over."""
-    found: list[Sample] = []
+    samples: list[Sample] = []
     if path is None:
-        return found
+        return samples
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             for row in csv.DictReader(stream):
@@ -84,10 +84,10 @@ def read_samples(path: Path | None) -> list[Sample]:
                     seconds = float(row["seconds"])
                     if math.isfinite(seconds) and seconds >= 0.0:
                         size = (coordinates, muscles, frames, first)
-                        found.append(Sample(row["step"], row["settings"], *size, seconds))
+                        samples.append(Sample(row["step"], row["settings"], *size, seconds))
     except (OSError, UnicodeDecodeError, csv.Error):
         return []
-    return found
+    return samples
 
 
 def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
@@ -110,7 +110,7 @@ def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
 def _lines(samples: Iterable[Sample]) -> str:
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
-    table.writerows([*astuple(one)[:-1], f"{one.seconds:.4g}"] for one in samples)
+    table.writerows([*astuple(sample)[:-1], f"{sample.seconds:.4g}"] for sample in samples)
     return text.getvalue()
 
 
@@ -154,7 +154,7 @@ class Learning:
         if self._file is None or any(one.error for one in outcomes.values()):
             return
         wall = time.monotonic() - self._begun
-        samples = [one for outcome in outcomes.values() for one in self._samples(outcome, outcomes)]
+        samples = [sample for outcome in outcomes.values() for sample in self._samples(outcome, outcomes)]
         spent = [one.seconds for one in outcomes.values()]
         if samples and not self.compiled:
             work = max(sum(spent) / max(min(self.side, len(spent)), 1), max(spent, default=0.0))
@@ -168,18 +168,20 @@ class Learning:
         frames = outcome.frames
         if not outcome.trial:
             frames = sum(one.frames for key, one in outcomes.items() if key[0] == outcome.subject and key[1])
-        models = [one.model for one in self.plan.trials if one.subject == outcome.subject]
+        models = [trial.model for trial in self.plan.trials if trial.subject == outcome.subject]
         # A model that the subject's own steps make has the size of the one it was made of.
-        size = next((self.sizes[one] for one in models if one in self.sizes), next(iter(self.sizes.values()), (0, 0)))
+        size = next(
+            (self.sizes[model] for model in models if model in self.sizes), next(iter(self.sizes.values()), (0, 0))
+        )
         first = int(outcome.key in self._first)
-        found = [
+        result = [
             Sample(step, settings_key(settings.get(step, {})), *size, frames, first, seconds)
             for step, seconds in outcome.timed
         ]
         rest = outcome.seconds - sum(seconds for _, seconds in outcome.timed)
         if outcome.trial and not outcome.reused:
-            found.append(Sample(TRIAL, "", *size, frames, first, max(rest, 0.0)))
-        return found
+            result.append(Sample(TRIAL, "", *size, frames, first, max(rest, 0.0)))
+        return result
 
 
 def _kernels() -> int:

@@ -229,8 +229,8 @@ class LocalWorkers:
     def ended(self, timeout: float) -> list[Ended]:
         """Jobs that have ended, as soon as there is one; also looks after the memory of the processes."""
         until = time.monotonic() + timeout
-        found: list[Ended] = []
-        while not found:
+        result: list[Ended] = []
+        while not result:
             left = until - time.monotonic()
             if left <= 0.0:
                 break
@@ -241,11 +241,11 @@ class LocalWorkers:
                 process, answer = self._answers.get(timeout=min(LOOK, left))
             except queue.Empty:
                 continue
-            found += self._take(process, answer)
+            result += self._take(process, answer)
             self._give_rest()
             while not self._answers.empty():
-                found += self._take(*self._answers.get())
-        return found
+                result += self._take(*self._answers.get())
+        return result
 
     def _give_rest(self) -> None:
         """Give out what waited for the first job."""

@@ -294,11 +294,13 @@ def write_table(outcomes: Sequence[Outcome], path: Path) -> None:
     table = csv.writer(text, lineterminator="\n")
     heading = ("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error")
     table.writerow((*heading, "condition"))
-    for one in outcomes:
+    for outcome in outcomes:
         # Results that are to be equal byte for byte cannot hold how long they took.
-        seconds = f"{one.seconds:.2f}" if fixed_date() is None else ""
-        numbers = (one.frames, f"{one.rms:.6g}", f"{one.largest:.6g}", seconds)
-        table.writerow((one.subject, one.trial, " ".join(one.done), *numbers, one.error, one.condition))
+        seconds = f"{outcome.seconds:.2f}" if fixed_date() is None else ""
+        numbers = (outcome.frames, f"{outcome.rms:.6g}", f"{outcome.largest:.6g}", seconds)
+        table.writerow(
+            (outcome.subject, outcome.trial, " ".join(outcome.done), *numbers, outcome.error, outcome.condition)
+        )
     temporary = path.with_name(f".{path.name}.part")
     try:
         temporary.write_text(text.getvalue(), encoding="utf-8")

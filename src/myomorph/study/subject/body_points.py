@@ -80,18 +80,18 @@ def body_points(
 def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
     """Weights of points by the maps' names."""
     functions = weight_maps(model)
-    found = {}
+    result = {}
     with progress("weights of mass points", len(names), "maps") as advance:
         for name in names:
-            found[name] = functions[name](points, links)
+            result[name] = functions[name](points, links)
             advance(1)
-    return found
+    return result
 
 
 def _made(
     points: Array, reference: Array, weights: Mapping[str, sparse.csr_array], links: Links, spacing: float, source: str
 ) -> dict[str, MassPoints]:
-    return {name: MassPoints(points, reference, one, links, spacing, source) for name, one in weights.items()}
+    return {name: MassPoints(points, reference, weight, links, spacing, source) for name, weight in weights.items()}
 
 
 def _in_skin(
@@ -157,16 +157,16 @@ def read_landmarks(path: Path) -> dict[str, Array]:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as error:
         raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
         if not any(cell.strip() for cell in row):
             continue
         try:
             name, x, y, z = (cell.strip() for cell in row)
-            found[name] = np.array([float(x), float(y), float(z)])
+            result[name] = np.array([float(x), float(y), float(z)])
         except ValueError:
             if number > 1:
                 raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}") from None
-    if not found:
+    if not result:
         raise BadFile(path, "holds no landmark", "give lines 'name, x, y, z' in metres")
-    return found
+    return result

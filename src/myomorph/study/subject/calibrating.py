@@ -161,7 +161,7 @@ def _checked(name: str, markers: Markers, model: Model, findings: list[Finding])
     """
     markers, found = mended_labels(model, markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
-    known = {(one.kind, one.place) for one in findings}
+    known = {(finding.kind, finding.place) for finding in findings}
     new = [one for one in (*found, *beside) if (one.kind, one.place) not in known]
     findings += [replace(one, text=f"{name}: {one.text}") for one in new]
     return markers
@@ -225,59 +225,59 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         _write_rows(marker_rows(found), folder / "markers.csv")
         _write_rows(zero_rows(found), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
-        (folder / NOTES).write_text("".join(f"{one}\n" for one in calibrated.findings), encoding="utf-8")
+        (folder / NOTES).write_text("".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
 
 
-def length_rows(found: Calibration) -> list[dict[str, object]]:
+def length_rows(calibration: Calibration) -> list[dict[str, object]]:
     """A row for every length: factor and metres before and after, and how far it is known."""
     return [
         {
-            "length": one.length.name,
-            "bodies": " ".join(dict.fromkeys(body for body, _ in one.length.stretched)),
-            "factor": one.factor,
-            "factor_sd": one.sd,
-            "generic_m": one.generic,
-            "found_m": one.value,
-            "found_sd_m": one.length.extent * one.sd,
-            "joint_to_joint": one.length.along and one.length.between_joints,
-            "shown": one.shown,
+            "length": length.length.name,
+            "bodies": " ".join(dict.fromkeys(body for body, _ in length.length.stretched)),
+            "factor": length.factor,
+            "factor_sd": length.sd,
+            "generic_m": length.generic,
+            "found_m": length.value,
+            "found_sd_m": length.length.extent * length.sd,
+            "joint_to_joint": length.length.along and length.length.between_joints,
+            "shown": length.shown,
         }
-        for one in found.lengths
+        for length in calibration.lengths
     ]
 
 
-def marker_rows(found: Calibration) -> list[dict[str, object]]:
+def marker_rows(calibration: Calibration) -> list[dict[str, object]]:
     """A row for every marker: its place, how far that is known, and its errors before and after."""
     return [
         {
-            "marker": one.name,
-            "body": one.body,
-            **{f"{axis}_m": float(value) for axis, value in zip("xyz", one.location, strict=True)},
-            **{f"{axis}_sd_m": float(value) for axis, value in zip("xyz", one.sd, strict=True)},
-            "shift_m": float(np.linalg.norm(one.shift)),
-            "rms_before_m": one.before,
-            "rms_after_m": one.after,
+            "marker": marker.name,
+            "body": marker.body,
+            **{f"{axis}_m": float(value) for axis, value in zip("xyz", marker.location, strict=True)},
+            **{f"{axis}_sd_m": float(value) for axis, value in zip("xyz", marker.sd, strict=True)},
+            "shift_m": float(np.linalg.norm(marker.shift)),
+            "rms_before_m": marker.before,
+            "rms_after_m": marker.after,
         }
-        for one in found.markers
+        for marker in calibration.markers
     ]
 
 
-def zero_rows(found: Calibration) -> list[dict[str, object]]:
+def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
     """A row for every angle: its zero against the generic model's, a 90 % interval, and what fixes it."""
     return [
         {
-            "coordinate": one.coordinate,
-            "offset_deg": float(np.degrees(one.offset)),
-            "lowest_deg": float(np.degrees(one.interval[0])),
-            "highest_deg": float(np.degrees(one.interval[1])),
-            "sd_deg": float(np.degrees(one.sd)),
-            "fixed_by": one.source,
-            **{f"share_{name.replace(' ', '_')}": one.shares[name] for name in SOURCES},
+            "coordinate": angle.coordinate,
+            "offset_deg": float(np.degrees(angle.offset)),
+            "lowest_deg": float(np.degrees(angle.interval[0])),
+            "highest_deg": float(np.degrees(angle.interval[1])),
+            "sd_deg": float(np.degrees(angle.sd)),
+            "fixed_by": angle.source,
+            **{f"share_{name.replace(' ', '_')}": angle.shares[name] for name in SOURCES},
         }
-        for one in found.zero_angles
+        for angle in calibration.zero_angles
     ]
 
 
@@ -292,15 +292,15 @@ def _short(value: object) -> object:
     return f"{value:.6g}" if isinstance(value, float) else value
 
 
-def summary(found: Calibration) -> Iterable[str]:
+def summary(calibration: Calibration) -> Iterable[str]:
     """What was found, as lines of text."""
-    yield calibration_line(found)
-    for one in found.lengths:
-        if one.length.along and one.length.between_joints:
+    yield calibration_line(calibration)
+    for length in calibration.lengths:
+        if length.length.along and length.length.between_joints:
             yield (
-                f"  {one.length.name:<16} {1e3 * one.generic:6.1f} -> {1e3 * one.value:6.1f} mm "
-                f"(factor {one.factor:.3f}, SD {1e3 * one.length.extent * one.sd:.1f} mm)"
-                + ("" if one.shown else ", not shown by the recordings")
+                f"  {length.length.name:<16} {1e3 * length.generic:6.1f} -> {1e3 * length.value:6.1f} mm "
+                f"(factor {length.factor:.3f}, SD {1e3 * length.length.extent * length.sd:.1f} mm)"
+                + ("" if length.shown else ", not shown by the recordings")
             )
 
 
@@ -335,7 +335,9 @@ def calibration_page(calibrated: Calibrated) -> str:
                 date=made.date,
                 version=__version__,
                 notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
-                sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources),
+                sources=tuple(
+                    SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources
+                ),
                 warnings=(*map(str, calibrated.findings), *calibrated.warnings),
             ),
             model=found.model,
@@ -354,4 +356,4 @@ def with_marker_set(model: Model, path: Path | None) -> Model:
     with inputs.about(path):
         new = read_marker_set(path, model)
     names = {one.name for one in new}
-    return replace(model, markers=(*(one for one in model.markers if one.name not in names), *new))
+    return replace(model, markers=(*(marker for marker in model.markers if marker.name not in names), *new))

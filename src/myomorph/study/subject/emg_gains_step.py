@@ -102,7 +102,7 @@ def _run(
 ) -> None:
     trials = prepared.trials(files, settings)
     gains, parts = subject_gains(trials)
-    muscles = _muscles([one for one in trials if not parts[one.name]])
+    muscles = _muscles([trial for trial in trials if not parts[trial.name]])
     with whole_folder(tables) as folder:
         write_gains(gains, folder / GAINS)
         write_channels(gains.calibration, muscles, folder / EMG_TABLE)

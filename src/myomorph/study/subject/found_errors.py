@@ -25,7 +25,7 @@ def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
 
     What a first moment or an inertia owes to the error of the mass is taken off, as masses are drawn themselves.
     """
-    for body, own, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
+    for body, parameter, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
         if not (body.mass > 0.0 and error[0] > 0.0):
             continue
         share = float(error[0]) / body.mass
@@ -34,42 +34,44 @@ def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
         apart = np.sqrt(np.maximum(error[1:4] ** 2 - (body.mass_center * error[0]) ** 2, 0.0)) / body.mass
         if radius > 0.0:
             yield ItemSize("mass_center", body.name, float(np.sqrt(np.mean(apart**2))) / radius)
-        trace = float(own[4:7].sum())
+        trace = float(parameter[4:7].sum())
         if trace > 0.0:
             whole = float(np.sqrt((error[4:7] ** 2).sum())) / trace
             yield ItemSize("inertia", body.name, float(np.sqrt(max(whole**2 - share**2, 0.0))))
 
 
-def refined_errors(found: Refinement) -> Iterator[ItemSize]:
+def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
     """Masses; those that were kept are no surer than before."""
-    if not found.masses:
+    if not refinement.masses:
         return
-    for body, sd in zip(found.model.bodies, found.mass_sd, strict=True):
+    for body, sd in zip(refinement.model.bodies, refinement.mass_sd, strict=True):
         if body.mass > 0.0 and sd > 0.0:
             yield ItemSize("segment_mass", body.name, float(sd) / body.mass)
 
 
-def personal_errors(found: Personalized) -> Iterator[ItemSize]:
+def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
     """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
-    fibers = {one.name: one.optimal_fiber_length for one in found.model.muscles}
+    fibers = {one.name: one.optimal_fiber_length for one in personalized.model.muscles}
     members: dict[str, list[str]] = {}
-    for muscle, group in zip(found.model.muscle_names, found.strength_groups, strict=False):
+    for muscle, group in zip(personalized.model.muscle_names, personalized.strength_groups, strict=False):
         members.setdefault(group, []).append(muscle)
-    for one in found.estimates:
-        if not (np.isfinite(one.low) and one.low > 0.0 and one.high > one.low):
+    for estimate in personalized.estimates:
+        if not (np.isfinite(estimate.low) and estimate.low > 0.0 and estimate.high > estimate.low):
             continue
-        ratio = float(np.log(one.high / one.low)) / (2.0 * NINETY)
-        if one.parameter == FIBER:
-            yield ItemSize("fiber_length", one.of, ratio)
-        elif one.parameter == SLACK:
-            yield ItemSize("slack_length", one.of, (one.high - one.low) / (2.0 * NINETY) / fibers[one.of])
-        elif one.parameter == FORCE:
-            for muscle in members.get(one.of, ()):
-                yield ItemSize("strength", muscle, ratio, one.of)
+        ratio = float(np.log(estimate.high / estimate.low)) / (2.0 * NINETY)
+        if estimate.parameter == FIBER:
+            yield ItemSize("fiber_length", estimate.of, ratio)
+        elif estimate.parameter == SLACK:
+            yield ItemSize(
+                "slack_length", estimate.of, (estimate.high - estimate.low) / (2.0 * NINETY) / fibers[estimate.of]
+            )
+        elif estimate.parameter == FORCE:
+            for muscle in members.get(estimate.of, ()):
+                yield ItemSize("strength", muscle, ratio, estimate.of)
 
 
 def morphed_errors(morph: Morph) -> Iterator[ItemSize]:
     """Points of muscles: a distance within which 90 % lie, as a standard deviation of each axis."""
-    for one in morph.points:
-        if np.isfinite(one.within) and one.within > 0.0:
-            yield ItemSize("attachment", f"{one.owner}/{one.name}", one.within / IN_SPACE)
+    for point in morph.points:
+        if np.isfinite(point.within) and point.within > 0.0:
+            yield ItemSize("attachment", f"{point.owner}/{point.name}", point.within / IN_SPACE)

@@ -111,13 +111,13 @@ def open_motions(
             f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every recording, "
             "in the same order"
         )
-    found = []
+    result = []
     for motion_path, loads_path in zip(motions, loads, strict=True):
         motion = inputs.read_motion(motion_path, model)
         cut_to = inputs.cut_to(time, motion, motion_path)
         wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates, options=forces)
-        found.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
-    return found
+        result.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
+    return result
 
 
 def check_mass(model: Model, mass: float | None) -> float:
@@ -166,7 +166,7 @@ def identify_subject(
         found = identify(
             model,
             seen,
-            {MAPS[name]: one for name, one in points.items()},
+            {MAPS[name]: point for name, point in points.items()},
             mass=mass,
             inside=inside,
             options=options.identification,
@@ -189,7 +189,7 @@ def identify_subject(
 
 
 def _force_notes(motions: Sequence[SubjectMotion]) -> tuple[str, ...]:
-    return tuple(f"{one.name}: {text}" for one in motions for text in one.wrenches.notes)
+    return tuple(f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
 
 
 def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
@@ -254,7 +254,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     if len(given.sd):
         write_error_sizes(folder, STEP.name, identified_errors(found.model, given.sd))
     made = identified.provenance
-    sources = tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
+    sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
     page = report_page(
         ReportInput(
             PageHead(
@@ -262,7 +262,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
                 date=made.date,
                 version=__version__,
                 notes=(
-                    Note("real", f"Motions: {', '.join(one.name for one in found.recordings)}."),
+                    Note("real", f"Motions: {', '.join(recording.name for recording in found.recordings)}."),
                     Note("assumed", f"Shape of the body: {found.points.source}."),
                 ),
                 sources=sources,
@@ -286,27 +286,35 @@ def _surfaces(model: Model) -> Mapping[str, Surface]:
     return surfaces_of(model)
 
 
-def summary(found: Identification) -> list[str]:
+def summary(identification: Identification) -> list[str]:
     """What the command says: frames, misfits, and what the data did not show."""
-    used = sum(int(one.use.sum()) for one in found.recordings)
-    total = sum(one.frames for one in found.recordings)
-    lines = [f"{used} of {total} frames used" + "".join(f"; {n} {reason}" for reason, n in found.left_out.items())]
-    flight = sum(one.flight for one in found.recordings)
+    used = sum(int(recording.use.sum()) for recording in identification.recordings)
+    total = sum(recording.frames for recording in identification.recordings)
+    lines = [
+        f"{used} of {total} frames used" + "".join(f"; {n} {reason}" for reason, n in identification.left_out.items())
+    ]
+    flight = sum(recording.flight for recording in identification.recordings)
     if flight:
         lines[0] += f"; {flight} of those used without contact"
-    generic, own = found.residuals[GENERIC], found.residuals[found.identified]
+    generic, own = identification.residuals[GENERIC], identification.residuals[identification.identified]
     lines.append(
         f"misfit of the ground wrench: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
-        "N m)" + (f"; {found.unseen.what}: {found.unseen.words}" if len(found.unseen.frames) else "")
+        "N m)"
+        + (
+            f"; {identification.unseen.what}: {identification.unseen.words}"
+            if len(identification.unseen.frames)
+            else ""
+        )
     )
-    if found.chosen == GENERIC:
+    if identification.chosen == GENERIC:
         lines[-1] += "; the generic masses are kept"
-    data = found.known.data
+    data = identification.known.data
     lines.append(
-        f"{int(data.sum())} of {data.size} parameters determined by the data (rank {found.known.rank}), the others "
-        f"from the prior ({found.points.source})"
+        f"{int(data.sum())} of {data.size} parameters determined by the data (rank "
+        f"{identification.known.rank}), the others "
+        f"from the prior ({identification.points.source})"
     )
-    lines.append(found.consistency[found.chosen].verdict)
+    lines.append(identification.consistency[identification.chosen].verdict)
     return lines
 
 

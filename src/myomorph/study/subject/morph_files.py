@@ -106,17 +106,17 @@ def bone_files(folder: Path) -> dict[str, Path]:
     """
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder", f"give the folder of the target's bones, <body>{ENDINGS[1]} and so on")
-    found: dict[str, Path] = {}
+    result: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in ENDINGS or not path.is_file():
             continue
-        twice = [one.name for stem, one in found.items() if stem.lower() == path.stem.lower()]
+        twice = [one.name for stem, one in result.items() if stem.lower() == path.stem.lower()]
         if twice:
             raise BadFile(folder, f"holds both {twice[0]} and {path.name}", "keep one file a bone")
-        found[path.stem] = path
-    if not found:
+        result[path.stem] = path
+    if not result:
         raise BadFile(folder, "holds no bones", f"expected files <body>{', <body>'.join(ENDINGS)}")
-    return found
+    return result
 
 
 def read_bones(folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]) -> dict[str, Surface]:
@@ -139,12 +139,12 @@ def read_bones(folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]
         )
     if unknown:
         notes.append(f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}")
-    found: dict[str, Surface] = {}
+    result: dict[str, Surface] = {}
     for stem, path in files.items():
         body = by_name.get(stem.lower())
         if body is not None:
-            found[body] = resized(read_mesh(path), unit)
-    return found
+            result[body] = resized(read_mesh(path), unit)
+    return result
 
 
 def resized(surface: Surface, unit: Unit) -> Surface:
@@ -169,16 +169,16 @@ def source_bones(model: Model, geometry: Path | None, notes: list[str]) -> dict[
         raise BadFile(geometry, "is not a folder", "give the folder of the source model's meshes")
     beside = Path(model.source).parent
     folders = [geometry] if geometry is not None else [beside, beside / "Geometry", beside / "geometry"]
-    surfaces, warnings = read_surfaces(model, [one for one in folders if one.is_dir()])
+    surfaces, warnings = read_surfaces(model, [folder for folder in folders if folder.is_dir()])
     notes += warnings
-    found = {}
+    result = {}
     for body in model.bodies:
         if any(mesh.file in surfaces for mesh in body.meshes):
-            found[body.name] = bone_surface(body, surfaces)
-    if not found:
-        looked = ", ".join(str(one) for one in folders)
+            result[body.name] = bone_surface(body, surfaces)
+    if not result:
+        looked = ", ".join(str(folder) for folder in folders)
         raise BadData(f"none of the bones' meshes is in {looked}: give their folder with --geometry")
-    return found
+    return result
 
 
 def spread(surface: Surface) -> float:

@@ -120,7 +120,7 @@ def with_skin_masses(
         )
     links = links_of(model, pose)
     shares = bone_weights(points, links, taking=links_with_mass(model))
-    found = MassPoints(points, np.full(len(points), weight / len(points)), shares, links, spacing, "the skin")
+    mass_points = MassPoints(points, np.full(len(points), weight / len(points)), shares, links, spacing, "the skin")
     notes.append(
         f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg"
         + ("" if mass is not None else f" ({DENSITY:g} kg/m^3, no mass was given)")
@@ -128,7 +128,7 @@ def with_skin_masses(
     empty = [name for name, one in zip(model.body_names, shares.sum(axis=0), strict=True) if one <= 0.0]
     if empty:
         notes.append(f"no mass point belongs to {', '.join(empty[:FEW])}{', ...' if len(empty) > FEW else ''}")
-    return _with_points(model, found, np.ones(len(model.bodies), dtype=bool)), tuple(notes)
+    return _with_points(model, mass_points, np.ones(len(model.bodies), dtype=bool)), tuple(notes)
 
 
 def with_envelope_masses(
@@ -153,7 +153,7 @@ def with_envelope_masses(
     ------
     BadData : no bone of the model's bodies, or a mass that cannot be that of this skeleton
     """
-    known = {name: one for name, one in bones.items() if name in model.body_names}
+    known = {name: bone for name, bone in bones.items() if name in model.body_names}
     if not known:
         raise BadData("masses need bones of the target or a skin: neither is there")
     own = np.array([name in known for name in model.body_names])

@@ -144,13 +144,13 @@ def map_bones(
 
 
 def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
-    found: dict[str, FeaturePoints] = {}
+    result: dict[str, FeaturePoints] = {}
     for body, points in read_landmark_pairs(path).items():
         if body not in model.body_names:
             with inputs.about(path):
                 raise UnknownName("body", body, model.body_names)
-        found[body] = FeaturePoints(points.names, points.source, points.target)
-    return found
+        result[body] = FeaturePoints(points.names, points.source, points.target)
+    return result
 
 
 def morph_subject(
@@ -225,16 +225,16 @@ def with_bones(model: Model, files: Mapping[str, str]) -> Model:
 
 def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
     """A name of a file for each body, whose own name may hold anything; none twice, whatever the case."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for body in bodies:
         stem = name = re.sub(r"[^\w.-]", "_", body).lstrip(".") or "bone"
-        taken = {file.lower() for file in found.values()}
+        taken = {file.lower() for file in result.values()}
         count = 1
         while f"{name}.obj".lower() in taken:
             count += 1
             name = f"{stem}_{count}"
-        found[body] = f"{name}.obj"
-    return found
+        result[body] = f"{name}.obj"
+    return result
 
 
 def _write_table(header: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> None:

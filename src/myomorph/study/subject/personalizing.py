@@ -110,26 +110,26 @@ def personalize_files(
     """
     files.check()
     model = inputs.open_model(files.model) if model is None else model
-    own = {one.name for kind in (Differentiation, ForceOptions) for one in fields(kind)}
-    options = with_settings(PersonalizeOptions(), {k: v for k, v in settings.items() if k not in own})
-    cutoff = {k: v for k, v in settings.items() if k in own and v is not None}
+    own = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
+    options = with_settings(PersonalizeOptions(), {name: v for name, v in settings.items() if name not in own})
+    cutoff = {name: v for name, v in settings.items() if name in own and v is not None}
     warnings = list(model.warnings)
     trials = []
-    for k, motion in enumerate(files.motion):
-        one = TrialFiles(
+    for index, motion in enumerate(files.motion):
+        trial_files = TrialFiles(
             model=files.model,
             motion=motion,
-            loads=files.loads[k] if files.loads else None,
+            loads=files.loads[index] if files.loads else None,
             bodies=files.named.bodies,
             plates=files.named.plates,
-            emg=files.emg[k] if files.emg else None,
+            emg=files.emg[index] if files.emg else None,
             emg_side=files.emg_side,
             emg_muscles=files.emg_muscles,
             time=files.time,
         )
-        trial, poses = open_motion_trial(one, {"tension": cutoff})
+        trial, poses = open_motion_trial(trial_files, {"tension": cutoff})
         warnings += [text for text in trial.warnings if text not in warnings]
-        table = files.torques[k] if files.torques else None
+        table = files.torques[index] if files.torques else None
         trials.append(_trial(trial, poses.recorded, motion.stem, table))
     trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else inputs.open_model(files.generic)
@@ -197,7 +197,7 @@ def read_passive(path: Path, model: Model) -> PersonalTrial:
                 "have a column"
             )
         names = {name: _coordinate(name) for name in table.names if _coordinate(name) in model.coordinate_names}
-        columns = [k for k, name in enumerate(table.names) if names.get(name, name) != name]
+        columns = [index for index, name in enumerate(table.names) if names.get(name, name) != name]
         if not columns:
             raise BadData(f"no column is a torque: name them as '{poses.names[0]}_moment'")
         torques = Series(table.time, tuple(names[table.names[k]] for k in columns), table.values[:, columns])
@@ -243,61 +243,75 @@ def _page(made: PersonalizedFiles) -> str:
     found = made.found
     rows = tuple(
         ParameterRow(
-            one.of, one.parameter, one.generic, one.person, one.low, one.high, one.identifiable, one.bound, one.kept
+            estimate.of,
+            estimate.parameter,
+            estimate.generic,
+            estimate.person,
+            estimate.low,
+            estimate.high,
+            estimate.identifiable,
+            estimate.bound,
+            estimate.kept,
         )
-        for one in found.estimates
+        for estimate in found.estimates
     )
-    given = PersonalizedInput(found.model.muscle_names, found.before, found.after, rows, tuple(personal_lines(found)))
+    personalized_input = PersonalizedInput(
+        found.model.muscle_names, found.before, found.after, rows, tuple(personal_lines(found))
+    )
     head = PageHead(
         title=f"{found.model.name}: muscles of the person",
         date=made.provenance.date,
         version=__version__,
         notes=(Note("real", f"Recordings: {', '.join(found.recordings) or 'none'}."),),
-        sources=tuple(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.provenance.sources),
+        sources=tuple(
+            SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.provenance.sources
+        ),
         warnings=(*found.notes, *made.warnings),
     )
-    return personalized_page(head, given)
+    return personalized_page(head, personalized_input)
 
 
-def estimate_rows(found: Personalized) -> list[dict[str, object]]:
+def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:
     """A row for every parameter."""
     return [
         {
-            "of": one.of,
-            "parameter": one.parameter.replace("_", " "),
-            "generic": one.generic,
-            "person": one.person,
-            "low": one.low,
-            "high": one.high,
-            "variance ratio": one.variance_ratio,
-            "identifiable": one.identifiable,
-            "bound": one.bound,
-            "generic kept": one.kept,
+            "of": estimate.of,
+            "parameter": estimate.parameter.replace("_", " "),
+            "generic": estimate.generic,
+            "person": estimate.person,
+            "low": estimate.low,
+            "high": estimate.high,
+            "variance ratio": estimate.variance_ratio,
+            "identifiable": estimate.identifiable,
+            "bound": estimate.bound,
+            "generic kept": estimate.kept,
         }
-        for one in found.estimates
+        for estimate in personalized.estimates
     ]
 
 
-def fiber_rows(found: Personalized) -> list[dict[str, object]]:
+def fiber_rows(personalized: Personalized) -> list[dict[str, object]]:
     """A row for every muscle: its normalized fiber lengths in the recordings before and after."""
     return [
         {
             "muscle": name,
-            "least, generic": found.before[m, 0],
-            "greatest, generic": found.before[m, 1],
-            "least, person": found.after[m, 0],
-            "greatest, person": found.after[m, 1],
+            "least, generic": personalized.before[m, 0],
+            "greatest, generic": personalized.before[m, 1],
+            "least, person": personalized.after[m, 0],
+            "greatest, person": personalized.after[m, 1],
         }
-        for m, name in enumerate(found.model.muscle_names)
+        for m, name in enumerate(personalized.model.muscle_names)
     ]
 
 
-def held_out_rows(found: Personalized) -> list[dict[str, object]]:
+def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
     """A row for every coordinate: torque that generic and personal muscles leave in what was held out."""
-    assert found.held_out is not None
+    assert personalized.held_out is not None
     return [
         {"coordinate": name, "left, generic [N m or N]": before, "left, person [N m or N]": after}
-        for name, before, after in zip(found.coordinates, found.held_out.left_generic, found.held_out.left, strict=True)
+        for name, before, after in zip(
+            personalized.coordinates, personalized.held_out.left_generic, personalized.held_out.left, strict=True
+        )
     ]
 
 

@@ -72,9 +72,13 @@ def refine_files(
     mass = check_mass(model, mass)
     trials = [open_trial(one, settings, model) for one in recordings]
     sources: list[Source] = [file_source("model", model_file)]
-    for one in recordings:
-        sources += [file_source("markers", one.markers)] if one.markers is not None else []
-        sources += [file_source("loads", one.loads), *load_tables(one.loads)] if one.loads is not None else []
+    for recording in recordings:
+        sources += [file_source("markers", recording.markers)] if recording.markers is not None else []
+        sources += (
+            [file_source("loads", recording.loads), *load_tables(recording.loads)]
+            if recording.loads is not None
+            else []
+        )
     made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
     return replace(refined(trials, mass, options, model_file.name), provenance=made)
 
@@ -111,14 +115,14 @@ def tables_folder(out: Path) -> Path:
     return out.with_name(f"{out.stem}_refinement")
 
 
-def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_refined(refined: Refined, out: Path, tables: Path | None = None) -> tuple[str, ...]:
     """Write the model, and beside it a folder of motions, tables and a report; whole or not at all.
 
     Returns
     -------
     what the model's file could not hold, one line each
     """
-    found = one.found
+    found = refined.found
 
     def fill(folder: Path) -> None:
         motions = folder / MOTIONS
@@ -132,31 +136,43 @@ def write_refined(one: Refined, out: Path, tables: Path | None = None) -> tuple[
         # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT
 
-        (folder / REPORT).write_text(_page(one), encoding="utf-8")
+        (folder / REPORT).write_text(_page(refined), encoding="utf-8")
 
-    return write_made_model(found.model, one.provenance, out, tables or tables_folder(out), fill, found.notes)
+    return write_made_model(found.model, refined.provenance, out, tables or tables_folder(out), fill, found.notes)
 
 
-def trial_rows(found: Refinement) -> Rows:
+def trial_rows(refinement: Refinement) -> Rows:
     """A row for every trial before and after, then for every prediction by the model as it was and the refined one."""
     rows = [
-        {"trial": one.name, "what": what, "frames": one.frames, "frames_with_plates": one.used, **_numbers(errors)}
-        for one in found.trials
-        for what, errors in (("inverse kinematics", one.before), ("refined", one.after))
-    ]
-    rows += [
-        {"trial": one.name, "what": f"predicted, {what}", "frames": "", "frames_with_plates": "", **_numbers(errors)}
-        for one in found.predictions
-        for what, errors in (("given model", one.given), ("refined from the others", one.refined))
+        {
+            "trial": trial.name,
+            "what": what,
+            "frames": trial.frames,
+            "frames_with_plates": trial.used,
+            **_numbers(errors),
+        }
+        for trial in refinement.trials
+        for what, errors in (("inverse kinematics", trial.before), ("refined", trial.after))
     ]
     rows += [
         {
-            "trial": one.name,
+            "trial": prediction.name,
+            "what": f"predicted, {what}",
+            "frames": "",
+            "frames_with_plates": "",
+            **_numbers(errors),
+        }
+        for prediction in refinement.predictions
+        for what, errors in (("given model", prediction.given), ("refined from the others", prediction.refined))
+    ]
+    rows += [
+        {
+            "trial": prediction.name,
             "what": "predicted, body from the others' markers alone",
             **{"frames": "", "frames_with_plates": "", "force_N": "", "moment_N_m": ""},
-            "markers_mm": 1e3 * one.markers_alone,
+            "markers_mm": 1e3 * prediction.markers_alone,
         }
-        for one in found.predictions
+        for prediction in refinement.predictions
     ]
     return rows
 
@@ -165,9 +181,9 @@ def _numbers(errors: Errors) -> dict[str, object]:
     return {"markers_mm": 1e3 * errors.markers, "force_N": errors.force, "moment_N_m": errors.moment}
 
 
-def mass_rows(found: Refinement) -> Rows:
+def mass_rows(refinement: Refinement) -> Rows:
     """A row for every body: mass before and after with its standard deviation [kg], and mass center [m]."""
-    before = inertial_parameters(found.given)[:, 0]
+    before = inertial_parameters(refinement.given)[:, 0]
     return [
         {
             "body": body.name,
@@ -176,15 +192,15 @@ def mass_rows(found: Refinement) -> Rows:
             "sd_kg": float(sd),
             **{f"center_{axis}_m": float(value) for axis, value in zip("xyz", body.mass_center, strict=True)},
         }
-        for body, old, sd in zip(found.model.bodies, before, found.mass_sd, strict=True)
+        for body, old, sd in zip(refinement.model.bodies, before, refinement.mass_sd, strict=True)
     ]
 
 
-def length_rows(found: Refinement) -> Rows:
+def length_rows(refinement: Refinement) -> Rows:
     """A row for every length: its factor on the given model's and the standard deviation."""
     return [
         {"length": name, "factor": float(factor), "factor_sd": float(sd)}
-        for name, factor, sd in zip(found.lengths, found.factors, found.factors_sd, strict=True)
+        for name, factor, sd in zip(refinement.lengths, refinement.factors, refinement.factors_sd, strict=True)
     ]
 
 
@@ -199,34 +215,38 @@ def _short(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def summary(found: Refinement) -> list[str]:
+def summary(refinement: Refinement) -> list[str]:
     """What the command says: errors before and after, and what was predicted."""
-    weight = found.given.mass * float(np.linalg.norm(found.given.gravity))
-    before, after = found.before, found.after
+    weight = refinement.given.mass * float(np.linalg.norm(refinement.given.gravity))
+    before, after = refinement.before, refinement.after
     lines = [
-        f"{len(found.trials)} {'trial' if len(found.trials) == 1 else 'trials'}: markers {1e3 * before.markers:.1f} -> "
+        f"{len(refinement.trials)} {'trial' if len(refinement.trials) == 1 else 'trials'}: markers "
+        f"{1e3 * before.markers:.1f} -> "
         f"{1e3 * after.markers:.1f} mm, residual force {before.force:.1f} -> {after.force:.1f} N "
-        f"({100 * after.force / weight:.2g} % of body weight), moment {before.moment:.1f} -> {after.moment:.1f} N m "
-        f"({100 * after.moment / weight:.2g} % of body weight times 1 m); {sum(one.used for one in found.trials)} of "
-        f"{sum(one.frames for one in found.trials)} frames with plates"
+        f"({100 * after.force / weight:.2g} % of body weight), moment {before.moment:.1f} -> {after.moment:.1f} "
+        f"N m "
+        f"({100 * after.moment / weight:.2g} % of body weight times 1 m); "
+        f"{sum(trial.used for trial in refinement.trials)} of "
+        f"{sum(trial.frames for trial in refinement.trials)} frames with plates"
     ]
     lines += [
-        f"{one.name}, not used: {_errors(one.refined)} (given model {_errors(one.given)})" for one in found.predictions
+        f"{prediction.name}, not used: {_errors(prediction.refined)} (given model {_errors(prediction.given)})"
+        for prediction in refinement.predictions
     ]
     return lines
 
 
-def _errors(one: Errors) -> str:
-    return f"{one.force:.1f} N, {one.moment:.1f} N m, markers {1e3 * one.markers:.1f} mm"
+def _errors(errors: Errors) -> str:
+    return f"{errors.force:.1f} N, {errors.moment:.1f} N m, markers {1e3 * errors.markers:.1f} mm"
 
 
-def refinement_section(found: Refinement) -> Section:
+def refinement_section(refinement: Refinement) -> Section:
     """Tables of errors, masses and lengths."""
     grids = []
     for title, rows in (
-        ("Errors before and after", trial_rows(found)),
-        ("Masses", mass_rows(found)),
-        ("Lengths", length_rows(found)),
+        ("Errors before and after", trial_rows(refinement)),
+        ("Masses", mass_rows(refinement)),
+        ("Lengths", length_rows(refinement)),
     ):
         head = tuple(rows[0]) if rows else ()
         cells = tuple(tuple(_cell(value) for value in row.values()) for row in rows)
@@ -234,7 +254,7 @@ def refinement_section(found: Refinement) -> Section:
     return Section(
         "refinement",
         "Motion, body and masses at once",
-        " ".join(summary(found)),
+        " ".join(summary(refinement)),
         grids=tuple(grids),
     )
 
@@ -243,11 +263,11 @@ def _cell(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def _page(one: Refined) -> str:
+def _page(refined: Refined) -> str:
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
 
-    found, made = one.found, one.provenance
+    found, made = refined.found, refined.provenance
     return report_page(
         ReportInput(
             PageHead(
@@ -256,7 +276,7 @@ def _page(one: Refined) -> str:
                 version=__version__,
                 notes=(Note("real", f"Recordings: {', '.join(each.name for each in found.trials)}."),),
                 sources=tuple(SourceFile(each.role, Path(each.name).name, each.sha256) for each in made.sources),
-                warnings=(*found.notes, *one.warnings),
+                warnings=(*found.notes, *refined.warnings),
             ),
             model=found.model,
             more=(refinement_section(found),),
@@ -269,9 +289,9 @@ def _run(
 ) -> Refined:
     options = with_settings(RefineOptions(), settings.get("refine", {}))
     trials, mass = prepared.trials(files, settings), check_mass(prepared.model, files.mass)
-    found = refined(trials, mass, options, files.name)
-    write_refined(replace(found, provenance=made), out, tables)
-    return found
+    result = refined(trials, mass, options, files.name)
+    write_refined(replace(result, provenance=made), out, tables)
+    return result
 
 
 def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:

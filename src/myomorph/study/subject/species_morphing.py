@@ -93,7 +93,7 @@ BONE_KEYS = frozenset(
 def species_tables() -> tuple[str, ...]:
     """Names of the tables that come with Myomorph."""
     folder = files("myomorph.morph") / "data"
-    return tuple(sorted(one.name[:-5].replace("_", "-") for one in folder.iterdir() if one.name.endswith(".toml")))
+    return tuple(sorted(path.name[:-5].replace("_", "-") for path in folder.iterdir() if path.name.endswith(".toml")))
 
 
 def read_species(table: str | Path) -> SpeciesTable:
@@ -124,60 +124,60 @@ def read_species(table: str | Path) -> SpeciesTable:
         raise BadData(f"{table}: {error}") from None
 
 
-def _table(given: Table, name: str) -> SpeciesTable:
-    _known(given, KEYS, "the table")
-    frames = given["frames"]
-    posture = given.get("posture", {})
+def _table(table: Table, name: str) -> SpeciesTable:
+    _known(table, KEYS, "the table")
+    frames = table["frames"]
+    posture = table.get("posture", {})
     return SpeciesTable(
-        given.get("name", name),
+        table.get("name", name),
         _frame(frames["source"]),
         _frame(frames["target"]),
-        tuple(_bone(one) for one in given["bone"]),
-        tuple(CoordinateHomology(**one) for one in given.get("coordinate", ())),
+        tuple(_bone(one) for one in table["bone"]),
+        tuple(CoordinateHomology(**one) for one in table.get("coordinate", ())),
         tuple(
             MuscleHomology(tuple(one["sources"]), tuple(one["targets"]), one.get("why", ""))
-            for one in given.get("muscle", ())
+            for one in table.get("muscle", ())
         ),
         posture.get("source", {}),
         posture.get("target", {}),
-        given.get("missing", {}),
-        given.get("extra", {}),
-        tuple(_architecture(one) for one in given.get("architecture", ())),
-        _scaling(given["scaling"]) if "scaling" in given else None,
-        tuple(_share(one) for one in given.get("mass", ())),
-        tuple(_markers(one) for one in given.get("markers", ())),
-        tuple(_relative(one) for one in given.get("relative", ())),
-        tuple(given.get("straight", {}).get("muscles", ())),
-        float(given.get("unlike", {}).get("attachments", 0.0)),
+        table.get("missing", {}),
+        table.get("extra", {}),
+        tuple(_architecture(one) for one in table.get("architecture", ())),
+        _scaling(table["scaling"]) if "scaling" in table else None,
+        tuple(_share(one) for one in table.get("mass", ())),
+        tuple(_markers(one) for one in table.get("markers", ())),
+        tuple(_relative(one) for one in table.get("relative", ())),
+        tuple(table.get("straight", {}).get("muscles", ())),
+        float(table.get("unlike", {}).get("attachments", 0.0)),
     )
 
 
-def _architecture(given: Table) -> ArchitectureTable:
-    _known(given, TABLE_KEYS, "a table of architecture")
-    kept = {key: value for key, value in given.items() if key != "muscles"}
-    return ArchitectureTable(rows=tuple(_row(one) for one in given["muscles"]), **kept)
+def _architecture(table: Table) -> ArchitectureTable:
+    _known(table, TABLE_KEYS, "a table of architecture")
+    kept = {key: value for key, value in table.items() if key != "muscles"}
+    return ArchitectureTable(rows=tuple(_row(one) for one in table["muscles"]), **kept)
 
 
-def _scaling(given: Table) -> ScalingLaw:
-    _known(given, frozenset(one.name for one in fields(ScalingLaw)), "the scaling")
-    kept: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
+def _scaling(table: Table) -> ScalingLaw:
+    _known(table, frozenset(field.name for field in fields(ScalingLaw)), "the scaling")
+    kept: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in table.items()}
     return ScalingLaw(**kept)
 
 
-def _share(given: Table) -> SegmentShare:
-    _known(given, frozenset(("name", "bodies", "share", "interval")), "a mass")
-    low, high = given["interval"]
-    return SegmentShare(given["name"], tuple(given["bodies"]), float(given["share"]), (float(low), float(high)))
+def _share(table: Table) -> SegmentShare:
+    _known(table, frozenset(("name", "bodies", "share", "interval")), "a mass")
+    low, high = table["interval"]
+    return SegmentShare(table["name"], tuple(table["bodies"]), float(table["share"]), (float(low), float(high)))
 
 
-def _relative(given: Table) -> RelativeBone:
-    _known(given, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
+def _relative(table: Table) -> RelativeBone:
+    _known(table, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
     attachments = []
-    for one in given["attachments"]:
+    for one in table["attachments"]:
         _known(one, frozenset(("muscles", "end", "at")), "an attachment")
         attachments.append(Attachment(tuple(one["muscles"]), one["end"], _point(one["at"])))
-    landmarks = {name: _point(at) for name, at in given["landmarks"].items()}
-    return RelativeBone(given["body"], landmarks, tuple(attachments), given.get("citation", ""))
+    landmarks = {name: _point(at) for name, at in table["landmarks"].items()}
+    return RelativeBone(table["body"], landmarks, tuple(attachments), table.get("citation", ""))
 
 
 def _point(given: Any) -> tuple[float, float, float]:
@@ -186,38 +186,38 @@ def _point(given: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _markers(given: Table) -> MarkerTable:
-    _known(given, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
+def _markers(table: Table) -> MarkerTable:
+    _known(table, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
     places: dict[str, tuple[str, tuple[float, float, float]]] = {}
-    for label, one in given["places"].items():
+    for label, one in table["places"].items():
         if len(one["at"]) != 3:
-            raise BadData(f"markers of '{given['name']}': expected three numbers at '{label}'")
+            raise BadData(f"markers of '{table['name']}': expected three numbers at '{label}'")
         x, y, z = map(float, one["at"])
         places[label] = one["body"], (x, y, z)
-    moving = tuple(given.get("moving", ("*",)))
-    return MarkerTable(given["name"], given["citation"], places, moving, given.get("start", {}))
+    moving = tuple(table.get("moving", ("*",)))
+    return MarkerTable(table["name"], table["citation"], places, moving, table.get("start", {}))
 
 
-def _row(given: Table) -> MuscleRow:
+def _row(table: Table) -> MuscleRow:
     """A muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
-    _known(given, ROW_KEYS, "a muscle of the architecture")
-    if ("force" in given) == ("mass" in given):
-        raise BadData(f"architecture of '{given['name']}': expected either force or mass")
-    fiber = float(given["fiber"])
-    strength = given["force"] * fiber if "force" in given else given["mass"] / DENSITY * SPECIFIC_TENSION
-    pennation = float(np.deg2rad(given["pennation"])) if "pennation" in given else None
-    return MuscleRow(given["name"], tuple(given["sources"]), fiber, float(strength), pennation)
+    _known(table, ROW_KEYS, "a muscle of the architecture")
+    if ("force" in table) == ("mass" in table):
+        raise BadData(f"architecture of '{table['name']}': expected either force or mass")
+    fiber = float(table["fiber"])
+    strength = table["force"] * fiber if "force" in table else table["mass"] / DENSITY * SPECIFIC_TENSION
+    pennation = float(np.deg2rad(table["pennation"])) if "pennation" in table else None
+    return MuscleRow(table["name"], tuple(table["sources"]), fiber, float(strength), pennation)
 
 
-def _known(given: Table, keys: frozenset[str], what: str) -> None:
-    for key in given:
+def _known(table: Table, keys: frozenset[str], what: str) -> None:
+    for key in table:
         if key not in keys:
             raise BadData(f"{what} has '{key}': known are {', '.join(sorted(keys))}")
 
 
-def _bone(given: Table) -> BoneHomology:
-    _known(given, BONE_KEYS, "a bone")
-    kept = dict(given)
+def _bone(table: Table) -> BoneHomology:
+    _known(table, BONE_KEYS, "a bone")
+    kept = dict(table)
     for side in ("source_frame", "target_frame"):
         if side in kept:
             kept[side] = _frame(kept[side])
@@ -226,17 +226,17 @@ def _bone(given: Table) -> BoneHomology:
             kept[several] = tuple(kept[several])
     if "rays" in kept:
         kept["rays"] = tuple(_ray(one) for one in kept["rays"])
-    kept["landmarks"] = tuple(_rule(one) for one in given["landmarks"])
+    kept["landmarks"] = tuple(_rule(one) for one in table["landmarks"])
     return BoneHomology(**kept)
 
 
-def _ray(given: Table) -> Ray:
-    _known(given, frozenset(("toe", "metatarsal", "extensors", "flexors")), "a ray")
-    return Ray(given["toe"], given["metatarsal"], tuple(given.get("extensors", ())), tuple(given.get("flexors", ())))
+def _ray(table: Table) -> Ray:
+    _known(table, frozenset(("toe", "metatarsal", "extensors", "flexors")), "a ray")
+    return Ray(table["toe"], table["metatarsal"], tuple(table.get("extensors", ())), tuple(table.get("flexors", ())))
 
 
-def _rule(given: Table) -> LandmarkRule:
-    kept = dict(given)
+def _rule(table: Table) -> LandmarkRule:
+    kept = dict(table)
     for box in ("within", "source_within", "target_within"):
         if box in kept:
             kept[box] = {name: (float(low), float(high)) for name, (low, high) in kept[box].items()}
@@ -245,15 +245,15 @@ def _rule(given: Table) -> LandmarkRule:
     return LandmarkRule(**kept)
 
 
-def _frame(given: Table) -> AnatomicalFrame:
+def _frame(table: Table) -> AnatomicalFrame:
     """Directions such as "+y"; a table writes where the axes of the bodies' frames point."""
     axes = np.zeros((3, 3))
-    for k, name in enumerate(DIRECTIONS):
-        text = str(given[name]).strip()
+    for index, name in enumerate(DIRECTIONS):
+        text = str(table[name]).strip()
         letter = text.lstrip("+-")
         if letter not in ("x", "y", "z"):
-            raise BadData(f"{name} is '{given[name]}': expected an axis, as +x or -z")
-        axes[k, "xyz".index(letter)] = -1.0 if text.startswith("-") else 1.0
+            raise BadData(f"{name} is '{table[name]}': expected an axis, as +x or -z")
+        axes[index, "xyz".index(letter)] = -1.0 if text.startswith("-") else 1.0
     return AnatomicalFrame(axes)
 
 

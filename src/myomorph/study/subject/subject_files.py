@@ -158,7 +158,7 @@ class Prepared:
 
     def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
         """The subject's recordings with this model."""
-        return [open_trial(replace(one, model=self.path), settings, self.model) for one in files.trials]
+        return [open_trial(replace(trial, model=self.path), settings, self.model) for trial in files.trials]
 
 
 def recordings_provenance(

@@ -135,20 +135,20 @@ def reused_subject_steps(
     MyomorphError
         where a file cannot be read that must be held against the results
     """
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     prepared: Prepared | None = None
     for step in [name for name in SUBJECT_STEPS if name in steps]:
         one = subject_step(step)
-        out, tables = made_model(files, (*found, step), folder).path, folder / one.tables
+        out, tables = made_model(files, (*result, step), folder).path, folder / one.tables
         earlier = _stored(tables) if out.is_file() else None
-        if earlier is None or any(found.values()):
-            found[step] = (NEVER if earlier is None else "the model that it begins with is made anew",)
+        if earlier is None or any(result.values()):
+            result[step] = (NEVER if earlier is None else "the model that it begins with is made anew",)
             continue
         prepared = prepared or Prepared(files.model, made_model(files, (), folder).open())
-        found[step] = changes(earlier, one.provenance(files, prepared, settings))
-        if not found[step]:
-            prepared = Prepared(out, made_model(files, (*found,), folder).open())
-    return found
+        result[step] = changes(earlier, one.provenance(files, prepared, settings))
+        if not result[step]:
+            prepared = Prepared(out, made_model(files, (*result,), folder).open())
+    return result
 
 
 def subject_notes(steps: Sequence[str], folder: Path) -> tuple[str, ...]:

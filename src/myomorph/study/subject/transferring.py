@@ -55,14 +55,14 @@ def tables_folder(out: Path) -> Path:
     return out.with_name(f"{out.stem}_transfer")
 
 
-def write_transferred(one: Transferred, out: Path) -> tuple[str, ...]:
+def write_transferred(transferred: Transferred, out: Path) -> tuple[str, ...]:
     """Write the model, and beside it a folder of tables; whole or not at all.
 
     Returns
     -------
     what the model's file could not hold, one line each
     """
-    found = one.found
+    found = transferred.found
 
     def fill(folder: Path) -> None:
         _write_rows(joint_rows(found), folder / "joints.csv")
@@ -71,45 +71,45 @@ def write_transferred(one: Transferred, out: Path) -> tuple[str, ...]:
         # In it the joint centers of both models coincide.
         write_sto(table_from_motion(found.higher_pose, found.model), folder / "pose.mot")
 
-    return write_made_model(found.model, one.provenance, out, tables_folder(out), fill)
+    return write_made_model(found.model, transferred.provenance, out, tables_folder(out), fill)
 
 
-def joint_rows(found: Transfer) -> Rows:
+def joint_rows(transfer: Transfer) -> Rows:
     """A row for each joint center that both models have: how far apart it is left, and how far its joint was moved."""
     return [
-        {"joint_center": name, "error_m": error, "shift_m": found.joint_shifts.get(name, 0.0)}
-        for name, error in found.joint_errors.items()
+        {"joint_center": name, "error_m": error, "shift_m": transfer.joint_shifts.get(name, 0.0)}
+        for name, error in transfer.joint_errors.items()
     ]
 
 
-def length_rows(found: Transfer) -> Rows:
+def length_rows(transfer: Transfer) -> Rows:
     """A row for each distance of two joint centers of a region, in both models."""
     return [
         {
-            "region": str(one.region),
-            "from": one.centers[0],
-            "to": one.centers[1],
-            "given_m": one.lower,
-            "transferred_m": one.higher,
+            "region": str(length.region),
+            "from": length.centers[0],
+            "to": length.centers[1],
+            "given_m": length.lower,
+            "transferred_m": length.higher,
         }
-        for one in found.lengths
+        for length in transfer.lengths
     ]
 
 
-def mass_rows(found: Transfer) -> Rows:
+def mass_rows(transfer: Transfer) -> Rows:
     """A row for each region: its mass, and how well the bodies of the larger model reproduce it."""
     return [
         {
-            "region": str(one.region),
-            "given_bodies": " ".join(one.lower_bodies),
-            "bodies": " ".join(one.higher_bodies),
-            "mass_kg": one.mass,
-            "mass_error_kg": one.mass_error,
-            "center_error_m": one.center_error,
-            "inertia_error_kg_m2": one.inertia_error,
-            "note": one.note,
+            "region": str(mass.region),
+            "given_bodies": " ".join(mass.lower_bodies),
+            "bodies": " ".join(mass.higher_bodies),
+            "mass_kg": mass.mass,
+            "mass_error_kg": mass.mass_error,
+            "center_error_m": mass.center_error,
+            "inertia_error_kg_m2": mass.inertia_error,
+            "note": mass.note,
         }
-        for one in found.masses
+        for mass in transfer.masses
     ]
 
 
@@ -123,16 +123,16 @@ def _write_rows(rows: Rows, path: Path) -> None:
         )
 
 
-def summary(found: Transfer) -> list[str]:
+def summary(transfer: Transfer) -> list[str]:
     """What the command prints: joint centers, masses, and what has no counterpart."""
-    errors = np.array(list(found.joint_errors.values()))
+    errors = np.array(list(transfer.joint_errors.values()))
     lines = [
         f"{len(errors)} joint centers in common, at most {1e3 * errors.max():.1f} mm apart; "
-        f"{found.model.mass:.2f} kg in {len(found.masses)} regions"
+        f"{transfer.model.mass:.2f} kg in {len(transfer.masses)} regions"
     ]
     for what, names in (
-        ("joint centers of one model only", found.without_center),
-        ("bodies without a counterpart", found.without_counterpart),
+        ("joint centers of one model only", transfer.without_center),
+        ("bodies without a counterpart", transfer.without_counterpart),
     ):
         if names:
             lines.append(f"{what}: {', '.join(names)}")

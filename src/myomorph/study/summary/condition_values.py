@@ -76,10 +76,10 @@ class RunningMeans(Generic[Name]):
 
 def families_of(curves: RunningMeans[Curve]) -> dict[str, list[str]]:
     """Names of curves by family, in their first order."""
-    found: dict[str, list[str]] = {}
+    result: dict[str, list[str]] = {}
     for family, name in curves.columns:
-        found.setdefault(family, []).append(name)
-    return found
+        result.setdefault(family, []).append(name)
+    return result
 
 
 @dataclass
@@ -113,11 +113,11 @@ class GrowingCondition:
         """
         self.trials += 1
         own = self._subjects.setdefault(subject, _Subject())
-        self.units |= {one.quantity: one.unit for one in values}
-        quantities, numbers = tuple(one.quantity for one in values), np.array([[one.value for one in values]])
+        self.units |= {value.quantity: value.unit for value in values}
+        quantities, numbers = tuple(value.quantity for value in values), np.array([[value.value for value in values]])
         for sums in (own.values, self._values):
             sums.add(quantities, numbers)
-        own.strides += max((one.value for one in values if one.quantity.startswith("strides, ")), default=0.0)
+        own.strides += max((value.value for value in values if value.quantity.startswith("strides, ")), default=0.0)
         if self.trials > 1 and self.cycle != OF_STRIDE:
             if self._alone:
                 self._left_out(*self._alone)
@@ -147,8 +147,8 @@ class GrowingCondition:
         if self._alone:
             self._left_out(*self._alone)
         self._alone, self.each = None, RunningMeans(SAMPLES)
-        for one in self._subjects.values():
-            one.curves = RunningMeans(SAMPLES)
+        for subject in self._subjects.values():
+            subject.curves = RunningMeans(SAMPLES)
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -160,21 +160,21 @@ class GrowingCondition:
         whole = self._values
         if of_subjects:
             whole = RunningMeans(1)
-            for one in self._subjects.values():
-                whole.add(tuple(one.values.columns), one.values.means())
+            for subject in self._subjects.values():
+                whole.add(tuple(subject.values.columns), subject.values.means())
         count = whole.count[0]
         spread = np.where(count > 1, np.sqrt(whole.squares[0] / np.maximum(count - 1.0, 1.0)), np.nan)
         return {
-            quantity: (float(whole.mean[0, k]), float(spread[k]), int(count[k]))
-            for quantity, k in whole.columns.items()
+            quantity: (float(whole.mean[0, column]), float(spread[column]), int(count[column]))
+            for quantity, column in whole.columns.items()
         }
 
     def finished(self, of_subjects: bool) -> Condition:
         """The condition as it is compared and drawn: the spread is that of subjects' means, or of trials."""
         spread: RunningMeans[Curve] = RunningMeans(SAMPLES)
-        for one in self._subjects.values() if of_subjects else ():
-            if one.curves.columns:
-                spread.add(tuple(one.curves.columns), one.curves.means())
+        for subject in self._subjects.values() if of_subjects else ():
+            if subject.curves.columns:
+                spread.add(tuple(subject.curves.columns), subject.curves.means())
         drawn = spread if of_subjects else self.each
         families = {family: _family(drawn, family, names) for family, names in families_of(drawn).items()}
         moving = {(family, name) for family, curves in families.items() for name in curves.names}
@@ -187,21 +187,23 @@ class GrowingCondition:
             families,
         )
 
-    def _animal(self, name: str, one: _Subject, moving: set[Curve]) -> Animal:
+    def _animal(self, name: str, subject: _Subject, moving: set[Curve]) -> Animal:
         """A subject: parameters of strides (else of the trial) and the means of its curves that move."""
         scalars = {
-            _with_unit(quantity, self.units[quantity]): one.values.mean[:, k]
-            for quantity, k in one.values.columns.items()
+            _with_unit(quantity, self.units[quantity]): subject.values.mean[:, column]
+            for quantity, column in subject.values.columns.items()
             if quantity.rpartition(", ")[0] in PER_STRIDE
         }
-        if not scalars and "duration" in one.values.columns:
-            scalars = {"duration [s]": one.values.mean[:, one.values.columns["duration"]]}
-        means = one.curves.means()
+        if not scalars and "duration" in subject.values.columns:
+            scalars = {"duration [s]": subject.values.mean[:, subject.values.columns["duration"]]}
+        means = subject.curves.means()
         curves = {}
-        for family, names in families_of(one.curves).items():
+        for family, names in families_of(subject.curves).items():
             kept = [each for each in names if (family, each) in moving]
-            curves[family] = Cycles(tuple(kept), means[None][:, :, [one.curves.columns[family, each] for each in kept]])
-        return Animal(name, scalars, curves, int(one.strides))
+            curves[family] = Cycles(
+                tuple(kept), means[None][:, :, [subject.curves.columns[family, each] for each in kept]]
+            )
+        return Animal(name, scalars, curves, int(subject.strides))
 
 
 def _with_unit(quantity: str, unit: str) -> str:
@@ -225,13 +227,13 @@ def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> 
 
 def of_subjects(conditions: Sequence[GrowingCondition]) -> bool:
     """Whether subjects are the unit, in all conditions alike; where there is one only, its trials are."""
-    return len({name for one in conditions for name in one.subjects}) > 1
+    return len({name for condition in conditions for name in condition.subjects}) > 1
 
 
 def shown_quantities(quantities: Sequence[str]) -> set[str]:
     """Those that tables for people show: of a stride where there are strides, else of the trial."""
     every = set(quantities)
-    return {one for one in quantities if f"{one} {IN_STRIDE}" not in every}
+    return {quantity for quantity in quantities if f"{quantity} {IN_STRIDE}" not in every}
 
 
 class OutlierSearch:
@@ -244,9 +246,11 @@ class OutlierSearch:
         """Values of one more trial: subject, condition and trial."""
         subject, condition, trial = whose
         shown = shown_quantities([one.quantity for one in values])
-        for one in values:
-            if one.quantity in shown and _is_telling(one):
-                self._values.setdefault((condition, one.quantity, one.unit), []).append((subject, trial, one.value))
+        for value in values:
+            if value.quantity in shown and _is_telling(value):
+                self._values.setdefault((condition, value.quantity, value.unit), []).append(
+                    (subject, trial, value.value)
+                )
 
     def add_curves(
         self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
@@ -285,9 +289,9 @@ class OutlierSearch:
 def outlier_rows(outliers: Sequence[Outlier]) -> Iterator[tuple[str, ...]]:
     """One row an outlier; the heading first."""
     yield ("subject", "condition", "trial", "quantity", "value", "unit", "median", "score")
-    for one in outliers:
-        numbers = f"{one.value:.9g}", one.unit, f"{one.middle:.9g}", f"{one.score:.4g}"
-        yield (one.subject, one.condition, one.trial, one.quantity, *numbers)
+    for outlier in outliers:
+        numbers = f"{outlier.value:.9g}", outlier.unit, f"{outlier.middle:.9g}", f"{outlier.score:.4g}"
+        yield (outlier.subject, outlier.condition, outlier.trial, outlier.quantity, *numbers)
 
 
 def _is_telling(one: Value) -> bool:
@@ -305,44 +309,44 @@ def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
     found: dict[str, list[tuple[float, float, int]]] = {}
     units: dict[str, str] = {}
     subjects = of_subjects(growing)
-    for k, one in enumerate(growing):
+    for index, one in enumerate(growing):
         for quantity, (mean, deviation, count) in one.described(subjects).items():
             units.setdefault(quantity, one.units[quantity])
             rows = found.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
-            rows[k] = mean, deviation, count
+            rows[index] = mean, deviation, count
     return tuple(Described(quantity, units[quantity], tuple(rows)) for quantity, rows in found.items())
 
 
 def described_rows(quantities: Sequence[Described], conditions: Sequence[Condition]) -> Iterator[Row]:
     """One row a quantity and condition; the heading first."""
     yield ("condition", "quantity", "unit", "mean", "sd", "n", "of")
-    for k, one in enumerate(conditions):
+    for index, condition in enumerate(conditions):
         for each in quantities:
-            mean, deviation, count = each.conditions[k]
+            mean, deviation, count = each.conditions[index]
             if count:
                 yield (
-                    one.name,
+                    condition.name,
                     each.quantity,
                     each.unit,
                     _number_text(mean),
                     _number_text(deviation),
                     str(count),
-                    one.unit,
+                    condition.unit,
                 )
 
 
 def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
     """One row a condition, curve and percent; the heading first."""
     yield ("condition", "kind", "curve", "cycle", "percent", "mean", "sd", "low", "high", "n", "of")
-    for one in conditions:
-        for family, curves in one.curves.items():
+    for condition in conditions:
+        for family, curves in condition.curves.items():
             for k, name in enumerate(curves.names):
                 for i, percent in enumerate(np.linspace(0.0, 100.0, len(curves.mean))):
                     values = (part[i, k] for part in (curves.mean, curves.deviation, curves.low, curves.high))
                     yield (
-                        *(one.name, family, name, one.cycle, f"{percent:g}"),
+                        *(condition.name, family, name, condition.cycle, f"{percent:g}"),
                         *(_number_text(value) for value in values),
-                        *(f"{curves.count[i, k]:.0f}", one.unit),
+                        *(f"{curves.count[i, k]:.0f}", condition.unit),
                     )
 
 
@@ -352,23 +356,32 @@ def pair_rows(comparisons: Sequence[Comparison]) -> Iterator[Row]:
         *("first", "second", "paired", "kind", "name", "percent", "first_mean", "second_mean", "difference", "low"),
         *("high", "effect_size", "effect_low", "effect_high", "p", "p_corrected", "below", "differs_percent"),
     )
-    for found in comparisons:
-        whose = (*found.names, "yes" if found.paired else "no")
-        level = _number_text(found.options.alpha)
-        for one in found.scalars:
-            numbers = (one.first[0], one.second[0], one.difference, one.low, one.high, one.g, one.g_low, one.g_high)
+    for comparison in comparisons:
+        whose = (*comparison.names, "yes" if comparison.paired else "no")
+        level = _number_text(comparison.options.alpha)
+        for scalar in comparison.scalars:
+            numbers = (
+                scalar.first[0],
+                scalar.second[0],
+                scalar.difference,
+                scalar.low,
+                scalar.high,
+                scalar.g,
+                scalar.g_low,
+                scalar.g_high,
+            )
             yield (
                 *whose,
                 "parameter",
-                one.name,
+                scalar.name,
                 "",
                 *map(_number_text, numbers),
-                _number_text(one.p),
-                _number_text(one.holm),
+                _number_text(scalar.p),
+                _number_text(scalar.holm),
                 level,
                 "",
             )
-        for each in found.curves:
+        for each in comparison.curves:
             if not np.isfinite(each.g).any():
                 continue
             at = int(np.argmax(np.where(np.isfinite(each.g), np.abs(each.g), -1.0)))

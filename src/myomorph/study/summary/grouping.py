@@ -51,22 +51,22 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
     animals = in_one_turn([*groups[0].animals, *groups[1].animals])
     count = len(groups[0].animals)
     first, second = replace(groups[0], animals=animals[:count]), replace(groups[1], animals=animals[count:])
-    found = compare_groups(first, second)
-    given = PageHead(
+    result = compare_groups(first, second)
+    page_head = PageHead(
         title=f"{name}: {plan.first[0]} and {plan.second[0]}" if name else f"{plan.first[0]} and {plan.second[0]}",
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         version=__version__,
-        notes=tuple(Note("warning", one) for one in notes),
+        notes=tuple(Note("warning", note) for note in notes),
     )
-    page = group_page(found, given)
-    _write(out / PARAMETERS, _parameter_table(found))
-    _write(out / CURVES, _curve_table(found))
+    page = group_page(result, page_head)
+    _write(out / PARAMETERS, _parameter_table(result))
+    _write(out / CURVES, _curve_table(result))
     _write(out / STRIDES, _stride_table(rows))
     head, *lines = difference_rows(_value_differences(plan, out))
     _write(out / VALUES, _table(head, lines))
     # Last, so that where the page is new the tables are.
     _write(out / PAGE, with_key(page, groups_key(plan, name, out, [out / table for table in TABLES])))
-    return found
+    return result
 
 
 def _value_differences(plan: GroupPlan, out: Path) -> list[ValueDifference]:
@@ -94,17 +94,17 @@ def _group(
         for trial in plan.trials[subject]:
             path = out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
             try:
-                found = read_result(path, leave_out=("moment_arm",))
-                model = model_of(found)
-                strides = trial_strides(found, model, plan.strides)
+                result = read_result(path, leave_out=("moment_arm",))
+                model = model_of(result)
+                strides = trial_strides(result, model, plan.strides)
             except MyomorphError as error:
                 notes.append(f"{subject}, {trial}: left out: {' '.join(str(error).split())}")
                 continue
-            notes += [f"{subject}, {trial}: {one}" for one in strides.notes]
+            notes += [f"{subject}, {trial}: {note}" for note in strides.notes]
             if not strides.count:
                 notes.append(f"{subject}, {trial}: left out: no whole stride is seen")
                 continue
-            results.append((found, model, strides))
+            results.append((result, model, strides))
             rows.append((members[0], subject, strides))
         if results:
             animals.append(animal_of(subject, results))
@@ -128,8 +128,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def _parameter_table(found: Comparison) -> str:
-    one, other = found.names
+def _parameter_table(comparison: Comparison) -> str:
+    one, other = comparison.names
     head = [
         "parameter",
         *(f"{name}_{what}" for name in (one, other) for what in ("mean", "sd", "animals")),
@@ -142,13 +142,13 @@ def _parameter_table(found: Comparison) -> str:
             *each.second,
             *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p, each.holm, each.q),
         )
-        for each in found.scalars
+        for each in comparison.scalars
     ]
     return _table(head, rows)
 
 
-def _curve_table(found: Comparison) -> str:
-    one, other = found.names
+def _curve_table(comparison: Comparison) -> str:
+    one, other = comparison.names
     head = [
         "kind",
         "curve",
@@ -157,7 +157,7 @@ def _curve_table(found: Comparison) -> str:
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p_corrected"),
     ]
     rows: list[tuple[object, ...]] = []
-    for each in found.curves:
+    for each in comparison.curves:
         columns = [
             *(part for band in (each.first, each.second) for part in (band.mean, band.low, band.high)),
             *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p),

@@ -46,17 +46,17 @@ def tables_key(plan: Plan, outcomes: Iterable[Outcome], own: Sequence[str], made
     """
     trials = [
         (
-            one.key,
-            one.condition,
-            one.done,
-            one.error,
-            one.frames,
-            one.changed,
-            _hashes(one.folder / name for name in own),
+            outcome.key,
+            outcome.condition,
+            outcome.done,
+            outcome.error,
+            outcome.frames,
+            outcome.changed,
+            _hashes(outcome.folder / name for name in own),
         )
-        for one in outcomes
+        for outcome in outcomes
     ]
-    planned = [(one.subject, one.name, one.condition) for one in plan.trials]
+    planned = [(trial.subject, trial.name, trial.condition) for trial in plan.trials]
     values = (plan.name, planned, [one.name for one in plan.together], plan.groups is None, list(plan.conditions.names))
     left = [astuple(one) for one in plan.excluded]
     conditions = sorted(plan.conditions.trials.items())

@@ -90,7 +90,7 @@ class SignSearch:
 
     def add(self, subject: str, values: Sequence[Value]) -> None:
         """Values of one more trial."""
-        angles = {one.quantity: one.value for one in values if one.unit == "deg"}
+        angles = {value.quantity: value.value for value in values if value.unit == "deg"}
         for quantity, most in angles.items():
             name, ending, _ = quantity.partition(", maximum")
             least = angles.get(f"{name}, minimum")
@@ -162,23 +162,27 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
     search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
     with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
-        for one in trials:
-            if not one.has_values:
+        for trial in trials:
+            if not trial.has_values:
                 continue
-            values = [each for each in read_values(one.outcome.folder / VALUES) if each.step in one.outcome.done]
-            table.writerows((*one.whose, *value_row(each)) for each in values)
-            keep(one.whose, values)
-            condition = growing.setdefault(one.condition, GrowingCondition(one.condition))
-            condition.add(one.outcome.subject, one.outcome.trial, values, *read_curves(one.outcome.folder / CURVES))
-            search.add(one.whose, values)
-            measured.add(one.whose, values, one.drawn)
-            signs.add(one.outcome.subject, values)
+            values = [each for each in read_values(trial.outcome.folder / VALUES) if each.step in trial.outcome.done]
+            table.writerows((*trial.whose, *value_row(each)) for each in values)
+            keep(trial.whose, values)
+            condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
+            condition.add(
+                trial.outcome.subject, trial.outcome.trial, values, *read_curves(trial.outcome.folder / CURVES)
+            )
+            search.add(trial.whose, values)
+            measured.add(trial.whose, values, trial.drawn)
+            signs.add(trial.outcome.subject, values)
     if len([one for one in growing.values() if one.trials]) > 1:
         for condition in growing.values():
             condition.without_whole_trials()
-    for one in trials:
-        if one.has_values:
-            search.add_curves(one.whose, growing[one.condition], *read_curves(one.outcome.folder / CURVES, COMPARED))
+    for trial in trials:
+        if trial.has_values:
+            search.add_curves(
+                trial.whose, growing[trial.condition], *read_curves(trial.outcome.folder / CURVES, COMPARED)
+            )
     given = [one for one in growing.values() if one.trials]
     _write_conditions(plan, trials, lines, given, search, measured, signs.notes(), out)
 
@@ -209,9 +213,9 @@ def _write_conditions(
     ):
         with _csv(out / name, next(rows)) as table:
             table.writerows(rows)
-    shown = shown_quantities([one.quantity for one in quantities])
+    shown = shown_quantities([quantity.quantity for quantity in quantities])
     groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
-    given = StudyInput(
+    study_input = StudyInput(
         plan.name,
         made_at(),
         __version__,
@@ -219,14 +223,14 @@ def _write_conditions(
         conditions,
         comparisons,
         tuple(found),
-        tuple(one for one in quantities if one.quantity in shown),
+        tuple(quantity for quantity in quantities if quantity.quantity in shown),
         tuple(one for one in compared if one.quantity in shown and np.isfinite(one.measured_sd)),
         _changes(trials),
         (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
-    page = study_page(given)
-    key = made_here(plan, [one.outcome for one in trials], out)
+    page = study_page(study_input)
+    key = made_here(plan, [trial.outcome for trial in trials], out)
     with written(out / PAGE) as stream:
         stream.write(with_key(page, key))
 
@@ -239,7 +243,7 @@ def made_here(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> str:
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
-    found = {one.key: one for one in outcomes}
+    found = {outcome.key: outcome for outcome in outcomes}
     keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
     keys += [(one.name, one.name) for one in plan.together]
     conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
@@ -254,13 +258,13 @@ def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[Tria
     """The table of quality of all trials; also each trial as a line of the page."""
     lines: list[TrialLine] = []
     with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
-        for one in trials:
-            rows = read_quality(one.outcome.folder / QUALITY) if one.has_values else []
+        for trial in trials:
+            rows = read_quality(trial.outcome.folder / QUALITY) if trial.has_values else []
             for row in rows:
-                table.writerow((*one.whose, *(row[name] for name in QUALITY_COLUMNS)))
-            if one.outcome.error:
-                table.writerow((*one.whose, "failed", "", "", "", "failed", "", "", one.outcome.error))
-            lines.append(_line(one, rows, out))
+                table.writerow((*trial.whose, *(row[name] for name in QUALITY_COLUMNS)))
+            if trial.outcome.error:
+                table.writerow((*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error))
+            lines.append(_line(trial, rows, out))
         for left in plan.excluded:
             condition = plan.conditions.trials.get((left.subject, left.trial), "")
             table.writerow(
@@ -270,8 +274,8 @@ def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[Tria
     return lines
 
 
-def _line(one: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLine:
-    outcome = one.outcome
+def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLine:
+    outcome = trial.outcome
     page = outcome.folder / REPORT
     judged = {
         row["quantity"]: Judged(
@@ -283,7 +287,7 @@ def _line(one: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLin
     return TrialLine(
         outcome.subject,
         outcome.trial,
-        one.condition,
+        trial.condition,
         "failed" if outcome.error else "done",
         Path(os.path.relpath(page, out)).as_posix() if "report" in outcome.done or not outcome.trial else "",
         outcome.done,
@@ -297,9 +301,9 @@ def _line(one: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialLin
 def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What made steps be computed again, each with the trials it concerns."""
     found: dict[str, list[str]] = {}
-    for one in trials:
-        for text in one.outcome.changed:
-            found.setdefault(text, []).append(", ".join(part for part in one.outcome.key if part))
+    for trial in trials:
+        for text in trial.outcome.changed:
+            found.setdefault(text, []).append(", ".join(part for part in trial.outcome.key if part))
     return tuple((text, tuple(names)) for text, names in found.items())
 
 

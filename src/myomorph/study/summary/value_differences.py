@@ -59,18 +59,18 @@ class _Trials:
 
     def add(self, values: Sequence[Value], drawn: ValueErrors | None, subject: str) -> None:
         """One more trial."""
-        names = tuple((one.step, one.quantity) for one in values)
-        self.values.add(names, np.array([[one.value for one in values]]))
+        names = tuple((value.step, value.quantity) for value in values)
+        self.values.add(names, np.array([[value.value for value in values]]))
         if drawn is None:
             return
         errors = of_subject(drawn.errors, subject)[:KEPT_DRAWS].astype(np.float32)
         if not self._columns:
-            self._columns = {name: k for k, name in enumerate(drawn.names)}
+            self._columns = {name: index for index, name in enumerate(drawn.names)}
             self._drawn, self._squares = np.zeros(len(drawn.names)), np.zeros(len(drawn.names))
             self._sum = np.zeros(errors.shape, np.float32)
         if len(errors) != len(self._sum):
             return
-        pairs = [(k, self._columns[name]) for k, name in enumerate(drawn.names) if name in self._columns]
+        pairs = [(index, self._columns[name]) for index, name in enumerate(drawn.names) if name in self._columns]
         here, there = np.array(pairs, np.int64).reshape(-1, 2).T
         self._drawn[there] += 1.0
         self._sum[:, there] += errors[:, here]
@@ -104,7 +104,7 @@ class MeasuredValues:
     def add(self, whose: tuple[str, str, str], values: Sequence[Value], drawn: ValueErrors | None) -> None:
         """One more trial: subject, condition and trial."""
         subject, condition, _ = whose
-        self.units |= {(one.step, one.quantity): one.unit for one in values}
+        self.units |= {(value.step, value.quantity): value.unit for value in values}
         self._trials.setdefault(condition, {}).setdefault(subject, _Trials()).add(values, drawn, subject)
 
     def of(self, condition: str, name: _Name) -> dict[str, _Own]:
@@ -115,7 +115,7 @@ class MeasuredValues:
     @property
     def subjects(self) -> set[str]:
         """All of them."""
-        return {subject for own in self._trials.values() for subject in own}
+        return {subject for trial in self._trials.values() for subject in trial}
 
 
 def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
@@ -127,15 +127,15 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
     show in the spread of these, and add to it.
     """
     alone = len(values.subjects) < 2
-    found = []
+    result = []
     for first, second in itertools.combinations(conditions, 2):
         for name, unit in values.units.items():
             one, other = values.of(first, name), values.of(second, name)
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
-                    found.append(ValueDifference(first, second, name[0], name[1], unit, *pair))
-    return found
+                    result.append(ValueDifference(first, second, name[0], name[1], unit, *pair))
+    return result
 
 
 def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
@@ -184,7 +184,7 @@ def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, floa
 
 def _mean_variance(errors: Sequence[Array | None]) -> float:
     """Variance of the mean over subjects who err each by itself; NaN where one has no draws."""
-    known = [one for one in errors if one is not None]
+    known = [error for error in errors if error is not None]
     if not known or len(known) < len(errors):
         return float("nan")
     return float(sum(np.nanvar(one, ddof=1) for one in known)) / len(known) ** 2
@@ -212,16 +212,32 @@ def _intervals(
     return difference - half, difference + half, float(np.sqrt(drawn)), difference - whole, difference + whole
 
 
-def difference_rows(found: Sequence[ValueDifference]) -> Iterator[Row]:
+def difference_rows(value_differences: Sequence[ValueDifference]) -> Iterator[Row]:
     """One row a pair and quantity; the heading first."""
     yield (
         *("first", "second", "step", "quantity", "unit", "paired", "of", "n_first", "n_second", "first_mean"),
         *("second_mean", "difference", "low", "high", "measured_sd", "low_all", "high_all"),
     )
-    for one in found:
-        numbers = (*one.means, one.difference, one.low, one.high, one.measured_sd, one.low_all, one.high_all)
+    for difference in value_differences:
+        numbers = (
+            *difference.means,
+            difference.difference,
+            difference.low,
+            difference.high,
+            difference.measured_sd,
+            difference.low_all,
+            difference.high_all,
+        )
         yield (
-            *(one.first, one.second, one.step, one.quantity, one.unit, "yes" if one.paired else "no", one.unit_of),
-            *map(str, one.count),
+            *(
+                difference.first,
+                difference.second,
+                difference.step,
+                difference.quantity,
+                difference.unit,
+                "yes" if difference.paired else "no",
+                difference.unit_of,
+            ),
+            *map(str, difference.count),
             *(f"{value:.6g}" if np.isfinite(value) else "" for value in numbers),
         )

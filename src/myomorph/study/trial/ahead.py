@@ -155,7 +155,7 @@ def two_links(wraps: frozenset[str] = frozenset()) -> Model:
     if TENDONS in wraps:
         paths.append(MusclePath(points, (TendonWrap(ball.name, 0),)))
     kind = "Millard2012EquilibriumMuscle"
-    muscles = tuple(Muscle(f"muscle_{k}", kind, path, 100.0, 0.3, 0.3) for k, path in enumerate(paths))
+    muscles = tuple(Muscle(f"muscle_{index}", kind, path, 100.0, 0.3, 0.3) for index, path in enumerate(paths))
     coordinates = tuple(Coordinate(f"{body.name}_angle") for body in bodies)
     return Model(
         "two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=muscles, wrap_objects=(ball,)

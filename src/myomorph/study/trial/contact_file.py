@@ -203,7 +203,7 @@ def contact_files(path: Path) -> tuple[Path, ...]:
     if isinstance(raw.get("stairs"), str):
         steps = path.parent / raw["stairs"]
         files += (steps, *recording_of(steps)) if steps.is_file() else ()
-    return (path, *(one for one in files if one.is_file()))
+    return (path, *(file for file in files if file.is_file()))
 
 
 def old_names(path: Path) -> list[str]:
@@ -221,40 +221,38 @@ def old_names(path: Path) -> list[str]:
         return []
 
 
-def _sound(found: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
-    if found.sound is None:
+def _sound(contact_file: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
+    if contact_file.sound is None:
         return None
-    file = existing(folder, found.sound.file, "sound", problems)
+    file = existing(folder, contact_file.sound.file, "sound", problems)
     try:
-        return None if file is None else _sound_plan(found.sound, found.instrument, file, up)
+        return None if file is None else _sound_plan(contact_file.sound, contact_file.instrument, file, up)
     except BadData as error:
         problems.append(str(error))
         return None
 
 
-def _site(given: _Site, model: Model) -> Site:
-    for body in (given.body, given.against, given.frame):
+def _site(site: _Site, model: Model) -> Site:
+    for body in (site.body, site.against, site.frame):
         if body != GROUND and body not in model.body_names:
             raise UnknownName("body", body, (GROUND, *model.body_names))
-    direction = model.up if given.direction == "up" else None
-    if not isinstance(given.direction, str):
-        direction = np.array(given.direction)
-    cone = Cone(
-        direction, given.frame, given.friction, given.torsion, given.grip, given.cone_generators, given.max_force
-    )
-    return Site(given.name, given.body, np.array(given.points), cone, given.against, given.group)
+    direction = model.up if site.direction == "up" else None
+    if not isinstance(site.direction, str):
+        direction = np.array(site.direction)
+    cone = Cone(direction, site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
+    return Site(site.name, site.body, np.array(site.points), cone, site.against, site.group)
 
 
-def _check_spans(given: _Site) -> None:
-    for start, stop in () if isinstance(given.intervals, str) else given.intervals:
+def _check_spans(site: _Site) -> None:
+    for start, stop in () if isinstance(site.intervals, str) else site.intervals:
         if not start <= stop:
             raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
 
 
-def _surfaces(found: _ContactFile) -> dict[str, float | None]:
+def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
     """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of their own."""
-    raised: dict[str, float | None] = dict.fromkeys(found.sites)
-    for one in found.site:
+    raised: dict[str, float | None] = dict.fromkeys(contact_file.sites)
+    for one in contact_file.site:
         if one.rests != "floor":
             raised[one.name] = None if isinstance(one.rests, str) else one.rests
     return raised
@@ -264,14 +262,14 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
     """The touches of a table, and those written beside the sites; None where neither tells anything."""
     touches: list[Touch] = [] if read is None else list(read.intervals)
     names = dict.fromkeys(() if read is None else read.sites)
-    for one in sites:
-        if one.intervals == "always":
-            touches.append(Touch(one.name, -FOREVER, FOREVER, one.against, source="file"))
-        elif not isinstance(one.intervals, str):
-            touches += [Touch(one.name, *span, one.against, source="file") for span in one.intervals]
+    for site in sites:
+        if site.intervals == "always":
+            touches.append(Touch(site.name, -FOREVER, FOREVER, site.against, source="file"))
+        elif not isinstance(site.intervals, str):
+            touches += [Touch(site.name, *span, site.against, source="file") for span in site.intervals]
         else:
             continue
-        names[one.name] = None
+        names[site.name] = None
     warnings = () if read is None else read.warnings
     return Contacts(tuple(names), tuple(touches), warnings) if names else None
 
@@ -288,10 +286,10 @@ def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, u
     """
     if not instruments:
         raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
-    for one in instruments:
-        if table.impulse == "known" and not one.known:
+    for instrument in instruments:
+        if table.impulse == "known" and not instrument.known:
             raise BadData(
-                f"instrument '{one.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
+                f"instrument '{instrument.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
                 "impulse = 'motion' to take effective mass times change of velocity"
             )
     return SoundPlan(
@@ -368,10 +366,10 @@ def _step(one: _Step, stairs: _Stairs) -> Step:
     return step.rotated(Z_UP_TO_Y_UP) if stairs.up == "z" else step
 
 
-def _matrix(one: _Step) -> Array:
-    if len({len(row) for row in one.matrix or ()}) != 1:
-        raise BadData(f"the matrix of step '{one.name}' has rows of several lengths")
-    return np.array(one.matrix, dtype=np.float64)
+def _matrix(step: _Step) -> Array:
+    if len({len(row) for row in step.matrix or ()}) != 1:
+        raise BadData(f"the matrix of step '{step.name}' has rows of several lengths")
+    return np.array(step.matrix, dtype=np.float64)
 
 
 def _recording(given: str | None, path: Path, trial: Path | None, problems: list[str]) -> Path | None:
@@ -385,9 +383,9 @@ def _recording(given: str | None, path: Path, trial: Path | None, problems: list
         beside = [
             trial.with_name(f"{trial.stem}_{word}{ending}") for word in WORDS for ending in (".csv", ".mot", ".sto")
         ]
-        found = next((one for one in beside if one.is_file()), trial if trial.suffix.lower() == ".c3d" else None)
-        if found is not None:
-            return found
+        result = next((one for one in beside if one.is_file()), trial if trial.suffix.lower() == ".c3d" else None)
+        if result is not None:
+            return result
     problems.append("stairs: 'recording' is missing: the file of the load cells' channels (.c3d, .csv, .mot, .sto)")
     return None
 

@@ -100,7 +100,7 @@ def open_emg(
         faults = raw_faults(found)
         whole = without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
-    notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(one.text for one in faults))
+    notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(fault.text for fault in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
     return _without_noise(OpenedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
@@ -116,13 +116,13 @@ def _without_noise(opened: OpenedEmg, named: Mapping[str, tuple[str, ...]]) -> O
         f"{one.text}; it takes {'no part' if one.channel in left else 'part, as its muscles are named'}"
         for one in found
     )
-    muscles = FrozenMap({name: one for name, one in opened.muscles.items() if name not in left})
+    muscles = FrozenMap({name: muscle for name, muscle in opened.muscles.items() if name not in left})
     return replace(opened, muscles=muscles, notes=(*notes, *opened.notes))
 
 
-def _mended(found: Series, path: str | Path) -> tuple[str, ...]:
+def _mended(series: Series, path: str | Path) -> tuple[str, ...]:
     """What a table had to have mended."""
-    return tuple(f"{Path(path).name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+    return tuple(f"{Path(path).name}: {text}" for text in series.warnings) if isinstance(series, Table) else ()
 
 
 def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
@@ -183,22 +183,22 @@ def _swings_about_offset(column: Array, rate: float) -> bool:
 
 
 def _as_envelopes(
-    found: Series, measured_on: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
+    series: Series, measured_on: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
 ) -> OpenedEmg:
-    values, notes, maxima = found.values, [], FrozenMap[str, float]({})
+    values, notes, maxima = series.values, [], FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
-    scale = np.ones(len(found.names))
+    scale = np.ones(len(series.names))
     if reference:
-        scale = np.array([_largest_of(reference, channel) for channel in found.names])
-        maxima = FrozenMap(dict.fromkeys(found.names, 1.0))
+        scale = np.array([_largest_of(reference, channel) for channel in series.names])
+        maxima = FrozenMap(dict.fromkeys(series.names, 1.0))
         notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
     elif peak > BEYOND_ONE:
         scale = np.nanmax(values, axis=0).clip(1e-12)
         notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
-    emg = Emg(found.time, found.names, values / scale)
+    emg = Emg(series.time, series.names, values / scale)
     faults = envelope_faults(emg)
-    used = [one.text for one in faults if not measured_on or one.channel in measured_on]
-    divided = FrozenMap(dict(zip(found.names, scale.tolist(), strict=True)))
+    used = [fault.text for fault in faults if not measured_on or fault.channel in measured_on]
+    divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
     return OpenedEmg(without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
 
 
@@ -224,11 +224,11 @@ def channel_muscles(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
     BadData
         where a text has no =, or a channel stands twice
     """
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for text in texts:
         channel, equal, muscles = text.partition("=")
         names = tuple(one.strip() for one in muscles.split(",") if one.strip())
-        if not equal or not channel.strip() or not names or channel.strip() in found:
+        if not equal or not channel.strip() or not names or channel.strip() in result:
             raise BadData(f"--emg-muscles {text}: expected CHANNEL=MUSCLE,MUSCLE once for each channel")
-        found[channel.strip()] = names
-    return found
+        result[channel.strip()] = names
+    return result

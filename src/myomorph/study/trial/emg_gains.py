@@ -35,8 +35,8 @@ class SubjectGains:
 
 def common_scale(scales: list[Mapping[str, float]]) -> dict[str, float]:
     """The largest scale of each channel over recordings of the same electrodes."""
-    names = dict.fromkeys(name for one in scales for name in one)
-    return {name: max(one[name] for one in scales if name in one) for name in names}
+    names = dict.fromkeys(name for scale in scales for name in scale)
+    return {name: max(scale[name] for scale in scales if name in scale) for name in names}
 
 
 def rescaled(emg: Emg, own: Mapping[str, float], wanted: Mapping[str, float]) -> Emg:
@@ -65,14 +65,14 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
         "scale": dict(gains.scale),
         "synergies": [
             {
-                "channels": list(one.synergies.channels),
-                "scale": one.synergies.scale.tolist(),
-                "vectors": one.synergies.vectors.tolist(),
-                "explained": one.synergies.explained,
-                "muscles": list(one.muscles),
-                "weights": one.weights.tolist(),
+                "channels": list(synergy.synergies.channels),
+                "scale": synergy.synergies.scale.tolist(),
+                "vectors": synergy.synergies.vectors.tolist(),
+                "explained": synergy.synergies.explained,
+                "muscles": list(synergy.muscles),
+                "weights": synergy.weights.tolist(),
             }
-            for one in found.synergies
+            for synergy in found.synergies
         ],
     }
     with written(path) as stream:

@@ -72,11 +72,11 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
     side : "right" or "left", of channels whose names contain none
     """
     sided = {name: split_side(name) for name in model.muscle_names}
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for channel in channels:
         whole = BEGINNING.sub("", ENDING.sub("", channel.strip())).replace(" ", "_")
         if whole in sided:
-            found[channel] = (whole,)
+            result[channel] = (whole,)
             continue
         base, own_side = plain_channel(channel)
         here = own_side or side
@@ -84,10 +84,12 @@ def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -
         patterns = patterns or next(((one,) for _, own in SPELLINGS for one in own if _is(one, base)), None)
         if patterns is None or not here:
             continue
-        alike = [name for name, (word, at) in sided.items() if at == here and any(_is(one, word) for one in patterns)]
+        alike = [
+            name for name, (word, at) in sided.items() if at == here and any(_is(pattern, word) for pattern in patterns)
+        ]
         if alike:
-            found[channel] = tuple(alike)
-    return found
+            result[channel] = tuple(alike)
+    return result
 
 
 def _is(pattern: str, name: str) -> bool:

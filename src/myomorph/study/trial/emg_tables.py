@@ -26,7 +26,7 @@ def write_calibration(targets: EmgTargets, muscles: Mapping[str, Sequence[str]],
         write_channels(targets.calibration, muscles, path)
 
 
-def write_channels(found: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
+def write_channels(emg_calibration: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
     """Delay, gain and muscles of each channel as a table."""
     with written(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
@@ -34,12 +34,24 @@ def write_channels(found: EmgCalibration, muscles: Mapping[str, Sequence[str]], 
             ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
             + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
         )
-        for k, name in enumerate(found.channels):
-            low, high = (_cell(one) for one in found.intervals[k])
-            source = "torques" if found.by_torque[k] else "usual" if low else "file"
-            held = (_cell(one) for one in found.held_out[k])
-            row: tuple[str, ...] = (name, f"{found.delays[k]:.4f}", f"{found.gains[k]:.6g}", low, high, source)
-            row += (f"{found.offsets[k]:.6g}", f"{found.shapes[k]:g}", f"{found.weight:g}", *held)
+        for index, name in enumerate(emg_calibration.channels):
+            low, high = (_cell(interval) for interval in emg_calibration.intervals[index])
+            source = "torques" if emg_calibration.by_torque[index] else "usual" if low else "file"
+            held = (_cell(one) for one in emg_calibration.held_out[index])
+            row: tuple[str, ...] = (
+                name,
+                f"{emg_calibration.delays[index]:.4f}",
+                f"{emg_calibration.gains[index]:.6g}",
+                low,
+                high,
+                source,
+            )
+            row += (
+                f"{emg_calibration.offsets[index]:.6g}",
+                f"{emg_calibration.shapes[index]:g}",
+                f"{emg_calibration.weight:g}",
+                *held,
+            )
             table.writerow((*row, " ".join(muscles.get(name, ()))))
 
 

@@ -20,9 +20,9 @@ SOURCES = frozenset(name for names in GROUPS.values() for name in names)
 def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> None:
     """Write what a step found into its folder of tables; nothing where it found nothing."""
     rows = [
-        (step, one.source, one.item, f"{one.size:.6g}", one.shared)
-        for one in sizes
-        if math.isfinite(one.size) and one.size > 0.0
+        (step, size.source, size.item, f"{size.size:.6g}", size.shared)
+        for size in sizes
+        if math.isfinite(size.size) and size.size > 0.0
     ]
     if not rows:
         return
@@ -40,7 +40,7 @@ def read_error_sizes(paths: Sequence[Path]) -> FoundSizes:
     BadFile
         where a file is no such table
     """
-    found = NOTHING
+    result = NOTHING
     for path in paths:
         if not path.is_file():
             continue
@@ -51,8 +51,8 @@ def read_error_sizes(paths: Sequence[Path]) -> FoundSizes:
         sizes = []
         for number, row in enumerate(rows[1:], 2):
             sizes.append(_item(path, number, row))
-        found = found.with_step(rows[1][0] if len(rows) > 1 else "", sizes)
-    return found
+        result = result.with_step(rows[1][0] if len(rows) > 1 else "", sizes)
+    return result
 
 
 def _item(path: Path, number: int, row: Sequence[str]) -> ItemSize:

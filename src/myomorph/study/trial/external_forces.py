@@ -117,8 +117,8 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
         wrenches = _without_loads(wrenches, findings)
     if not all(wrenches.bodies):
         wrenches = nearest_feet(wrenches, model, motion)
-    texts = tuple(one.text for one in findings)
-    places = tuple(f"{one.place} may carry" for one in findings)
+    texts = tuple(finding.text for finding in findings)
+    places = tuple(f"{finding.place} may carry" for finding in findings)
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
     notes = (*texts, *kept)
     return replace(wrenches, notes=notes, findings=(*wrenches.findings, *findings))
@@ -126,9 +126,9 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
 
 def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
     """Forces without those on nobody that no foot carries, so that none is given to the nearest foot."""
-    loads = {one.place for one in findings if one.kind == LOAD}
+    loads = {finding.place for finding in findings if finding.kind == LOAD}
     names = zip(wrenches.names, wrenches.bodies, strict=True)
-    kept = [k for k, (name, body) in enumerate(names) if body or name not in loads]
+    kept = [index for index, (name, body) in enumerate(names) if body or name not in loads]
     return wrenches if len(kept) == len(wrenches.names) else chosen_wrenches(wrenches, kept)
 
 
@@ -263,7 +263,7 @@ def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
     if not trial.plates:
         why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
         raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
-    return recorded_wrenches(trial, [_body_on_plate(one) for one in plates] if plates else None)
+    return recorded_wrenches(trial, [_body_on_plate(plate) for plate in plates] if plates else None)
 
 
 def upright(trial: Trial, model: Model) -> Trial:
@@ -284,13 +284,13 @@ def bodies_of_prefixes(texts: Sequence[str]) -> dict[str, str]:
     BadData
         where a text has no =, or a prefix stands twice
     """
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for text in texts:
         prefix, equal, body = text.partition("=")
-        if not equal or not body.strip() or prefix.strip() in found:
+        if not equal or not body.strip() or prefix.strip() in result:
             raise BadData(f"--bodies {text}: expected prefix=body once for each force, as ground_force_r_=calcn_r")
-        found[prefix.strip()] = body.strip()
-    return found
+        result[prefix.strip()] = body.strip()
+    return result
 
 
 def bodies_of(bodies: Sequence[str], plates: str) -> NamedBodies:

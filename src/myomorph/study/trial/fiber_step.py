@@ -83,7 +83,7 @@ def fiber_work(
     """
     found = []
     for m, name in enumerate(muscles):
-        own = [(k, one.start, one.stop) for k, one in enumerate(own_strides(name, strides), 1)]
+        own = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
         for number, start, stop in own or [(0, float(time[0]), float(time[-1]))]:
             inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & ~fibers.transient
             known = np.flatnonzero(inside & np.isfinite(fibers.fiber_powers[:, m]))
@@ -135,8 +135,8 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
         write_sto(Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto")
     with written(output.folder / WORK) as stream:
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow([f"{one.name}{_unit(one.name)}" for one in fields(FiberWork)])
-        optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
+        table.writerow([f"{field.name}{_unit(field.name)}" for field in fields(FiberWork)])
+        optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
         for one in fiber_work(tension.time, tension.muscles, fibers, optimal, strides):
             table.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in astuple(one)])
     return fiber_notes(tension, model)
@@ -212,7 +212,7 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     if fibers is None:
         return ()
     muscles = stored.names["muscle"]
-    optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
+    optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
 
     def signals(

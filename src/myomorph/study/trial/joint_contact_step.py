@@ -30,83 +30,94 @@ ENDING = " contact force"
 
 
 def write_joint_contacts(
-    found: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
+    joint_contact_forces: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
 ) -> tuple[str, ...]:
     """Write forces at contact points, and return what is to be known of them, one line each."""
-    put_joint_contacts(output.writer, found)
-    write_sto(found.table(), output.folder / TABLE)
+    put_joint_contacts(output.writer, joint_contact_forces)
+    write_sto(joint_contact_forces.table(), output.folder / TABLE)
     with written(output.folder / STRIDES) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(COLUMNS)
-        table.writerows(_stride_rows(found, strides))
-    return (*points.notes, *lift_off_notes(found, _half_distances(points)))
+        table.writerows(_stride_rows(joint_contact_forces, strides))
+    return (*points.notes, *lift_off_notes(joint_contact_forces, _half_distances(points)))
 
 
 def _half_distances(points: JointPoints) -> dict[str, float]:
     """Of each joint's points from their middle, the mean of squares [m]."""
-    found = {}
-    for joint in dict.fromkeys(one.joint for one in points.points):
-        own = np.array([one.point for one in points.points if one.joint == joint], dtype=np.float64)
-        found[joint] = float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    return found
+    result = {}
+    for joint in dict.fromkeys(point.joint for point in points.points):
+        own = np.array([point.point for point in points.points if point.joint == joint], dtype=np.float64)
+        result[joint] = float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    return result
 
 
-def lift_off_notes(found: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
+def lift_off_notes(joint_contact_forces: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
     """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are pulled apart."""
     notes = []
-    for j, joint in enumerate(found.joints):
-        force, moment, pull = found.totals[:, j], found.unbalanced_moments[:, j], found.unbalanced_forces[:, j]
-        loaded = force > LOADED * found.weight
+    for j, joint in enumerate(joint_contact_forces.joints):
+        force, moment, pull = (
+            joint_contact_forces.totals[:, j],
+            joint_contact_forces.unbalanced_moments[:, j],
+            joint_contact_forces.unbalanced_forces[:, j],
+        )
+        loaded = force > LOADED * joint_contact_forces.weight
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
         if bad.any():
             worst = int(np.argmax(np.where(bad, moment, -1.0)))
-            own = [k for k, name in enumerate(found.joint_of) if name == joint]
-            up = ", ".join(found.points[k] for k in own if found.forces[worst, k] <= 1e-6 * force[worst])
+            own = [k for k, name in enumerate(joint_contact_forces.joint_of) if name == joint]
+            up = ", ".join(
+                joint_contact_forces.points[k]
+                for k in own
+                if joint_contact_forces.forces[worst, k] <= 1e-6 * force[worst]
+            )
             notes.append(
                 f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded joint would have "
                 f"to pull; it lifts off, and a moment of up to {moment[worst]:.1f} N m is left (at "
-                f"{found.time[worst]:.2f} s, {up or 'none'} off)"
+                f"{joint_contact_forces.time[worst]:.2f} s, {up or 'none'} off)"
             )
-        pulled = pull > LOADED * found.weight
+        pulled = pull > LOADED * joint_contact_forces.weight
         if pulled.any():
             worst = int(np.argmax(np.where(pulled, pull, -1.0)))
             notes.append(
                 f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled apart, which its contact "
-                f"points cannot carry, by up to {pull[worst]:.0f} N (at {found.time[worst]:.2f} s); do the normals "
+                f"points cannot carry, by up to {pull[worst]:.0f} N (at {joint_contact_forces.time[worst]:.2f} "
+                f"s); do the normals "
                 "point towards the child?"
             )
     return tuple(notes)
 
 
-def _stride_rows(found: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
+def _stride_rows(joint_contact_forces: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
     """One row a load and stride; the whole recording as one row where it has no strides."""
-    for one in stride_loads(found.loads(), strides):
-        numbers = (one.peak, one.peak / found.weight, one.peak_percent, one.impulse)
-        label = str(one.stride) if one.stride else "recording"
-        yield (one.load, label, f"{one.start:.4f}", f"{one.stop:.4f}", *(f"{value:.6g}" for value in numbers))
+    for load in stride_loads(joint_contact_forces.loads(), strides):
+        numbers = (load.peak, load.peak / joint_contact_forces.weight, load.peak_percent, load.impulse)
+        label = str(load.stride) if load.stride else "recording"
+        yield (load.load, label, f"{load.start:.4f}", f"{load.stop:.4f}", *(f"{value:.6g}" for value in numbers))
 
 
 def joint_contact_signals(stored: Stored) -> tuple[Signals, ...]:
     """Loads over time for tables of values and curves."""
-    found = get_joint_contacts(stored)
-    if found is None:
+    joint_contacts = get_joint_contacts(stored)
+    if joint_contacts is None:
         return ()
-    loads: Series = found.loads()
+    loads: Series = joint_contacts.loads()
     return (all_drawn("tension", loads, ENDING, "N", ("maximum", "mean"), "joint contact force [N]"),)
 
 
 def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:
     """Peak in body weights and impulse of every load: means over the strides, or of the whole recording."""
-    found = get_joint_contacts(stored)
-    if found is None or not len(found):
+    joint_contacts = get_joint_contacts(stored)
+    if joint_contacts is None or not len(joint_contacts):
         return
     parts = () if strides is None else strides.parts
-    each = [one for part in parts for one in stride_loads(found.loads(), part)] or stride_loads(found.loads(), None)
-    for name in found.loads().names:
+    each = [load for part in parts for load in stride_loads(joint_contacts.loads(), part)] or stride_loads(
+        joint_contacts.loads(), None
+    )
+    for name in joint_contacts.loads().names:
         own = [one for one in each if one.load == name]
         ending = ", mean of strides" if any(one.stride for one in own) else ""
         if own:
-            peak = float(np.mean([one.peak for one in own])) / found.weight
+            peak = float(np.mean([one.peak for one in own])) / joint_contacts.weight
             yield Value("tension", f"{name}{ENDING}, peak{ending}", peak, "body weight")
             yield Value(
                 "tension", f"{name}{ENDING}, impulse{ending}", float(np.mean([one.impulse for one in own])), "N s"

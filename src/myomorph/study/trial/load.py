@@ -112,9 +112,9 @@ class TrialResult:
         import pandas
 
         parts = {
-            str(name): one.to_pandas() if one.ndim == 2 else one.to_pandas().to_frame("")
-            for name, one in dataset.data_vars.items()
-            if one.dims[:1] == ("time",) and one.ndim <= 2
+            str(name): variable.to_pandas() if variable.ndim == 2 else variable.to_pandas().to_frame("")
+            for name, variable in dataset.data_vars.items()
+            if variable.dims[:1] == ("time",) and variable.ndim <= 2
         }
         return pandas.concat(parts, axis=1)
 

@@ -106,10 +106,10 @@ def _with_refined(trial: TrialInputs, files: TrialFiles) -> TrialInputs:
     # Most trials start without: loaded where a trial has such input.
     from myomorph.study.trial.refined_motion import filtered_loads, read_refined
 
-    found = read_refined(files.refined, files.refined_cutoff, trial.model)
+    refined = read_refined(files.refined, files.refined_cutoff, trial.model)
     sources = (*trial.sources, file_source("refined motion", files.refined))
-    loads = None if trial.loads is None else partial(filtered_loads, trial.loads, found.cutoff)
-    return replace(trial, refined=found, loads=loads, sources=sources)
+    loads = None if trial.loads is None else partial(filtered_loads, trial.loads, refined.cutoff)
+    return replace(trial, refined=refined, loads=loads, sources=sources)
 
 
 def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> tuple[TrialInputs, Poses]:
@@ -257,14 +257,14 @@ def options_of(settings: Settings) -> OptionSet:
     UnknownName
         where the report is to use a preset that does not exist
     """
-    found = OptionSet()
+    result = OptionSet()
     for name in (*STEPS, REPORT):
         if settings.get(name):
             own = step_head(name).options
-            found = found.having(*(with_settings(found[kind], settings[name]) for kind in own))
-    if found[ReportOptions].preset:
-        preset_of(found[ReportOptions].preset)
-    return found
+            result = result.having(*(with_settings(result[kind], settings[name]) for kind in own))
+    if result[ReportOptions].preset:
+        preset_of(result[ReportOptions].preset)
+    return result
 
 
 def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:

@@ -75,8 +75,8 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         # Heel and ball: twice the way from the body's origin to its mass center.
         ahead = 2.0 * rotations @ model.body(foot).mass_center
         places[foot] = np.stack([origins, origins + ahead], axis=1)
-    named = [k for k, body in enumerate(wrenches.bodies) if body]
-    unnamed = [k for k, body in enumerate(wrenches.bodies) if not body]
+    named = [index for index, body in enumerate(wrenches.bodies) if body]
+    unnamed = [index for index, body in enumerate(wrenches.bodies) if not body]
     found = assign_bodies(chosen_wrenches(wrenches, unnamed), places)
     return _carried(_joined(chosen_wrenches(wrenches, named), found.wrenches), found.warnings)
 
@@ -91,7 +91,7 @@ def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
 def chosen_wrenches(wrenches: Wrenches, columns: list[int]) -> Wrenches:
     """Some of the forces."""
     parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
-    names, bodies = (tuple(one[k] for k in columns) for one in (wrenches.names, wrenches.bodies))
+    names, bodies = (tuple(one[column] for column in columns) for one in (wrenches.names, wrenches.bodies))
     return replace(wrenches, names=names, bodies=bodies, **parts)
 
 
@@ -120,7 +120,7 @@ def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches
 
 def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
     """The forces that act on a body, with a note on those that never act."""
-    kept = [k for k, body in enumerate(wrenches.bodies) if body]
+    kept = [index for index, body in enumerate(wrenches.bodies) if body]
     idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
     findings = wrenches.findings
     if idle:

@@ -161,7 +161,7 @@ def joined(parts: Sequence[Stored]) -> Stored:
     return Stored(first.path, values, names, made, facts)
 
 
-def model_of(found: Stored, demo_model: ModelMaker | None = None) -> Model:
+def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
     """The model that results were made with, read again.
 
     Parameters
@@ -174,55 +174,55 @@ def model_of(found: Stored, demo_model: ModelMaker | None = None) -> Model:
         where the file is gone or has changed since
     """
     sources = list(
-        dict.fromkeys(one for made in found.provenance.values() for one in made.sources if one.role == "model")
+        dict.fromkeys(one for made in stored.provenance.values() for one in made.sources if one.role == "model")
     )
     if not sources:
-        raise BadFile(found.path, "does not tell which model it was made with", "run the steps again")
-    parts = json.loads(found.facts.get("parts", "{}"))
+        raise BadFile(stored.path, "does not tell which model it was made with", "run the steps again")
+    parts = json.loads(stored.facts.get("parts", "{}"))
     if not parts:
-        return _source_model(sources[0], found, demo_model)
+        return _source_model(sources[0], stored, demo_model)
     by_name = {one.name: one for one in sources}
     models = {
-        name: object_model(source) if isinstance(source, dict) else _source_model(by_name[source], found, demo_model)
+        name: object_model(source) if isinstance(source, dict) else _source_model(by_name[source], stored, demo_model)
         for name, source in parts.items()
     }
-    return join_models(models, found.facts["trial"])
+    return join_models(models, stored.facts["trial"])
 
 
-def _source_model(source: Source, found: Stored, demo_model: ModelMaker | None) -> Model:
+def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None) -> Model:
     if source.name.startswith(DEMO) and demo_model is not None:
         return demo_model(source.name.removeprefix(DEMO))
     # A name that was given relative to a folder is looked for from the results upwards too.
-    places = dict.fromkeys([Path(source.name), *(one / source.name for one in found.path.resolve().parents)])
-    there = [one for one in places if one.is_file()]
+    places = dict.fromkeys([Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)])
+    there = [place for place in places if place.is_file()]
     if not there:
-        raise BadFile(source.name, "is gone, but the model is needed", f"{found.path} was made with it")
+        raise BadFile(source.name, "is gone, but the model is needed", f"{stored.path} was made with it")
     same = next((one for one in there if file_source("model", one).sha256 == source.sha256), None)
     if same is None:
         raise BadFile(there[0], "has changed since the results were made", "run the steps again")
     return open_model(same)
 
 
-def report_input(found: Stored, model: Model) -> ReportInput:
+def report_input(stored: Stored, model: Model) -> ReportInput:
     """What a report is made of, from results and their model, with the meshes that lie beside the model's file."""
-    facts, mass = found.facts, found.facts.get("mass", "")
-    notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(found)
+    facts, mass = stored.facts, stored.facts.get("mass", "")
+    notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(stored)
     head = PageHead(
         title=": ".join(one for one in (facts.get("subject", ""), facts.get("trial", "")) if one) or model.name,
-        date=max((made.date for made in found.provenance.values()), default=""),
+        date=max((made.date for made in stored.provenance.values()), default=""),
         version=__version__,
         notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
-        sources=_sources(found.provenance),
-        steps=tuple(_shown_step(step, found) for step in STEPS if step in found.provenance),
+        sources=_sources(stored.provenance),
+        steps=tuple(_shown_step(step, stored) for step in STEPS if step in stored.provenance),
         warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
         facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
-        emg=store.get_emg(found),
+        emg=store.get_emg(stored),
         emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
-        plates=store.get_plates(found),
-        events=store.get_events(found) or None,
+        plates=store.get_plates(stored),
+        events=store.get_events(stored) or None,
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
@@ -234,7 +234,7 @@ def report_input(found: Stored, model: Model) -> ReportInput:
         analysis=AnalysisChoice(facts.get("preset", ""), phases),
     )
     for step in STEPS:
-        given = step_of(step).show(given, found)
+        given = step_of(step).show(given, stored)
     return given
 
 
@@ -267,18 +267,18 @@ def surfaces_of(model: Model) -> Mapping[str, Surface]:
     if not model.source or not source.parent.is_dir():
         return {}
     folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
-    return read_surfaces(model, [one for one in folders if one.is_dir()])[0]
+    return read_surfaces(model, [folder for folder in folders if folder.is_dir()])[0]
 
 
 def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
     unique = dict.fromkeys(
-        (one.role, Path(one.name).name, one.sha256) for each in made.values() for one in each.sources
+        (source.role, Path(source.name).name, source.sha256) for each in made.values() for source in each.sources
     )
     return tuple(SourceFile(*one) for one in unique)
 
 
-def _shown_step(step: str, found: Stored) -> PageStep:
-    made = found.provenance[step]
+def _shown_step(step: str, stored: Stored) -> PageStep:
+    made = stored.provenance[step]
     prefix = f"{step}."
     options = {
         name.removeprefix(prefix): _shown(value) for name, value in made.options.items() if name.startswith(prefix)
@@ -286,7 +286,7 @@ def _shown_step(step: str, found: Stored) -> PageStep:
     time = made.options.get("time")
     if isinstance(time, list):
         options["time"] = f"{time[0]:g} to {time[1]:g} s"
-    return PageStep(step_of(step).title, options, None, len(found.time))
+    return PageStep(step_of(step).title, options, None, len(stored.time))
 
 
 def _shown(value: object) -> str:

@@ -48,7 +48,7 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
 
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     """Inputs that came, went or hold something else; a file that only moved is the same input."""
-    found = []
+    result = []
     old, new = _by_role(before), _by_role(after)
     for role in dict.fromkeys((*old, *new)):
         gone = [one for one in old.get(role, ()) if one.sha256 not in {other.sha256 for other in new.get(role, ())}]
@@ -58,20 +58,20 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
             if same is None and len(gone) == len(come) == 1:
                 same = gone[0]
             if same is None:
-                found.append(f"{role} {_name(one)} is new")
+                result.append(f"{role} {_name(one)} is new")
                 continue
             gone.remove(same)
             moved = "" if _name(same) == _name(one) else f"{_name(same)} -> "
-            found.append(f"{role} {moved}{_name(one)} has changed" if not moved else f"{role} {moved}{_name(one)}")
-        found += [f"{role} {_name(one)} is no longer used" for one in gone]
-    return found
+            result.append(f"{role} {moved}{_name(one)} has changed" if not moved else f"{role} {moved}{_name(one)}")
+        result += [f"{role} {_name(one)} is no longer used" for one in gone]
+    return result
 
 
 def _by_role(sources: Iterable[Source]) -> dict[str, list[Source]]:
-    found: dict[str, list[Source]] = {}
-    for one in sources:
-        found.setdefault(one.role, []).append(one)
-    return found
+    result: dict[str, list[Source]] = {}
+    for source in sources:
+        result.setdefault(source.role, []).append(source)
+    return result
 
 
 def _name(source: Source) -> str:

@@ -52,7 +52,9 @@ class StepHead:
     @property
     def settings(self) -> tuple[Setting, ...]:
         """What a study file or the command line can say to the step."""
-        return tuple(one for kind in self.options for one in settings_of(kind) if one.name not in self.not_settings)
+        return tuple(
+            setting for kind in self.options for setting in settings_of(kind) if setting.name not in self.not_settings
+        )
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def step_provenance(step: Step[Any], trial: TrialInputs) -> Provenance:
     options: dict[str, object] = {"time": None if trial.time is None else list(trial.time)}
     for one in (*steps_before(step), step):
         options |= one.hashed_options(trial)
-    sources = [one for one in trial.sources if step.roles is None or one.role in step.roles]
+    sources = [source for source in trial.sources if step.roles is None or source.role in step.roles]
     return provenance_of(step.name, sources, options)
 
 

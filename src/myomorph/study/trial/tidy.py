@@ -48,8 +48,8 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     found, model, prepared = results.stored, results.model, results.prepared
     strides = strides_of(prepared, found.facts.get("trial", ""))
     mass = float(found.facts.get("mass") or 0.0) or model.mass
-    signals = [one for step in STEPS for one in step_of(step).signals(found, model, mass)]
-    cycles = [_cycles(one, strides) for one in signals]
+    signals = [signal for step in STEPS for signal in step_of(step).signals(found, model, mass)]
+    cycles = [_cycles(signal, strides) for signal in signals]
     limits = get_value_limits(found)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
     _write_rows(
@@ -60,9 +60,9 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
         outcome.folder / VALUES,
         VALUE_COLUMNS,
         (
-            value_row(_with_limits(one, limits))
-            for one in trial_values(found, model, strides, signals, cycles)
-            if np.isfinite(one.value)
+            value_row(_with_limits(trial_value, limits))
+            for trial_value in trial_values(found, model, strides, signals, cycles)
+            if np.isfinite(trial_value.value)
         ),
     )
 
@@ -88,7 +88,7 @@ def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
 
 
 def trial_values(
-    found: Stored,
+    stored: Stored,
     model: Model,
     strides: TrialStrides | None,
     signals: Sequence[Signals],
@@ -102,28 +102,42 @@ def trial_values(
     steps = [step_of(name) for name in STEPS]
     for step in steps:
         if not step.numbers_last:
-            yield from step.numbers(found, model, strides)
-    for signal, own in zip(signals, cycles, strict=True):
+            yield from step.numbers(stored, model, strides)
+    for signal, cycle in zip(signals, cycles, strict=True):
         whole = statistics_of(signal.series.values)
-        each = {} if own is None or strides is None else statistics_of(own.values, axis=1)
+        each = {} if cycle is None or strides is None else statistics_of(cycle.values, axis=1)
         means = {name: statistics_of(values)["mean"] for name, values in each.items()}
-        for k, name in enumerate(signal.series.names):
+        for index, name in enumerate(signal.series.names):
             for what in signal.statistics:
-                yield Value(signal.step, f"{name}{signal.endings[k]}, {what}", float(whole[what][k]), signal.units[k])
+                yield Value(
+                    signal.step,
+                    f"{name}{signal.endings[index]}, {what}",
+                    float(whole[what][index]),
+                    signal.units[index],
+                )
             for what in signal.statistics if means else ():
-                quantity = f"{name}{signal.endings[k]}, {what} {IN_STRIDE}"
-                yield Value(signal.step, quantity, float(means[what][k]), signal.units[k])
+                quantity = f"{name}{signal.endings[index]}, {what} {IN_STRIDE}"
+                yield Value(signal.step, quantity, float(means[what][index]), signal.units[index])
     for step in steps:
         if step.numbers_last:
-            yield from step.numbers(found, model, strides)
+            yield from step.numbers(stored, model, strides)
 
 
 def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Rows of the table of quality: what is held against a limit, then what files and steps had to say."""
-    for one in verdicts:
-        limit = "" if one.limit is None else f"{one.limit:.6g}"
-        time = "" if one.time is None else f"{one.time:.6g}"
-        yield (one.quantity, f"{one.value:.6g}", one.unit, limit, one.state, one.worst, time, one.detail)
+    for verdict in verdicts:
+        limit = "" if verdict.limit is None else f"{verdict.limit:.6g}"
+        time = "" if verdict.time is None else f"{verdict.time:.6g}"
+        yield (
+            verdict.quantity,
+            f"{verdict.value:.6g}",
+            verdict.unit,
+            limit,
+            verdict.state,
+            verdict.worst,
+            time,
+            verdict.detail,
+        )
     for text in warnings:
         yield ("warning", "", "", "", "note", "", "", " ".join(text.split()))
 
@@ -131,10 +145,10 @@ def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterat
 def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
     """Signals over strides, else over the whole trial; None where nothing is long enough."""
     if strides is not None:
-        found = by_side(signal.series, strides)
-        if signal.curve.startswith("vertical force") and found is not None:
-            return _on_plates(found, signal)
-        return found
+        result = by_side(signal.series, strides)
+        if signal.curve.startswith("vertical force") and result is not None:
+            return _on_plates(result, signal)
+        return result
     if len(signal.series) < 2:
         return None
     return over_cycles(signal.series, [(float(signal.series.time[0]), float(signal.series.time[-1]))])
@@ -154,12 +168,12 @@ def _write_curves(
     """Mean over the strides of every drawn signal, one row a percent; nan where it is not known."""
     head = [OF_STRIDE if strides is not None else OF_TRIAL]
     columns = [np.linspace(0.0, 100.0, SAMPLES)[:, None]]
-    for signal, own in zip(signals, cycles, strict=True):
-        if own is None:
+    for signal, cycle in zip(signals, cycles, strict=True):
+        if cycle is None:
             continue
         drawn = list(signal.drawn)
         head += [curve_name(signal.curve, signal.series.names[k]) for k in drawn]
-        columns.append(statistics_of(own.values[:, :, drawn])["mean"] * signal.factor[drawn])
+        columns.append(statistics_of(cycle.values[:, :, drawn])["mean"] * signal.factor[drawn])
     rows = ([f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
     _write_rows(path, head, rows)
 
@@ -191,10 +205,10 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
         head = next(csv.reader(stream), [])
         if not head or head[0] not in (OF_STRIDE, OF_TRIAL):
             raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
-        columns = [0, *(k for k, name in enumerate(head) if k and name.startswith(only or ""))]
+        columns = [0, *(index for index, name in enumerate(head) if index and name.startswith(only or ""))]
         values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
     families: dict[str, list[int]] = {}
-    names = [_family_and_name(head[k]) for k in columns[1:]]
+    names = [_family_and_name(head[column]) for column in columns[1:]]
     for k, (family, _) in enumerate(names):
         families.setdefault(family, []).append(k)
     return head[0], {

@@ -147,8 +147,8 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     BadData
         where the parts have no time in common, or differ in the settings of their steps
     """
-    for name, one in parts.items():
-        if one.trial.torques is not None:
+    for name, part in parts.items():
+        if part.trial.torques is not None:
             raise BadData(
                 f"'{together.name}': trial of '{name}' has torques of its own: what is solved together needs loads"
             )
@@ -159,7 +159,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     model = join_models(models, together.name)
     files = TrialFiles(Path(), contacts=together.contacts, measured=together.measured)
     trials = [one.trial for one in parts.values()]
-    sources = tuple(one for trial in trials for one in trial.sources if one.role != "contacts")
+    sources = tuple(source for trial in trials for source in trial.sources if source.role != "contacts")
     kinds = {kind for step in TOGETHER_STEPS for kind in step_head(step).options}
     own = (one.options.get(EmgOptions) for one in trials if one.emg is not None)
     contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
@@ -190,7 +190,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
 
 def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str, ...]]]:
     """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
-    given = {name: one.trial.emg for name, one in parts.items() if one.trial.emg is not None}
+    given = {name: part.trial.emg for name, part in parts.items() if part.trial.emg is not None}
     if not given:
         return None, FrozenMap({})
     time = next(iter(given.values())).time
@@ -211,14 +211,14 @@ class _JoinedLoads:
     """External forces of all parts, at the times of the first that has any."""
 
     def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
-        self.parts = {name: one for name, one in parts.items() if one.trial.loads is not None}
+        self.parts = {name: part for name, part in parts.items() if part.trial.loads is not None}
         self.motions = motions
 
     def __call__(self, recorded: Motion) -> Wrenches:
         found: dict[str, Wrenches] = {}
-        for name, one in self.parts.items():
-            assert one.trial.loads is not None
-            found[name] = one.trial.loads(self.motions[name])
+        for name, part in self.parts.items():
+            assert part.trial.loads is not None
+            found[name] = part.trial.loads(self.motions[name])
         if not found:
             nothing = np.zeros((len(recorded), 0, 3))
             return Wrenches(recorded.time, (), (), nothing, nothing, nothing)

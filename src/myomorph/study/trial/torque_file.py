@@ -33,14 +33,14 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
         table = read_sto(path)
     columns: dict[str, int] = {}
     unused: list[str] = []
-    for k, column in enumerate(table.names):
+    for index, column in enumerate(table.names):
         name = _coordinate(column, model, path)
         if name is None:
             unused.append(column)
         elif name in columns:
             raise BadData(f"{path}: coordinate '{name}' has two columns, '{table.names[columns[name]]}' and '{column}'")
         else:
-            columns[name] = k
+            columns[name] = index
     from myomorph.tension.terms.actuators import free_coordinates  # Numba, which other steps do without
 
     for name in free_coordinates(model):

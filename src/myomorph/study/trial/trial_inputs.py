@@ -37,7 +37,7 @@ class ByType:
     """Values of different types, at most one of each, found by their type."""
 
     def __init__(self, *values: object):
-        self._values = {type(one): one for one in values if one is not None}
+        self._values = {type(value): value for value in values if value is not None}
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self._values.values())
@@ -56,7 +56,7 @@ class ByType:
 
     def only(self, *kinds: type) -> Any:
         """Those values whose types are named."""
-        return type(self)(*(one for kind, one in self._values.items() if kind in kinds))
+        return type(self)(*(value for kind, value in self._values.items() if kind in kinds))
 
 
 class OptionSet(ByType):

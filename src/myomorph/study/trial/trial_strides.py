@@ -127,22 +127,22 @@ def _below(model: Model, body: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides:
+def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:
     """Strides of a result in every stretch of time in which the body was seen: by plates, else events, else motion.
 
     As `walking_strides` finds them, but for what the plan names, and for a body that is out of sight in between.
     """
-    limbs, points, trunk = _points(found, model, plan)
+    limbs, points, trunk = _points(stored, model, plan)
     names = tuple(limb.name for limb in limbs)
-    trial = found.facts.get("trial", found.path.stem)
+    trial = stored.facts.get("trial", stored.path.stem)
     by_feet = _by_feet(model, plan)
     if by_feet and not feet_move(points):
         note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
         return TrialStrides(trial, names, (), (note,))
-    wrenches = store.get_wrenches(found)
+    wrenches = store.get_wrenches(stored)
     if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
         wrenches = None
-    motion = store.get_motion(found)
+    motion = store.get_motion(stored)
     running = running_events(model, motion, limbs) if by_feet else ()
     facing = facing_of(model, motion, limbs) if by_feet else None
     parts: list[Strides] = []
@@ -159,7 +159,7 @@ def trial_strides(found: Stored, model: Model, plan: StridePlan) -> TrialStrides
                     ground_speed=ground_speed(part) if plan.belt is None and by_feet else plan.belt,
                     wrenches=wrenches,
                     weight=None if wrenches is None else model.weight,
-                    events=store.get_events(found),
+                    events=store.get_events(stored),
                     running=running,
                     facing=facing,
                 )
@@ -175,11 +175,11 @@ def _by_feet(model: Model, plan: StridePlan) -> bool:
     return not plan.limbs and not plan.trunk and bool(walking_limbs(model))
 
 
-def _points(found: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], Series, str]:
+def _points(stored: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], Series, str]:
     """Limbs, the places of their points and of the trunk, and what the trunk is called."""
-    motion = store.get_motion(found)
+    motion = store.get_motion(stored)
     if _by_feet(model, plan):
-        points = walking_points(model, motion, store.get_fit(found))
+        points = walking_points(model, motion, store.get_fit(stored))
         return walking_limbs(model), points, points.names[-1]
     limbs, trunk = limbs_of(model, plan)
     bodies = list(dict.fromkeys([trunk, *(name for limb in limbs for name in (*limb.points, *limb.lifting))]))
@@ -241,14 +241,16 @@ def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
     The middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an
     animal are within half a turn of its own mean, and that within half a turn of the middle.
     """
-    found = [dict(one.scalars) for one in animals]
+    found = [dict(animal.scalars) for animal in animals]
     for name in dict.fromkeys(name for table in found for name in table if name.startswith(PHASE)):
-        means = {k: _direction(np.exp(2j * np.pi * table[name])) for k, table in enumerate(found) if name in table}
+        means = {
+            index: _direction(np.exp(2j * np.pi * table[name])) for index, table in enumerate(found) if name in table
+        }
         middle = (_direction(np.exp(2j * np.pi * np.array(list(means.values())))) + 0.25) % 1.0 - 0.25
         for k, mean in means.items():
             own = mean - np.round(mean - middle)
             found[k][name] = found[k][name] - np.round(found[k][name] - own)
-    return tuple(replace(one, scalars=table) for one, table in zip(animals, found, strict=True))
+    return tuple(replace(animal, scalars=table) for animal, table in zip(animals, found, strict=True))
 
 
 def _direction(turns: np.ndarray) -> float:
@@ -261,27 +263,31 @@ def _unit(label: str) -> str:
     return f" [{label.partition(' [')[2]}" if " [" in label else ""
 
 
-def _signals(found: Stored, model: Model) -> dict[str, Series]:
+def _signals(stored: Stored, model: Model) -> dict[str, Series]:
     """What a result has over time, by family, in the units of its name."""
-    motion = store.get_motion(found)
-    turning = [k for k, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
+    motion = store.get_motion(stored)
+    turning = [index for index, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
     values = np.degrees(motion.values[:, turning])
     signals = {ANGLES: Series(motion.time, tuple(motion.names[k] for k in turning), values)}
-    torques = store.get_torques(found)
+    torques = store.get_torques(stored)
     if torques is not None:
-        own = [k for k, name in enumerate(torques.names) if name in signals[ANGLES].names]
+        own = [index for index, name in enumerate(torques.names) if name in signals[ANGLES].names]
         signals[TORQUES] = Series(torques.time, tuple(torques.names[k] for k in own), torques.values[:, own])
-    if "muscle_length" in found.values:
-        signals[LENGTHS] = Series(found.time, found.names["muscle"], 1000.0 * found.values["muscle_length"])
-    if "muscle_force" in found.values:
-        signals[TENSIONS] = Series(found.time, found.names["muscle"], found.values["muscle_force"])
+    if "muscle_length" in stored.values:
+        signals[LENGTHS] = Series(stored.time, stored.names["muscle"], 1000.0 * stored.values["muscle_length"])
+    if "muscle_force" in stored.values:
+        signals[TENSIONS] = Series(stored.time, stored.names["muscle"], stored.values["muscle_force"])
     moving = {family: _moving(series) for family, series in signals.items()}
     return {family: series for family, series in moving.items() if len(series.names)}
 
 
 def _moving(series: Series) -> Series:
     """Columns that are known and change."""
-    own = [k for k in range(len(series.names)) if np.nanstd(series.values[:, k]) > 1e-9] if len(series) else []
+    own = (
+        [index for index in range(len(series.names)) if np.nanstd(series.values[:, index]) > 1e-9]
+        if len(series)
+        else []
+    )
     return Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
 
 
@@ -289,13 +295,13 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the others NaN."""
     sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
     spans = {limb: [(one.start, one.stop) for one in strides.of(limb)] for limb in strides.limbs}
-    most = max((len(own) for own in spans.values()), default=0)
+    most = max((len(span) for span in spans.values()), default=0)
     if not most:
         return None
     limbs = [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
     values = np.full((most, SAMPLES, len(series.names)), np.nan)
     for limb in dict.fromkeys(limbs):
-        own = [k for k, one in enumerate(limbs) if one == limb]
+        own = [index for index, one in enumerate(limbs) if one == limb]
         columns = Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
         values[: len(spans[limb]), :, own] = over_cycles(columns, spans[limb]).values
     return Cycles(series.names, values)

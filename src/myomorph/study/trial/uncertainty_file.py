@@ -26,7 +26,7 @@ def read_sizes(path: Path) -> dict[str, Any]:
     """
     given = read_toml(path)
     given = given.get(STEP, given)
-    known = {one.name: one for kind in step_head(STEP).options for one in settings_of(kind)}
+    known = {setting.name: setting for kind in step_head(STEP).options for setting in settings_of(kind)}
     for name, value in given.items():
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
@@ -34,8 +34,8 @@ def read_sizes(path: Path) -> dict[str, Any]:
             raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
         kind = known[name].kind
         words = (True, False) if kind is bool else get_args(kind)
-        if words and not any(value is one or (value == one and isinstance(one, str)) for one in words):
-            wanted = " or ".join(str(one).lower() if kind is bool else one for one in words)
+        if words and not any(value is word or (value == word and isinstance(word, str)) for word in words):
+            wanted = " or ".join(str(word).lower() if kind is bool else word for word in words)
             raise BadFile(path, f"states '{value}' as '{name}'", f"expected {wanted}")
         if not words and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")

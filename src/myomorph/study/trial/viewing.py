@@ -45,7 +45,7 @@ def open_replay(
     BadData
         where the port is taken
     """
-    choices = [recordings(one, demo_model) for one in folders]
+    choices = [recordings(folder, demo_model) for folder in folders]
     # Brings Numba and rich: loaded only where it is needed.
     from myomorph.viewer.replay import Replay
 
@@ -76,14 +76,14 @@ def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapp
     shown = {key: files for key, files in groups.items() if key in moving}
     if not shown:
         raise BadFile(folder, "holds results, but none with a motion", "give the --out of ik, run, muscles or tension")
-    found: dict[str, Callable[[], ReportInput]] = {}
+    result: dict[str, Callable[[], ReportInput]] = {}
     for (home, trial, *_), files in shown.items():
         place = Path(str(home)).relative_to(folder if folder.is_dir() else folder.parent)
         name = str(place) if len(place.parts) and place.name == trial else str(place / str(trial or files[0].stem))
-        while name in found:
+        while name in result:
             name += "'"
-        found[name] = partial(_open, tuple(files), demo_model)
-    return found
+        result[name] = partial(_open, tuple(files), demo_model)
+    return result
 
 
 def _open(files: Sequence[Path], demo_model: ModelMaker | None) -> ReportInput:

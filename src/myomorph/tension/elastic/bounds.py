@@ -53,7 +53,7 @@ class Box:
 
     def barrier(self, v: Array, mu: float) -> tuple[Array, Array]:
         """Gradient of the barrier, and the curvature of a primal-dual step."""
-        down, up = (1.0 / one for one in self._distances(v))
+        down, up = (1.0 / distance for distance in self._distances(v))
         pushed = up - down if self._both else up * self.above - down * self.below
         return mu * pushed, self.z * down + self.w * up
 
@@ -100,6 +100,6 @@ class Box:
 
     def keep_near(self, v: Array, mu: float) -> None:
         """Multipliers within a wide corridor of the barrier's own."""
-        down, up = (mu / one for one in self._distances(v))
+        down, up = (mu / distance for distance in self._distances(v))
         z, w = np.clip(self.z, down / 1e10, down * 1e10), np.clip(self.w, up / 1e10, up * 1e10)
         self.z, self.w = (z, w) if self._both else (np.where(self.below, z, 0.0), np.where(self.above, w, 0.0))

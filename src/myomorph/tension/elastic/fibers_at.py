@@ -14,10 +14,10 @@ from myomorph.tension.elastic.term import ElasticMuscleTerm
 def _stretches(E, elastic, f, out):
     """Tendon length over slack length (frames, muscles) at normalized forces f, 1 of a rigid tendon."""
     for m in range(f.shape[1]):
-        for k in range(f.shape[0]):
-            out[k, m] = 1.0
+        for index in range(f.shape[0]):
+            out[index, m] = 1.0
             if elastic[m]:
-                out[k, m] = tendon_jet(E, m, f[k, m])[0] if f[k, m] == f[k, m] else np.nan
+                out[index, m] = tendon_jet(E, m, f[index, m])[0] if f[index, m] == f[index, m] else np.nan
 
 
 def fibers_at(

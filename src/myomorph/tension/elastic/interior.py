@@ -159,10 +159,10 @@ class Solver:
 
     def _smooth_slope(self, f: Array) -> Array:
         change = 2.0 * SMOOTH * np.diff(f, axis=0)
-        found = np.zeros_like(f)
-        found[1:] += change
-        found[:-1] -= change
-        return found
+        result = np.zeros_like(f)
+        result[1:] += change
+        result[:-1] -= change
+        return result
 
     def errors(self, at: Linearized, mu: float) -> tuple[float, float, float]:
         """Residuals of the gradient (relative to the mean slope of the cost over forces), of bounds, of constraints."""
@@ -181,7 +181,7 @@ class Solver:
     def _infeasible(self, g: Array, balance: Array, rate: Array) -> tuple[float, float]:
         """Sum and greatest of what the constraints miss."""
         parts = [np.abs(one) for one in (g, balance * self.row_scale, rate)]
-        return float(sum(one.sum() for one in parts)), float(max(one.max(initial=0.0) for one in parts))
+        return float(sum(part.sum() for part in parts)), float(max(part.max(initial=0.0) for part in parts))
 
     def step(self, at: Linearized, shift: float) -> tuple[list[Array], Array] | None:
         """Newton step of f, a, x and slacks, and of y; None where the matrix is not positive definite."""
@@ -367,7 +367,7 @@ class Solver:
 
 
 def _solved(errors: tuple[float, float, float]) -> bool:
-    return all(one <= most for one, most in zip(errors, TOLERANCE, strict=True))
+    return all(error <= most for error, most in zip(errors, TOLERANCE, strict=True))
 
 
 def _add_squares(weight: Array, terms: Array, d: Array, e: Array) -> Array:

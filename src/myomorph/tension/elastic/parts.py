@@ -42,10 +42,10 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     stretches[: len(elastic)] = elastic
     found = [
         Part(
-            np.flatnonzero(stretches & (label[:unknowns] == k)),
-            np.flatnonzero(~stretches & (label[:unknowns] == k)),
-            np.flatnonzero(label[unknowns:] == k),
+            np.flatnonzero(stretches & (label[:unknowns] == index)),
+            np.flatnonzero(~stretches & (label[:unknowns] == index)),
+            np.flatnonzero(label[unknowns:] == index),
         )
-        for k in range(count)
+        for index in range(count)
     ]
     return sorted((one for one in found if len(one.muscles)), key=lambda one: -len(one.muscles))

@@ -212,19 +212,19 @@ class ElasticProblem(TensionProblem):
 
     def _bridgeable(self, begin: int, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Frames of gaps short enough to be bridged."""
-        found = np.zeros(len(good), np.bool_)
+        result = np.zeros(len(good), np.bool_)
         known = np.flatnonzero(good)
         time = self._time[begin : begin + len(good)]
         for one, other in pairwise(known):
             if other > one + 1 and time[other] - time[one] <= SHORTEST_BRIDGE + 1e-9:
-                found[one + 1 : other] = True
-        return found
+                result[one + 1 : other] = True
+        return result
 
     def _solve_run(
-        self, given: Balance, begin: int, part: slice, good: NDArray[np.bool_], out: tuple[np.ndarray, ...]
+        self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_], out: tuple[np.ndarray, ...]
     ) -> None:
         """Solve frames without a gap that is not bridged, into the arrays of the window."""
-        frames, status = self._frames(given, begin, part, good)
+        frames, status = self._frames(balance, begin, part, good)
         x, forces, residual, iterations, steps_status = out
         found: list[_Found] = []
         if len(frames.time) > 1:
@@ -249,7 +249,7 @@ class ElasticProblem(TensionProblem):
         """Solve some of the frames; those between follow them, their forces as near by as balances their torques."""
         keep, elastic = picked(len(frames.time), self._every), np.flatnonzero(self.muscles.elastic)
         few = frames.at(keep)
-        found = self._pass(few)
+        result = self._pass(few)
         frames.x = along(frames.time, keep, few.x)
         held = frames.x.copy()
         held[:, elastic] = along(frames.time, keep, few.forces[:, elastic])
@@ -259,7 +259,7 @@ class ElasticProblem(TensionProblem):
             held[part] = balanced(self.separable, frames.values[part], frames.right[part], held[part], on_elastic)
         frames.forces[:, elastic] = held[:, elastic]
         frames.x = np.where(on_elastic, frames.x, held)
-        return found
+        return result
 
     def _pass(self, frames: Frames) -> list[_Found]:
         """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
@@ -269,21 +269,21 @@ class ElasticProblem(TensionProblem):
             partial(solve_part, program, *start_of(one, frames, program), again)
             for one, program in zip(self.parts, programs, strict=True)
         ]
-        found = []
-        for one, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
-            frames.forces[:, one.muscles] = outcome.point.f
-            frames.x[:, one.muscles] = _at_frames(outcome.point.a)
-            frames.x[:, one.others] = outcome.point.x
-            found.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
-        return found
+        result = []
+        for part, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
+            frames.forces[:, part.muscles] = outcome.point.f
+            frames.x[:, part.muscles] = _at_frames(outcome.point.a)
+            frames.x[:, part.others] = outcome.point.x
+            result.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
+        return result
 
-    def _frames(self, given: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
+    def _frames(self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
         """What programs are made of in a run of frames, with the solution on rigid tendons."""
         own = slice(begin + part.start, begin + part.stop)
         time, term, shared = self._time[own], self.muscles, self.separable
         values, right, lengths, speeds = (
             filled(time, one, good)
-            for one in (given.values[part], given.right[part], self.lengths[own], self.speeds[own])
+            for one in (balance.values[part], balance.right[part], self.lengths[own], self.speeds[own])
         )
         active, passive = term.rigid_forces(lengths, speeds)
         ratio, offset = (np.where(term.elastic, one / term.strength, 0.0) for one in (active, passive))
@@ -295,7 +295,7 @@ class ElasticProblem(TensionProblem):
         rigid_values[:, stretched] *= ratio[:, column[stretched]]
         for entry in stretched:
             rigid_right[:, shared.row[entry]] -= values[:, entry] * offset[:, column[entry]]
-        asked = given._replace(values=rigid_values, right=rigid_right)
+        asked = balance._replace(values=rigid_values, right=rigid_right)
         x, y, _, _, status = self.solved(asked, own.start)
         x, y = np.nan_to_num(x, posinf=0.0, neginf=0.0), np.nan_to_num(y, posinf=0.0, neginf=0.0)
         forces = np.where(term.elastic, ratio * x[:, :muscles] + offset, np.nan)
@@ -324,11 +324,11 @@ class ElasticProblem(TensionProblem):
         if last == len(time) or not known[last] or np.isnan(self._tau[last]).any():
             self._transient[first:last] |= time[first:last] > time[last - 1] - TRANSIENT
 
-    def _store_window(self, part: slice, x: Array, forces: Array, given: Balance) -> None:
+    def _store_window(self, part: slice, x: Array, forces: Array, balance: Balance) -> None:
         """Keep what was found: as with rigid tendons, but for the forces of muscles on elastic ones."""
-        self._store(part, x, given)
+        self._store(part, x, balance)
         elastic = self.muscles.elastic
-        pulls = forces * self.muscles.strength + given.viscous
+        pulls = forces * self.muscles.strength + balance.viscous
         self._forces[part][:, elastic] = pulls[:, elastic]
 
     def result(self, names: tuple[str, ...]) -> Tension:
@@ -342,7 +342,7 @@ class ElasticProblem(TensionProblem):
             max((one.residual for one in self._certificates), default=0.0),
             max((one.equilibrium for one in self._certificates), default=0.0),
             max((one.steps for one in self._certificates), default=0),
-            *(float(np.sqrt(np.mean(seconds[:, k] ** 2))) if len(seconds) else np.nan for k in range(2)),
+            *(float(np.sqrt(np.mean(seconds[:, index] ** 2))) if len(seconds) else np.nan for index in range(2)),
         )
         fibers = Fibers(*found, self._transient, self._bridged, rigid, self.unreachable, certificate)
         return replace(tension, fibers=fibers)

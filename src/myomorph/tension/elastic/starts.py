@@ -20,11 +20,13 @@ def possible(program: Program, a: Array) -> Array:
     if program.rates is None:
         return a
     between = 0.5 * (program.steps[1:] + program.steps[:-1])
-    for k, dt in enumerate(between):
-        up, _, _, down, _, _ = program.rates.bounds(a[k])
+    for index, dt in enumerate(between):
+        up, _, _, down, _, _ = program.rates.bounds(a[index])
         # Half of the rate at the beginning of the step, so that at its middle it is possible too.
-        a[k + 1] = np.clip(
-            a[k + 1], a[k] + 0.5 * np.maximum(dt * down, -a[k]), a[k] + 0.5 * np.minimum(dt * up, 1.0 - a[k])
+        a[index + 1] = np.clip(
+            a[index + 1],
+            a[index] + 0.5 * np.maximum(dt * down, -a[index]),
+            a[index] + 0.5 * np.minimum(dt * up, 1.0 - a[index]),
         )
     return a
 

@@ -28,7 +28,7 @@ class ElasticMuscleTerm(MuscleTerm):
         super().__init__(tree, options)
         muscles = tree.model.muscles
         self.arrays = compile_elastic(tree.model, options.passive)
-        self.elastic = np.array([has_elastic_tendon(one) for one in muscles], np.bool_) & (self.upper > 0.0)
+        self.elastic = np.array([has_elastic_tendon(muscle) for muscle in muscles], np.bool_) & (self.upper > 0.0)
         rise, fall = activation_times(tree.model)
         self.rates = Rates(rise, fall, self.arrays.hill.kind == DEGROOTE)
 

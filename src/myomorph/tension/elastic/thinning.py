@@ -56,15 +56,15 @@ def balanced(shared: Separable, values: Array, right: Array, held: Array, muscle
     low, high = np.where(muscles, LEAST, shared.lower), np.where(muscles, MOST, shared.upper)
     A = np.zeros((len(held), right.shape[1], held.shape[1]))
     A[:, shared.row, column] = values
-    found = held.copy()
+    result = held.copy()
     for _ in range(PROJECTIONS):
-        left = right - np.matmul(A, found[:, :, None])[..., 0]
-        room = np.where(muscles, found - LEAST, 1.0 / np.maximum(shared.weight, 1e-3))
-        room = np.where((found > low) & (found < high), room, 0.0)
+        left = right - np.matmul(A, result[:, :, None])[..., 0]
+        room = np.where(muscles, result - LEAST, 1.0 / np.maximum(shared.weight, 1e-3))
+        room = np.where((result > low) & (result < high), room, 0.0)
         scaled = A * room[:, None]
         matrix = np.matmul(scaled, A.transpose(0, 2, 1))
         size = np.trace(matrix, axis1=1, axis2=2)[:, None, None] / max(right.shape[1], 1)
         matrix += (1e-9 * size + 1e-12) * np.eye(right.shape[1])
         change = np.matmul(np.linalg.solve(matrix, left[:, :, None])[:, None, :, 0], scaled)[:, 0]
-        found = np.clip(found + change, low, high)
-    return found
+        result = np.clip(result + change, low, high)
+    return result

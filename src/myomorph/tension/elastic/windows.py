@@ -62,11 +62,11 @@ def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, 
     """Ranges of frames that begin and end with a good one, the gaps inside them bridged."""
     found: list[tuple[int, int]] = []
     start = None
-    for k, (one, other) in enumerate(zip(good, bridge, strict=True)):
+    for index, (one, other) in enumerate(zip(good, bridge, strict=True)):
         if one and start is None:
-            start = k
+            start = index
         if not one and not other and start is not None:
-            found.append((start, k))
+            found.append((start, index))
             start = None
     if start is not None:
         found.append((start, len(good)))
@@ -101,7 +101,7 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
     share = np.stack([pull[:-1] > 0.0, pull[1:] > 0.0]).astype(np.float64)
     count = np.maximum(share.sum(axis=0), 1.0)
     ends = (np.where(pull > 0.0, one, 0.0) for one in (low, high, pull))
-    mean = [(share[0] * one[:-1] + share[1] * one[1:]) / count for one in ends]
+    mean = [(share[0] * end[:-1] + share[1] * end[1:]) / count for end in ends]
     # Where one frame alone knows of the activation, it counts half.
     return np.stack([*mean[:2], mean[2] * count / 2.0])
 
@@ -114,7 +114,7 @@ def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
     penalties : (1 or frames, 3, unknowns) without
     x : (frames, unknowns) whose amounts the frames beside have
     """
-    found = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
+    result = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
     own = slice(links.first, links.first + links.scale.shape[1])
     pull, total = np.zeros_like(links.scale), np.zeros_like(links.scale)
     stiff = links.stiffness[:, None] * shared.weight[own]
@@ -125,10 +125,10 @@ def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
         total[here] += stiff * both * amount[beside]
     linked = pull > 0.0
     middle = total / np.where(linked, pull * links.scale, 1.0)
-    found[:, 0, own] = np.where(linked, middle, found[:, 0, own])
-    found[:, 1, own] = np.where(linked, middle, found[:, 1, own])
-    found[:, 2, own] = np.where(linked, pull * links.scale**2, found[:, 2, own])
-    return found
+    result[:, 0, own] = np.where(linked, middle, result[:, 0, own])
+    result[:, 1, own] = np.where(linked, middle, result[:, 1, own])
+    result[:, 2, own] = np.where(linked, pull * links.scale**2, result[:, 2, own])
+    return result
 
 
 def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscleTerm, dynamics: bool) -> Program:
@@ -146,9 +146,9 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
         place = np.full(len(shared.weight), -1)
         place[unknowns] = np.arange(len(unknowns))
         mine = np.flatnonzero(place[column] >= 0)
-        found = np.zeros((count, len(part.rows), len(unknowns)))
-        found[:, rank[shared.row[mine]], place[column[mine]]] = frames.values[:, mine]
-        return found
+        result = np.zeros((count, len(part.rows), len(unknowns)))
+        result[:, rank[shared.row[mine]], place[column[mine]]] = frames.values[:, mine]
+        return result
 
     def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
         shape, least, most = (shared.weight[unknowns], shared.exponent[unknowns]), shared.lower, shared.upper
@@ -198,5 +198,5 @@ def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[O
     other = replace(start, f=integrated(program, flat), a=flat)
     second = Solver(program, other, np.zeros_like(y)).solve()
     distances = (second.point.a - found.point.a, second.point.f - found.point.f)
-    far = tuple(float(np.sqrt(np.mean(one**2))) for one in distances)
+    far = tuple(float(np.sqrt(np.mean(distance**2))) for distance in distances)
     return (second if second.solved and not found.solved else found), (far[0], far[1])

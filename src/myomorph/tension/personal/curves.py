@@ -107,9 +107,9 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
         for a class whose curves are not known
     """
     H, muscles = compile_hill(model), model.muscles
-    kinds = [KINDS[one.kind] for one in muscles]
+    kinds = [KINDS[muscle.kind] for muscle in muscles]
     sine = H.height / H.fiber
-    least = [shortest_fiber(H, m, one) / H.fiber[m] for m, one in enumerate(muscles)]
+    least = [shortest_fiber(H, m, muscle) / H.fiber[m] for m, muscle in enumerate(muscles)]
     stretches = [kind in (THELEN, MILLARD, DEGROOTE) and H.tendon[m] > 0.0 for m, kind in enumerate(kinds)]
     default = [0.1 if kind == MILLARD else 0.0 for kind in kinds]
     return MuscleShapes(
@@ -118,7 +118,9 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
         velocity=_table(SPEEDS, muscles, lambda m: _velocity(H, m)),
         tendon=_table(STRAINS, muscles, lambda m: _tendon(muscles[m]) if stretches[m] else np.zeros_like(STRAINS)),
         sine=frozen_array(sine),
-        damping=frozen_array([one.parameters.get("fiber_damping", d) for one, d in zip(muscles, default, strict=True)]),
+        damping=frozen_array(
+            [muscle.parameters.get("fiber_damping", d) for muscle, d in zip(muscles, default, strict=True)]
+        ),
         speed=frozen_array(H.speed / H.fiber),
         shortest=frozen_array(np.maximum(np.maximum(least, 1.02 * sine), 0.1)),
         slower=np.array(kinds) == THELEN,

@@ -116,14 +116,14 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
                 moved[2] = -f_p_x * (x - 1.0) / (strain * strain) * cosine
                 moved[3] = by_a
                 if not still and t > 0:
-                    for k in range(4):
-                        earlier = past[k] if t == 1 else 2.0 * past[k] - 0.5 * before[k]
-                        moved[k] -= by_speed * earlier / (step * speed)
-                for k in range(4):
-                    before[k] = past[k]
-                    moved[k] = -moved[k] / by_length
-                    past[k] = moved[k]
-                    z = z_lo if k == 0 else (z_ls if k == 1 else 0.0)
-                    found[2 + k, window, t, m] = force * slope * (z + z_x * moved[k])
+                    for index in range(4):
+                        earlier = past[index] if t == 1 else 2.0 * past[index] - 0.5 * before[index]
+                        moved[index] -= by_speed * earlier / (step * speed)
+                for index in range(4):
+                    before[index] = past[index]
+                    moved[index] = -moved[index] / by_length
+                    past[index] = moved[index]
+                    z = z_lo if index == 0 else (z_ls if index == 1 else 0.0)
+                    found[2 + index, window, t, m] = force * slope * (z + z_x * moved[index])
                 found[0, window, t, m], found[1, window, t, m] = force * pulled, x
                 x2, x1 = x1, x

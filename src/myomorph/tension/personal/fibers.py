@@ -74,11 +74,11 @@ def follow(
     rigid = shapes.rigid
     if not rigid.any():
         return _elastic(shapes, sizes, lengths, speeds, activations, step)
-    found = _rigid(shapes, sizes, lengths, speeds, activations)
+    result = _rigid(shapes, sizes, lengths, speeds, activations)
     if rigid.all():
-        return found
+        return result
     elastic = _elastic(shapes, sizes, lengths, speeds, activations, step)
-    return Followed(*(np.where(rigid, one, other) for one, other in zip(found, elastic, strict=True)))
+    return Followed(*(np.where(rigid, one, other) for one, other in zip(result, elastic, strict=True)))
 
 
 def rigid_lengths(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array) -> Array:
@@ -117,8 +117,8 @@ def _elastic(
     shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Array, a: Array, step: float
 ) -> Followed:
     lookups = (shapes.active, shapes.passive, shapes.velocity, shapes.tendon)
-    tables = tuple((one.start, one.step, one.values, one.slopes) for one in lookups)
-    rows = np.column_stack([one.row for one in lookups])
+    tables = tuple((lookup.start, lookup.step, lookup.values, lookup.slopes) for lookup in lookups)
+    rows = np.column_stack([lookup.row for lookup in lookups])
     own = np.array([sizes.fiber, sizes.slack, sizes.force, sizes.strain])
     kept = np.array([shapes.sine, shapes.damping, shapes.speed, shapes.shortest])
     found = np.zeros((6, *lengths.shape))

@@ -82,7 +82,7 @@ def fit(
     steps : at most
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
-    parts = [Part(prior, shapes, one) for one in windows]
+    parts = [Part(prior, shapes, window) for window in windows]
     floors_at_rest = floors_of_rest(parts, floors)
     p, noise = np.zeros(len(prior.deviation)), Noise(FIRST_ERRORS * floors, FIRST_ERRORS * floors_at_rest)
     covariance = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
@@ -154,8 +154,8 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
     """How well parameters explain recordings that they need not have been fitted to."""
     score, frames = 0.0, 0
     left, known = np.zeros(len(noise.torque)), np.zeros(len(noise.torque))
-    for one in windows:
-        part = Part(prior, shapes, one)
+    for window in windows:
+        part = Part(prior, shapes, window)
         scores = []
         for _ in range(6):
             part.linearize(p, noise, slopes=False)
@@ -164,7 +164,7 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
         part.linearize(p, noise, slopes=False)
         # Activations that change their bounds at once can spoil a single pass.
         score += min(*scores[3:], part.score())
-        frames += int(one.counted.sum())
+        frames += int(window.counted.sum())
         left += np.sum(part.plain**2, axis=0)
         known += np.sum(part.known, axis=0)
     return Checked(score / frames, np.where(known > 0, np.sqrt(left / np.maximum(known, 1)), np.nan))
@@ -183,7 +183,7 @@ def _left_to_errors(parts: Sequence[Part], effective: float) -> float:
 def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array) -> tuple[Array, Array]:
     """Rows that pull muscles into physiological lengths, (2 muscles, parameters) and (2 muscles,)."""
     muscles = len(prior.names)
-    every = np.concatenate([one.lengths[one.counted] for one in windows])
+    every = np.concatenate([window.lengths[window.counted] for window in windows])
     ends = np.array([every.min(axis=0), every.max(axis=0)])
     sizes = prior.sizes(p)
     before, now = (rigid_lengths(shapes, one, ends) for one in (prior.start, sizes))

@@ -71,7 +71,7 @@ def torque_errors(part: Part, covariance: Array) -> tuple[Array, Array]:
 
 def floors_of_rest(parts: Sequence[Part], floors: Array) -> Array:
     """(rows,) least error of measured passive torques [N m or N]."""
-    still = [one for one in parts if one.rest]
+    still = [part for part in parts if part.rest]
     if not still:
         return np.full(len(floors), REST_FLOOR)
     counts = np.maximum(np.sum([one.known.sum(axis=0) for one in still], axis=0), 1)
@@ -81,7 +81,7 @@ def floors_of_rest(parts: Sequence[Part], floors: Array) -> Array:
 
 def noise_at_rest(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
     """Errors of measured passive torques, among them what is no muscle's: ligaments, capsules, the poses' errors."""
-    still = [one for one in parts if one.rest]
+    still = [part for part in parts if part.rest]
     if not still:
         return noise
     counts = np.sum([one.known.sum(axis=0) for one in still], axis=0)

@@ -137,7 +137,7 @@ class Part:
         """
         y = np.zeros_like(self.plain)
         fixed = np.zeros(now.shape, np.int8)
-        for k in range(ACTIVE_SETS):
+        for index in range(ACTIVE_SETS):
             held = fixed != 0
             self.variance = np.where(held, 0.0, variance)
             self.expected = np.where(held, (fixed > 0).astype(np.float64), expected)
@@ -145,12 +145,12 @@ class Part:
             spread = self.columns * self.variance[:, None]
             S = spread @ self.columns.transpose(0, 2, 1) + self.of_torque[..., None] * np.eye(self.of_torque.shape[1])
             new = np.linalg.solve(S, self.error[..., None])[..., 0]
-            y = new if k < ACTIVE_SETS // 2 else 0.5 * (y + new)
+            y = new if index < ACTIVE_SETS // 2 else 0.5 * (y + new)
             wanted = expected + variance * frame_products(self.columns.transpose(0, 2, 1), y)
             before, fixed = fixed, np.where(wanted < 0.0, -1, np.where(wanted > 1.0, 1, 0)).astype(np.int8)
             if np.array_equal(before, fixed):
                 break
-            if k == ACTIVE_SETS - 2:
+            if index == ACTIVE_SETS - 2:
                 # Where bounds are still taken in turns, nothing is held: that leaves more open, not less.
                 fixed = np.where(before == fixed, fixed, 0).astype(np.int8)
         self.gain = np.asarray(np.linalg.solve(S, spread), dtype=np.float64)  # S^-1 G var(a)
@@ -174,13 +174,13 @@ class Part:
                 (at.by_strain, more.by_strain),
             )
         )
-        found = np.zeros(len(p))
-        found[by_fiber] = (of_fiber - of_slack * (prior.point + p[by_point])) * fiber
-        found[by_point] = -of_slack * fiber
+        result = np.zeros(len(p))
+        result[by_fiber] = (of_fiber - of_slack * (prior.point + p[by_point])) * fiber
+        result[by_point] = -of_slack * fiber
         of_force = np.sum(share * at.by_activation, axis=0)
         for part, values in ((by_force, of_force), (by_strain, of_strain * strain)):
-            found[part] = np.bincount(prior.group, values, minlength=len(prior.groups))
-        return found
+            result[part] = np.bincount(prior.group, values, minlength=len(prior.groups))
+        return result
 
     def _jacobian(self, at: Followed, fiber: Array, strain: Array, p: Array, expected: Array) -> Array:
         """(frames, rows, parameters) slopes of the torque."""

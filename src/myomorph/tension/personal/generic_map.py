@@ -91,14 +91,14 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
         ],
     )
     counts = np.zeros(len(names))
-    for k, name in enumerate(names):
+    for index, name in enumerate(names):
         g, m = generic.muscle_names.index(name), scaled.muscle_names.index(name)
         good = (x[:, g] > REACH[0]) & (x[:, g] < REACH[1]) & (tendon[:, g] >= 0.98) & np.isfinite(own[:, m])
-        counts[k] = good.sum()
-        if counts[k] < FEWEST:
+        counts[index] = good.sum()
+        if counts[index] < FEWEST:
             notes.append(
                 f"muscle '{name}': its fibers work between {REACH[0]:g} and {REACH[1]:g} optimal lengths in "
-                f"{int(counts[k])} of {poses} poses of the generic model: it keeps its lengths"
+                f"{int(counts[index])} of {poses} poses of the generic model: it keeps its lengths"
             )
             continue
         lo, ls = _least_squares(w[good, g], tendon[good, g], own[good, m], sizes.fiber[g], sizes.slack[g])
@@ -128,17 +128,19 @@ def _least_squares(w: Array, t: Array, length: Array, fiber: float, slack: float
 def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     """(poses, muscles) path lengths of both models in the same poses."""
     shared = [
-        one for one in free_coordinates(generic) if one in scaled.coordinate_names and one in generic.coordinate_names
+        coordinate
+        for coordinate in free_coordinates(generic)
+        if coordinate in scaled.coordinate_names and coordinate in generic.coordinate_names
     ]
-    ranges = {one.name: one.range for one in generic.coordinates}
+    ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}
     unit = qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
     found = []
     for model in (generic, scaled):
-        c = np.tile([one.default for one in model.coordinates], (poses, 1))
-        for k, name in enumerate(shared):
+        c = np.tile([coordinate.default for coordinate in model.coordinates], (poses, 1))
+        for index, name in enumerate(shared):
             low, high = ranges[name]
             if np.isfinite(low) and np.isfinite(high):
-                c[:, model.coordinate_names.index(name)] = low + unit[:, k] * (high - low)
+                c[:, model.coordinate_names.index(name)] = low + unit[:, index] * (high - low)
         found.append(compile_paths(model).evaluate(c)[0])
     return found[0], found[1]
 

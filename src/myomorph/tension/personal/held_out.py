@@ -44,8 +44,8 @@ class HeldOut:
 
 def split(windows: Sequence[Windows]) -> tuple[list[Windows], list[Windows]]:
     """Recordings to fit to, passive ones among them, and to hold out: the last one, or the last third of one alone."""
-    moving = [one for one in windows if np.isfinite(one.step)]
-    rest = [one for one in windows if not np.isfinite(one.step)]
+    moving = [window for window in windows if np.isfinite(window.step)]
+    rest = [window for window in windows if not np.isfinite(window.step)]
     if not moving:
         return (rest[:-1], rest[-1:]) if len(rest) > 1 else (rest, [])
     if len(moving) > 1:

@@ -185,7 +185,7 @@ def personalize(
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         prior = prior_of(start, shapes, windows, rows, options, fixed)
-        floors = torque_floors(start, rows, [one for one in windows if np.isfinite(one.step)] or windows)
+        floors = torque_floors(start, rows, [window for window in windows if np.isfinite(window.step)] or windows)
         seen, unseen = split(windows) if options.hold_out else (list(windows), [])
         fitted = fit(prior, shapes, seen, floors, advance=advance)
         checked, p = None, fitted.p
@@ -201,13 +201,13 @@ def personalize(
     worst = [f"{len(reach)} muscles cannot reach; {reach[0]}"] if len(reach) > 1 else reach
     notes = [*worst, *_notes(fitted, estimates, checked, options, seen), *notes, *reach[1:]]
     return Personalized(
-        made, estimates, tuple(one.name for one in windows), rows, mapped, checked, before, after,
+        made, estimates, tuple(window.name for window in windows), rows, mapped, checked, before, after,
         fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes), tuple(prior.groups[k] for k in prior.group),
     )  # fmt: skip
 
 
 def _ends(windows: Sequence[Windows]) -> Array:
-    every = np.concatenate([one.lengths[one.counted] for one in windows])
+    every = np.concatenate([window.lengths[window.counted] for window in windows])
     return np.array([every.min(axis=0), every.max(axis=0)])
 
 
@@ -220,8 +220,8 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
             continue
         share, worst = 0, (0.0, "", 0.0)
         total = 0
-        for one in windows:
-            length, time = one.lengths[..., m][one.counted], one.time[one.counted]
+        for window in windows:
+            length, time = window.lengths[..., m][window.counted], window.time[window.counted]
             short = (muscle.tendon_slack_length - length) / muscle.optimal_fiber_length
             x = (length - muscle.tendon_slack_length) / muscle.optimal_fiber_length
             for excess, what in (
@@ -231,7 +231,7 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
                 k = int(np.argmax(excess))
                 if excess[k] > max(worst[0], 0.0):
                     worst = (float(excess[k]), what, float(time[k]))
-                    where = one.name
+                    where = window.name
             share += int(np.sum((short > 0.0) | (x > OVERSTRETCHED)))
             total += len(length)
         if share:
@@ -250,10 +250,10 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
 def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
     """Lengths before and after a map, which says nothing of how sure they are."""
     found = []
-    for one, other in zip(model.muscles, mapped.model.muscles, strict=True):
+    for muscle, other in zip(model.muscles, mapped.model.muscles, strict=True):
         for name in (FIBER, SLACK):
             value = float(getattr(other, name))
-            found.append(Estimate(one.name, name, float(getattr(one, name)), value, np.nan, np.nan, 1.0, "no"))
+            found.append(Estimate(muscle.name, name, float(getattr(muscle, name)), value, np.nan, np.nan, 1.0, "no"))
     return tuple(found)
 
 
@@ -280,13 +280,13 @@ def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> t
         (strain, STRAIN, prior.groups),
         (gain, GAIN, prior.gains),
     ):
-        for k, name in enumerate(names):
+        for index, name in enumerate(names):
             row = np.zeros(len(p))
-            row[part.start + k] = 1.0
-            values = (1.0, float(np.exp(p[part.start + k])))
+            row[part.start + index] = 1.0
+            values = (1.0, float(np.exp(p[part.start + index])))
             group_kept = parameter != GAIN and name in kept
             found.append(
-                _estimate(prior, fitted, p, before, row, name, parameter, values, (part.start + k,), group_kept)
+                _estimate(prior, fitted, p, before, row, name, parameter, values, (part.start + index,), group_kept)
             )
     return tuple(found)
 
@@ -333,7 +333,9 @@ def _slack_interval(prior: Prior, p: Array, covariance: Array, at: Sequence[int]
 
 def known_by_prior(estimates: Sequence[Estimate]) -> str:
     """One line: the share of lengths that only what was assumed before knows."""
-    levels = {name: [one.identifiable for one in estimates if one.parameter == name] for name in (FIBER, SLACK)}
+    levels = {
+        name: [estimate.identifiable for estimate in estimates if estimate.parameter == name] for name in (FIBER, SLACK)
+    }
     every = [level for those in levels.values() for level in those]
     share = 100.0 * every.count("no") / max(len(every), 1)
     what = "; ".join(
@@ -361,7 +363,7 @@ def _notes(
             if options.keep_generic
             else f"generic muscles explain {', '.join(checked.recordings)} better than the fitted ones: {what}"
         )
-    bounds = [f"{one.of} {one.parameter.replace('_', ' ')}" for one in estimates if one.bound]
+    bounds = [f"{estimate.of} {estimate.parameter.replace('_', ' ')}" for estimate in estimates if estimate.bound]
     if bounds:
         notes.append(
             f"{len(bounds)} parameters stand at a bound: {', '.join(bounds[:5])}" + (" ..." if bounds[5:] else "")

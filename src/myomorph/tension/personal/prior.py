@@ -160,7 +160,7 @@ def prior_of(
     fixed : (muscles,) muscles that keep their lengths, as those that are switched off or cannot reach
     """
     start = sizes_of(model)
-    mean = np.mean(np.concatenate([one.lengths[one.counted] for one in windows]), axis=0)
+    mean = np.mean(np.concatenate([window.lengths[window.counted] for window in windows]), axis=0)
     point = np.clip((mean - start.slack) / start.fiber, PHYSIOLOGICAL[0], PHYSIOLOGICAL[1])
     # The reference path length belongs to the point: where the point was moved into range, so is the path.
     reference = start.slack + point * start.fiber
@@ -168,7 +168,7 @@ def prior_of(
     gains, gain = _shared_emg(model.muscle_names, windows)
     muscles = len(model.muscles)
     # The mean activation of a muscle without EMG lasts: as an error of each frame it would look known.
-    levels = np.flatnonzero(gain < 0) if any(np.isfinite(one.step) for one in windows) else np.zeros(0, np.int64)
+    levels = np.flatnonzero(gain < 0) if any(np.isfinite(window.step) for window in windows) else np.zeros(0, np.int64)
     gain[levels] = len(gains) + np.arange(len(levels))
     counts = (muscles, muscles, len(groups), len(groups), len(gains), len(levels))
     spreads = (
@@ -219,7 +219,7 @@ def muscle_groups(
     -------
     names, as "knee_angle +"; and the group of each muscle, (muscles,)
     """
-    mean = np.mean(np.concatenate([one.arms[one.counted] for one in windows]), axis=0)
+    mean = np.mean(np.concatenate([window.arms[window.counted] for window in windows]), axis=0)
     labels = []
     for m, name in enumerate(model.muscle_names):
         row = int(np.argmax(np.abs(mean[:, m])))
@@ -233,7 +233,7 @@ def muscle_groups(
 
 def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
-    moving = [one for one in windows if np.isfinite(one.step)]
+    moving = [window for window in windows if np.isfinite(window.step)]
     gain = np.full(len(names), -1, np.int64)
     keys: dict[bytes, int] = {}
     members: list[list[str]] = []
@@ -247,4 +247,4 @@ def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple
             members.append([])
         members[keys[key]].append(name)
         gain[m] = keys[key]
-    return tuple(" ".join(one) for one in members), gain
+    return tuple(" ".join(member) for member in members), gain

@@ -87,7 +87,7 @@ def windows_of(model: Model, trials: Sequence[PersonalTrial]) -> tuple[list[Wind
     BadData
         where a motion has no velocities or no torques, or no muscle crosses a free coordinate
     """
-    read = [_Read(model, one) for one in trials]
+    read = [_Read(model, trial) for trial in trials]
     reach = np.max([np.abs(np.nan_to_num(one.arms)).max(axis=(0, 2)) for one in read], axis=0)
     kept = reach > LEAST_ARM * reach.max(initial=0.0)
     # What no recording measured, as joints without a passive torque, is not compared.
@@ -198,9 +198,13 @@ def _gap(own: Array, time: Array) -> Array:
 
 def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
     """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is carried [N m or N]."""
-    size = {one.coordinate: one.optimal_force for one in default_reserves(model) if hasattr(one, "coordinate")}
+    size = {
+        reserve.coordinate: reserve.optimal_force
+        for reserve in default_reserves(model)
+        if hasattr(reserve, "coordinate")
+    }
     least = np.array([size.get(name, 1.0) for name in names])
-    every = np.concatenate([one.torques[one.counted] for one in windows])
+    every = np.concatenate([window.torques[window.counted] for window in windows])
     counts = np.maximum(np.isfinite(every).sum(axis=0), 1)
     carried = np.sqrt(np.nansum(every**2, axis=0) / counts)
     return np.maximum(LEAST_ERROR * least, LEAST_SHARE * carried)

@@ -92,11 +92,11 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
 
 
 def _coordinates_by_body(tree: Tree) -> list[set[int]]:
-    found = []
+    result = []
     for supported in tree.supports:
         used = tree.arrays.axis_coordinate[supported]
-        found.append({int(j) for j in used.ravel() if j >= 0})
-    return found
+        result.append({int(j) for j in used.ravel() if j >= 0})
+    return result
 
 
 @inner
@@ -159,39 +159,41 @@ def body_directions(T, P, coordinates, out):
 
 @inner
 def _add_torque(T, P, w, dphi, body, d, sign, column):
-    for k in range(w.shape[0]):
-        if P.supports[body, k] and T.axis_kind[k] == ROTATION:
-            power = sign * (w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2])
+    for index in range(w.shape[0]):
+        if P.supports[body, index] and T.axis_kind[index] == ROTATION:
+            power = sign * (w[index, 0] * d[0] + w[index, 1] * d[1] + w[index, 2] * d[2])
             for s in range(2):
-                if T.axis_coordinate[k, s] >= 0:
-                    column[T.axis_coordinate[k, s]] += dphi[k, s] * power
+                if T.axis_coordinate[index, s] >= 0:
+                    column[T.axis_coordinate[index, s]] += dphi[index, s] * power
 
 
 @inner
 def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
-    for k in range(w.shape[0]):
-        if not P.supports[body, k]:
+    for index in range(w.shape[0]):
+        if not P.supports[body, index]:
             continue
-        if T.axis_kind[k] == ROTATION:
-            r0, r1, r2 = x[0] - o[k, 0], x[1] - o[k, 1], x[2] - o[k, 2]
+        if T.axis_kind[index] == ROTATION:
+            r0, r1, r2 = x[0] - o[index, 0], x[1] - o[index, 1], x[2] - o[index, 2]
             power = (
-                w[k, 0] * (r1 * d[2] - r2 * d[1])
-                + w[k, 1] * (r2 * d[0] - r0 * d[2])
-                + w[k, 2] * (r0 * d[1] - r1 * d[0])
+                w[index, 0] * (r1 * d[2] - r2 * d[1])
+                + w[index, 1] * (r2 * d[0] - r0 * d[2])
+                + w[index, 2] * (r0 * d[1] - r1 * d[0])
             )
         else:
-            power = w[k, 0] * d[0] + w[k, 1] * d[1] + w[k, 2] * d[2]
+            power = w[index, 0] * d[0] + w[index, 1] * d[1] + w[index, 2] * d[2]
         for s in range(2):
-            if T.axis_coordinate[k, s] >= 0:
-                column[T.axis_coordinate[k, s]] += sign * dphi[k, s] * power
+            if T.axis_coordinate[index, s] >= 0:
+                column[T.axis_coordinate[index, s]] += sign * dphi[index, s] * power
 
 
 def free_coordinates(model: Model) -> tuple[str, ...]:
     """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a coupler."""
     return tuple(
-        one.name
-        for one in model.coordinates
-        if not one.locked and one.prescribed is None and one.name not in model.dependent_coordinates
+        coordinate.name
+        for coordinate in model.coordinates
+        if not coordinate.locked
+        and coordinate.prescribed is None
+        and coordinate.name not in model.dependent_coordinates
     )
 
 
@@ -213,7 +215,7 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
         "residual_MZ", along the ground's axes [N], [N m]
     """
     unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
-    found: list[Actuator] = []
+    actuators: list[Actuator] = []
     floating = floating_joints(model)
     held = {name for joint in floating for name in joint.coordinates}
     for joint in floating:
@@ -221,7 +223,7 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
         center = model.body(joint.child).mass_center
         for kind, letter in (("point", "F"), ("torque", "M")):
             for i, axis in enumerate("XYZ"):
-                found.append(
+                actuators.append(
                     Actuator(
                         f"{RESIDUAL}{letter}{axis}{ending}",
                         "point" if kind == "point" else "torque",
@@ -235,8 +237,8 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
         if name not in held:
             power = 3 if model.coordinate(name).motion == "translational" else 4
             own = RESERVE_FORCE * unit**power if reserve is None else reserve
-            found.append(Actuator(f"{RESERVE}{name}", "coordinate", own, coordinate=name))
-    return tuple(found)
+            actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", own, coordinate=name))
+    return tuple(actuators)
 
 
 def floating_joints(model: Model) -> tuple[Joint, ...]:
@@ -267,15 +269,17 @@ class ActuatorTerm(Term):
 
     def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
         self.actuators = tuple(actuators)
-        self.optimal_forces = np.array([one.optimal_force for one in actuators], dtype=np.float64)
+        self.optimal_forces = np.array([actuator.optimal_force for actuator in actuators], dtype=np.float64)
         self._tree, self._exponent = tree, exponent
-        self._on_bodies = [i for i, one in enumerate(actuators) if one.kind != "coordinate"]
+        self._on_bodies = [i for i, actuator in enumerate(actuators) if actuator.kind != "coordinate"]
         self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
 
     def variables(self) -> Variables:
         """Controls, with their effort."""
-        count, names = len(self.actuators), tuple(one.name for one in self.actuators)
-        lower, upper = np.array([[one.min_control, one.max_control] for one in self.actuators]).reshape(-1, 2).T
+        count, names = len(self.actuators), tuple(actuator.name for actuator in self.actuators)
+        lower, upper = (
+            np.array([[actuator.min_control, actuator.max_control] for actuator in self.actuators]).reshape(-1, 2).T
+        )
         return Variables(names, np.ones(count), np.full(count, self._exponent), lower, upper)
 
     def entries(self) -> Sequence[tuple[int, int]]:
@@ -284,9 +288,9 @@ class ActuatorTerm(Term):
         owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
         found = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
         return found + [
-            (i, index_of("coordinate", one.coordinate, names))
-            for i, one in enumerate(self.actuators)
-            if one.kind == "coordinate"
+            (i, index_of("coordinate", actuator.coordinate, names))
+            for i, actuator in enumerate(self.actuators)
+            if actuator.kind == "coordinate"
         ]
 
     def columns(self, frames: Frames) -> Columns:

@@ -62,9 +62,13 @@ class CoContractionTerm(Term):
         tau = np.array([known.get(name, np.zeros(len(motion))) for name in model.coordinate_names]).T
         every = np.linspace(0, len(motion) - 1, min(len(motion), 9)).round().astype(int)
         arms = self._arms(self._paths.evaluate(values[every], rates[every])[2])
-        wanted = [k for k, name in enumerate(model.coordinate_names) if name in (coordinates or free)]
+        wanted = [index for index, name in enumerate(model.coordinate_names) if name in (coordinates or free)]
         rotates = [k for k in wanted if model.coordinates[k].motion == "rotational"]
-        both = [k for k in rotates if (arms[:, :, k] > SMALL).any(1).all() and (arms[:, :, k] < -SMALL).any(1).all()]
+        both = [
+            rotate
+            for rotate in rotates
+            if (arms[:, :, rotate] > SMALL).any(1).all() and (arms[:, :, rotate] < -SMALL).any(1).all()
+        ]
         if coordinates and len(both) < len(wanted):
             lacking = next(model.coordinate_names[k] for k in wanted if k not in both)
             raise BadData(f"muscles do not turn '{lacking}' both ways: there is no co-contraction of it")
@@ -94,7 +98,7 @@ class CoContractionTerm(Term):
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """A row a coordinate, of the muscles that cross it and of what passes."""
-        self._muscles = next(one for one in unknowns.terms if isinstance(one, MuscleTerm))
+        self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first, own = unknowns.of(self._muscles).start, unknowns.of(self).start
         count = len(self.coordinates)
         row = np.concatenate([np.full(len(of) + 1, j) for j, of in enumerate(self._crossing)])

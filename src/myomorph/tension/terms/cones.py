@@ -165,19 +165,19 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
     for name in names:
         if names.count(name) > 1:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
-    points: list[_Point] = [one for k, site in enumerate(sites) for one in _points(tree, k, site)]
-    edges = [(i, one, e) for i, one in enumerate(points) for e in range(len(one.push))]
+    points: list[_Point] = [point for k, site in enumerate(sites) for point in _points(tree, k, site)]
+    edges = [(i, point, e) for i, point in enumerate(points) for e in range(len(point.push))]
     arrays = ConeArrays(
-        body=np.array([one.body for one in points], np.int64),
-        place=_rows([one.place for one in points]),
-        start=_ends([len(one.push) for one in points]),
+        body=np.array([point.body for point in points], np.int64),
+        place=_rows([point.place for point in points]),
+        start=_ends([len(point.push) for point in points]),
         frame=np.array([one.frame for _, one, _ in edges], np.int64),
         push=_rows([one.push[e] for _, one, e in edges]),
         turn=_rows([one.turn[e] for _, one, e in edges]),
-        reach=_ends([len(one.axes) for one in points]),
-        axis=np.array([k for one in points for k in one.axes], np.int64),
-        sign=np.array([sign for one in points for sign in one.signs], dtype=np.float64),
-        slot=np.array([slot for one in points for slot in one.slots], np.int64).reshape(-1, 2),
+        reach=_ends([len(point.axes) for point in points]),
+        axis=np.array([axis for one in points for axis in one.axes], np.int64),
+        sign=np.array([sign for point in points for sign in point.signs], dtype=np.float64),
+        slot=np.array([slot for point in points for slot in point.slots], np.int64).reshape(-1, 2),
         first=_ends([len(one.coordinates) for _, one, _ in edges]),
         coordinate=np.array([j for _, one, _ in edges for j in one.coordinates], np.int64),
     )
@@ -218,7 +218,7 @@ def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
     where = f"contact site '{site.name}': the model"
     body, frame = tree.body_number(site.body, where), tree.body_number(site.cone.frame, where)
     axes, signs, coordinates, slots = _reached(tree, site)
-    found = []
+    result = []
     for j, place in enumerate(site.points):
         push, turn, lower, cost = cone_generators(site.cone)
         # What one unit of force along the direction costs does not depend on how many points share it.
@@ -230,10 +230,10 @@ def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
         # Tangents are across the direction but for rounding.
         normal[np.abs(normal) < 1e-12] = 0.0
         label = f"{site.name} point {j}"
-        found.append(
+        result.append(
             _Point(number, label, body, frame, place, push, turn, normal, lower, cost, axes, signs, coordinates, slots)
         )
-    return found
+    return result
 
 
 def _rows(vectors: list[Array]) -> Array:
@@ -252,10 +252,10 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
     own = tree.supports[tree.body_index[site.body]]
     other = tree.supports[tree.body_number(site.against, f"contact site '{site.name}': the model")]
     axes = [int(k) for k in np.flatnonzero(own != other)]
-    pairs = [[int(j) for j in tree.arrays.axis_coordinate[k]] for k in axes]
+    pairs = [[int(j) for j in tree.arrays.axis_coordinate[axis]] for axis in axes]
     touched = sorted({j for pair in pairs for j in pair if j >= 0})
     slots = [[touched.index(j) if j >= 0 else -1 for j in pair] for pair in pairs]
-    return axes, [1.0 if own[k] else -1.0 for k in axes], touched, slots
+    return axes, [1.0 if own[axis] else -1.0 for axis in axes], touched, slots
 
 
 def _weight(tree: Tree, site: Site) -> float:

@@ -134,8 +134,8 @@ class ContactTerm(Term):
         self.strengths = np.array(task.strengths.values)
         own = self.generators.site
         self.amounts = (self.strengths * self.generators.weight)[:, own] * np.sqrt(_preference(task, self.generators))
-        groups = [one.group for one in task.sites]
-        sites = np.array([groups.count(one) for one in groups], dtype=np.float64)
+        groups = [site.group for site in task.sites]
+        sites = np.array([groups.count(group) for group in groups], dtype=np.float64)
         self.cost = task.options.compliance * sites[own] * self.generators.cost
 
     def variables(self) -> Variables:
@@ -163,7 +163,7 @@ class ContactTerm(Term):
         generators = self.generators
         _, places, pushes, turns = generators.evaluate(coordinates)
         size = amplitudes * self.amounts[part]
-        found = np.zeros((3, len(size), len(generators.sites), 3))
+        result = np.zeros((3, len(size), len(generators.sites), 3))
         for k, site in enumerate(generators.sites):
             mine = generators.site == k
             numbers = np.unique(generators.point[mine])
@@ -177,8 +177,8 @@ class ContactTerm(Term):
             at = places[:, numbers]
             point = np.einsum("fp,fpi->fi", share / share.sum(axis=1, keepdims=True), at)
             turned = np.einsum("fg,fgi->fi", size[:, mine], turns[:, mine])
-            found[:, :, k] = each.sum(axis=1), point, turned + np.cross(at - point[:, None], each).sum(axis=1)
-        return found
+            result[:, :, k] = each.sum(axis=1), point, turned + np.cross(at - point[:, None], each).sum(axis=1)
+        return result
 
     def torques_of(self, coordinates: Array, amplitudes: Array) -> Array:
         """Generalized forces (frames, coordinates) of the contacts, each coordinate by itself."""
@@ -233,13 +233,13 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
     shares = np.ones((len(task.strengths), len(generators)))
     if task.preferred is None:
         return shares
-    for k, site in enumerate(task.sites):
+    for index, site in enumerate(task.sites):
         cone = site.cone
         if cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
             continue
-        own = np.flatnonzero((generators.site == k) & (generators.normal != 0.0))
+        own = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
         across = (generators.arrays.push[own] - cone.direction) / cone.friction
-        lean = np.nan_to_num(task.preferred[:, k]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
+        lean = np.nan_to_num(task.preferred[:, index]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
         size = np.linalg.norm(lean, axis=1, keepdims=True)
         lean = lean * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
         shares[:, own] = 1.0 + 2.0 / cone.friction * lean @ across.T

@@ -91,10 +91,10 @@ class EmgTarget(Term):
 
 def _beyond_effort(values: Array, weight: Array, columns: list[int], unknowns: Unknowns) -> Array:
     """Targets (frames, muscles) at which effort and the cost of a weight (muscles,) are least at `values` together."""
-    effort = next((one.variables() for one in unknowns.terms if isinstance(one, MuscleTerm)), None)
+    effort = next((term.variables() for term in unknowns.terms if isinstance(term, MuscleTerm)), None)
     if effort is None:
         return values
     factors, exponents = effort.weight[columns], effort.exponent[columns]
     held = np.clip(values, 0.0, 1.0)
-    found: Array = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
-    return found
+    result: Array = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
+    return result

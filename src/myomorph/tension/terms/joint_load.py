@@ -55,7 +55,7 @@ class JointLoadTerm(Term):
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """Three rows a joint, of the muscles that cross it."""
-        self._muscles = next(one for one in unknowns.terms if isinstance(one, MuscleTerm))
+        self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first = unknowns.of(self._muscles).start
         row = [np.full(len(of), 3 * j + k) for j, of in enumerate(self._crossing) for k in range(3)]
         column = [first + of for of in self._crossing for _ in range(3)]
@@ -91,7 +91,7 @@ def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
     """
     if model.loops:
         raise BadModel(f"model '{model.name}' has closed loops: joint loads in the cost need a model without any")
-    names = tuple(one.name for one in model.joints)
+    names = tuple(joint.name for joint in model.joints)
     for name in joints:
         check_name("joint", name, names)
     crossing = _crossing(model)
@@ -106,18 +106,18 @@ def _hanging(model: Model, joint: str) -> np.ndarray:
     tree = compile_tree(model)
     parent = tree.arrays.parent
     child = next(one.child for one in model.joints if one.name == joint)
-    found = np.zeros(len(parent), dtype=bool)
-    found[tree.body_index[child]] = True
+    result = np.zeros(len(parent), dtype=bool)
+    result[tree.body_index[child]] = True
     for body in range(1, len(parent)):
-        found[body] |= bool(found[parent[body]])
-    return found
+        result[body] |= bool(result[parent[body]])
+    return result
 
 
 def _crossing(model: Model) -> dict[str, np.ndarray]:
     """(muscles,) whether a muscle pulls on bodies that hang on a joint and on others too, by joint."""
     paths, muscles = compile_paths(model), np.arange(len(model.muscles))
-    found = {}
+    result = {}
     for joint in model.joints:
         inside = _hanging(model, joint.name)[paths.pull_body]
-        found[joint.name] = np.isin(muscles, paths.pull_muscle[inside]) & np.isin(muscles, paths.pull_muscle[~inside])
-    return found
+        result[joint.name] = np.isin(muscles, paths.pull_muscle[inside]) & np.isin(muscles, paths.pull_muscle[~inside])
+    return result

@@ -34,7 +34,7 @@ class MeasuredTerm(Term):
         names = tuple(f"{one.name} {label}" for one in measured for label in COMPONENTS)
         sd = [s for one in measured for s in (*(3 * [one.force_sd]), *(3 * [one.moment_sd]))]
         columns = [mine for mine in self._members for _ in COMPONENTS]
-        row = np.repeat(np.arange(len(names)), [len(one) for one in columns])
+        row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
         everything = np.concatenate([*columns, np.zeros(0, np.int64)])
         free = np.full(len(names), np.inf)
         none = np.zeros(len(row)), np.zeros(len(names))
@@ -98,9 +98,9 @@ class GreatestForceTerm(Term):
 
 def contact_terms(contacts: ContactTerm) -> tuple[Term, ...]:
     """Contacts, with what was measured of them and what limits them, where there is any."""
-    found: tuple[Term, ...] = (contacts,)
+    result: tuple[Term, ...] = (contacts,)
     if contacts.task.measured:
-        found += (MeasuredTerm(contacts),)
+        result += (MeasuredTerm(contacts),)
     if any(np.isfinite(site.cone.most) for site in contacts.task.sites):
-        found += (GreatestForceTerm(contacts),)
-    return found
+        result += (GreatestForceTerm(contacts),)
+    return result

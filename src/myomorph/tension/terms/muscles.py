@@ -52,18 +52,18 @@ class MuscleTerm(Term):
         muscles = tree.model.muscles
         self._options, self._names = options, tree.model.muscle_names
         self._hill, self._paths = compile_hill(tree.model), compile_paths(tree.model)
-        self._enabled = np.array([one.enabled for one in muscles], dtype=np.bool_)
+        self._enabled = np.array([muscle.enabled for muscle in muscles], dtype=np.bool_)
         self._viscosity = viscosities(tree.model) * options.viscous
         self.viscous = bool(self._viscosity.any())
-        self.strength = np.array([one.max_isometric_force for one in muscles], dtype=np.float64)
+        self.strength = np.array([muscle.max_isometric_force for muscle in muscles], dtype=np.float64)
         # A muscle that is switched off has no force, so its activation must not be free.
-        least = [one.min_activation if options.min_activation == "model" else 0.0 for one in muscles]
+        least = [muscle.min_activation if options.min_activation == "model" else 0.0 for muscle in muscles]
         self.lower = np.where(self._enabled, least, 0.0)
-        self.upper = np.where(self._enabled, [one.max_activation for one in muscles], 0.0)
+        self.upper = np.where(self._enabled, [muscle.max_activation for muscle in muscles], 0.0)
         self._weight = np.ones(len(muscles))
         if options.weights != "equal" and self._enabled.any():
             size = self.strength * (
-                [one.optimal_fiber_length for one in muscles] if options.weights == "volume" else 1.0
+                [muscle.optimal_fiber_length for muscle in muscles] if options.weights == "volume" else 1.0
             )
             self._weight = size / size[self._enabled].mean()
         if options.recruitment == "minmax":

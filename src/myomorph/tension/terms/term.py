@@ -52,9 +52,9 @@ class Variables:
 
 def joined(parts: Sequence[Variables]) -> Variables:
     """The unknowns of several terms, one after the other."""
-    names = tuple(name for one in parts for name in one.names)
+    names = tuple(name for part in parts for name in part.names)
     values = ("weight", "exponent", "lower", "upper")
-    return Variables(names, *(np.concatenate([getattr(one, name) for one in parts]) for name in values))
+    return Variables(names, *(np.concatenate([getattr(part, name) for part in parts]) for name in values))
 
 
 @read_only
@@ -94,10 +94,10 @@ class Unknowns:
         UnknownName
             where no unknown has that name
         """
-        found = np.zeros(len(self.names))
+        result = np.zeros(len(self.names))
         for name, factor in factors.items():
-            found[index_of("unknown", name, self.names, "the tension problem")] += factor
-        return found
+            result[index_of("unknown", name, self.names, "the tension problem")] += factor
+        return result
 
 
 class Frames:
@@ -203,7 +203,7 @@ class Rows:
         if not weight > 0.0:
             raise BadData(f"the weight of term '{name}' is {weight:g}: expected above 0")
         row, column = np.nonzero(S)
-        names = (name,) if len(S) == 1 else tuple(f"{name} {k}" for k in range(len(S)))
+        names = (name,) if len(S) == 1 else tuple(f"{name} {index}" for index in range(len(S)))
         unit, weights, low, high = (np.full(len(S), one) for one in (1.0, weight, lower, upper))
         return cls(names, row, column, S[row, column], target, unit, weights, low, high)
 
@@ -318,9 +318,9 @@ class IntervalPenalties:
         if not len(self.columns):
             return self.base[None].copy()  # read-only arrays would compile the solver once more
         changing = self.values[frames]
-        found = np.repeat(self.base[None], len(changing), axis=0)
-        found[:, :, self.columns] = changing
-        return found
+        result = np.repeat(self.base[None], len(changing), axis=0)
+        result[:, :, self.columns] = changing
+        return result
 
 
 def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> IntervalPenalties:
@@ -334,8 +334,8 @@ def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> Inte
     frames = len(unknowns.time)
     found: dict[int, Array] = {}
     for part in parts:
-        for k, column in enumerate(part.columns):
-            mine = np.stack([one[:, k] for one in (part.low, part.high, part.weight)], axis=1)
+        for index, column in enumerate(part.columns):
+            mine = np.stack([one[:, index] for one in (part.low, part.high, part.weight)], axis=1)
             if len(mine) not in (1, frames):
                 raise BadData(f"a term has penalties of {len(mine)} frames, the motion {frames}: expected as many")
             known = found.get(column)

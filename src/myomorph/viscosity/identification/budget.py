@@ -53,7 +53,7 @@ class ErrorOptions:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the sources."""
-        return tuple(one.name for one in fields(self) if one.name != "estimate")
+        return tuple(field.name for field in fields(self) if field.name != "estimate")
 
     @property
     def sources(self) -> tuple[tuple[str, int], ...]:
@@ -82,14 +82,14 @@ class ErrorShare:
     share: float
 
 
-def thinned(one: SwingRecording) -> SwingRecording:
+def thinned(swing_recording: SwingRecording) -> SwingRecording:
     """The recording with at most `MAX_FRAMES` frames, evenly chosen."""
-    keep = slice(None, None, -(-len(one) // MAX_FRAMES))
+    keep = slice(None, None, -(-len(swing_recording) // MAX_FRAMES))
     names = ("time", "wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening", "rotations", "swing")
-    return replace(one, **{name: getattr(one, name)[keep] for name in names})
+    return replace(swing_recording, **{name: getattr(swing_recording, name)[keep] for name in names})
 
 
-def disturbed(one: SwingRecording, source: str, axis: int, size: float) -> SwingRecording:
+def disturbed(swing_recording: SwingRecording, source: str, axis: int, size: float) -> SwingRecording:
     """The recording as it would be had an instrument this error.
 
     Parameters
@@ -97,29 +97,29 @@ def disturbed(one: SwingRecording, source: str, axis: int, size: float) -> Swing
     source, axis : as in `ErrorOptions.sources`
     size : of the error, in the unit of its standard deviation
     """
-    moment, force = one.wrench[:, :3].copy(), one.wrench[:, 3:].copy()
+    moment, force = swing_recording.wrench[:, :3].copy(), swing_recording.wrench[:, 3:].copy()
     along = np.eye(3)[axis]
     if source in ("plate_position", "joint_center"):
         # A center and a plate that are off do the same: the wrench is taken about another point.
         moment += (1.0 if source == "plate_position" else -1.0) * size * np.cross(along, force)
     elif source == "plate_rotation":
         turn = Rotation.from_rotvec(size * along).as_matrix()
-        about = moment - np.cross(one.origin, force)
+        about = moment - np.cross(swing_recording.origin, force)
         force, about = force @ turn.T, about @ turn.T
-        moment = about + np.cross(one.origin, force)
+        moment = about + np.cross(swing_recording.origin, force)
     elif source == "force_gain":
-        about = moment - np.cross(one.origin, force)
+        about = moment - np.cross(swing_recording.origin, force)
         force[:, axis] *= 1.0 + size
-        moment = about + np.cross(one.origin, force)
+        moment = about + np.cross(swing_recording.origin, force)
     elif source == "moment_gain":
-        about = moment - np.cross(one.origin, force)
+        about = moment - np.cross(swing_recording.origin, force)
         moment += size * about[:, axis, None] * along
     elif source == "soft_tissue":
         # The mass center lags by size * force / mass, which the joint feels as force alone: it passes on no moment.
-        if bool(one.muscles) == (axis == 1):
-            change = np.gradient(np.gradient(force, one.time, axis=0), one.time, axis=0)
+        if bool(swing_recording.muscles) == (axis == 1):
+            change = np.gradient(np.gradient(force, swing_recording.time, axis=0), swing_recording.time, axis=0)
             force -= size * np.where(np.isfinite(change), change, 0.0)
     else:
-        wrench = one.wrench + size * np.gradient(one.wrench, one.time, axis=0)
-        return replace(one, wrench=np.where(np.isfinite(wrench), wrench, one.wrench))
-    return replace(one, wrench=np.hstack([moment, force]))
+        wrench = swing_recording.wrench + size * np.gradient(swing_recording.wrench, swing_recording.time, axis=0)
+        return replace(swing_recording, wrench=np.where(np.isfinite(wrench), wrench, swing_recording.wrench))
+    return replace(swing_recording, wrench=np.hstack([moment, force]))

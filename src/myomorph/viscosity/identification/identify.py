@@ -278,8 +278,10 @@ def _muscles(
     names = full.sums.muscles
     shares = _shares(names, pcsa)
 
-    def joint(one: Solution) -> Array:
-        return np.full(len(one.joint.axes), one.joint.one) if options.subtract == "one" else one.joint.axes
+    def joint(solution: Solution) -> Array:
+        return (
+            np.full(len(solution.joint.axes), solution.joint.one) if options.subtract == "one" else solution.joint.axes
+        )
 
     whole = full.torque(full.whole)
     problem = muscle_problem(whole, joint(bare.whole))
@@ -290,8 +292,8 @@ def _muscles(
     strength = ridge_strength(problem, variance, common, options.spread)
 
     def values(torque: Array, less: Solution) -> Array:
-        one = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
-        return np.array([one.common, one.by_pcsa, *one.by_muscle])
+        muscles = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
+        return np.array([muscles.common, muscles.by_pcsa, *muscles.by_muscle])
 
     others = [values(whole, one) for one in bare.lacking]
     others += [values(full.torque(one), bare.whole) for one in full.lacking]
@@ -323,14 +325,14 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
 
 def _warnings(solved: ConditionSolution) -> list[str]:
     """What a reader should know of steps 1 and 2."""
-    found, sums, inertia = [], solved.sums, solved.whole.inertia
+    result, sums, inertia = [], solved.sums, solved.whole.inertia
     if inertia.hidden:
-        found.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
+        result.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
     if not inertia.possible:
-        found.append("the wrench asks for inertia that no body has; the nearest that one can have is used")
+        result.append("the wrench asks for inertia that no body has; the nearest that one can have is used")
     if len(sums.names) < 2:
-        found.append("one trial only: how trials differ is not in the intervals")
+        result.append("one trial only: how trials differ is not in the intervals")
     lost = [name for i, name in enumerate(sums.names) if not (sums.trial == i).any()]
     if lost:
-        found.append(f"trial {', '.join(lost)}: no swing large enough to use")
-    return found
+        result.append(f"trial {', '.join(lost)}: no swing large enough to use")
+    return result

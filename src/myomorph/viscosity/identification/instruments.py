@@ -129,15 +129,15 @@ def estimate_instruments(
     free_zero : conditions whose plate was not set to zero: a constant wrench of each trial is free
     """
     known = Instruments.assumed(options)
-    thin = {name: [thinned(one) for one in own] for name, own in conditions.items() if own}
+    thin = {name: [thinned(one) for one in condition] for name, condition in conditions.items() if condition}
     if not known.sources or not thin:
         return known
-    found = known
+    result = known
     for _ in range(ROUNDS):
-        now = {name: [found.corrected(one) for one in own] for name, own in thin.items()}
-        parts = [_condition(own, found, name in free_zero) for name, own in now.items()]
-        found = _solved(parts, known, found)
-    return found
+        now = {name: [result.corrected(one) for one in own] for name, own in thin.items()}
+        parts = [_condition(own, result, name in free_zero) for name, own in now.items()]
+        result = _solved(parts, known, result)
+    return result
 
 
 @read_only
@@ -150,35 +150,35 @@ class _Equations:
     errors: tuple[Array, ...]
 
 
-def _condition(recordings: Sequence[SwingRecording], found: Instruments, free_zero: bool) -> list[_Equations]:
+def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, free_zero: bool) -> list[_Equations]:
     """The equations of moment and of force of one condition."""
     used = [np.flatnonzero(one.used) for one in recordings]
     along = free_directions(recordings)
     predicted = predicted_rows(recordings, used)
     moment: list[tuple[Array, Array, Array]] = []
     force: list[tuple[Array, Array, Array]] = []
-    for number, (one, rows, use) in enumerate(zip(recordings, predicted, used, strict=True)):
-        turn = along @ one.rotations[use].transpose(0, 2, 1)
+    for number, (recording, rows, use) in enumerate(zip(recordings, predicted, used, strict=True)):
+        turn = along @ recording.rotations[use].transpose(0, 2, 1)
         constant = np.zeros((len(use), 3, 3 * len(recordings)))
         if free_zero:
             constant[:, np.arange(3), 3 * number + np.arange(3)] = 1.0
-        torque = np.einsum("fai,fi->fa", turn, one.wrench[use, :3])
-        moment.append((torque, np.concatenate([_passive(one, use), turn @ constant], axis=2), turn))
+        torque = np.einsum("fai,fi->fa", turn, recording.wrench[use, :3])
+        moment.append((torque, np.concatenate([_passive(recording, use), turn @ constant], axis=2), turn))
         own = np.concatenate([rows.instruments[use, 3:, :MASS_AND_MOMENT], constant], axis=2)
-        force.append((one.wrench[use, 3:], own, turn))
+        force.append((recording.wrench[use, 3:], own, turn))
     lacking = [_left(part) for part in (moment, force)]
-    for number, (one, use) in enumerate(zip(recordings, used, strict=True)):
+    for number, (recording, use) in enumerate(zip(recordings, used, strict=True)):
         # Errors of the wrench that the laws expect: those of the measured one would be regressed on their own noise,
         # and gains found that make everything small.
-        expected = one.wrench.copy()
+        expected = recording.wrench.copy()
         turn = moment[number][2]
         expected[use, :3] -= np.einsum("fai,fa->fi", turn, lacking[0][number])
         expected[use, 3:] -= lacking[1][number]
-        smooth = replace(one, wrench=expected)
+        smooth = replace(recording, wrench=expected)
         changes = np.stack(
             [
                 (disturbed(smooth, *source, 0.0 if source[0] == UNTOLD else size).wrench - expected)[use] / size
-                for source, size in zip(found.sources, found.prior, strict=True)
+                for source, size in zip(instruments.sources, instruments.prior, strict=True)
             ],
             axis=2,
         )
@@ -195,15 +195,15 @@ def _left(parts: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
     return [y - own @ x for y, own, _ in parts]
 
 
-def _passive(one: SwingRecording, use: np.ndarray) -> Array:
+def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
     """(frames, axes, 2 axes + 2) what the coefficients of a passive law add to the moment about the free axes."""
-    rates, J = one.rates[use], one.lengthening[use]
+    rates, J = swing_recording.rates[use], swing_recording.lengthening[use]
     axes = rates.shape[1]
     columns = np.zeros((len(use), axes, 2 * axes + 2))
     each = np.arange(axes)
     columns[:, each, each] = -rates
     columns[:, each, axes + each] = 1.0
-    columns[:, :, 2 * axes] = -one.angles[use]
+    columns[:, :, 2 * axes] = -swing_recording.angles[use]
     columns[:, :, 2 * axes + 1] = -np.einsum("fma,fm->fa", J, np.einsum("fma,fa->fm", J, rates))
     return columns
 
@@ -225,24 +225,24 @@ def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Ins
     return Instruments(known.sources, known.prior, last.errors + theta * scale, covariance)
 
 
-def _reduced(one: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
+def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
     """Normal equations of the errors with the unknowns of the equations' own taken off, and their weight.
 
     Parameters
     ----------
     theta : (sources,) last errors, in units of `scale`, from which the weight is found
     """
-    own = np.concatenate([part.reshape(-1, part.shape[2]) for part in one.own])
-    errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in one.errors]) * scale
-    y = np.concatenate([part.ravel() for part in one.y])
+    own = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
+    errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.errors]) * scale
+    y = np.concatenate([part.ravel() for part in equations.y])
     size = np.linalg.norm(own, axis=0)
     own = own[:, size > 0.0] / size[size > 0.0]
     left, values, _ = np.linalg.svd(own, full_matrices=False)
     left = left[:, values > 1e-9 * values[0]]
     errors, y = errors - left @ (left.T @ errors), y - left @ (left.T @ y)
     misfit = y - errors @ theta
-    ends = np.cumsum([part.size for part in one.y])[:-1]
-    runs = [part.reshape(shape.shape) for part, shape in zip(np.split(misfit, ends), one.y, strict=True)]
+    ends = np.cumsum([part.size for part in equations.y])[:-1]
+    runs = [part.reshape(shape.shape) for part, shape in zip(np.split(misfit, ends), equations.y, strict=True)]
     variance = max(float(np.mean(misfit**2)), 1e-18)
     weight = min(effective_samples(runs) / misfit.size, 1.0) / variance
     return errors.T @ errors, errors.T @ y, weight

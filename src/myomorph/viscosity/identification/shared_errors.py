@@ -28,7 +28,10 @@ COLUMNS = {
 
 
 def with_shared_errors(
-    found: SpecimenViscosity, options: ViscosityOptions, errors: ErrorOptions, instruments: Instruments | None = None
+    specimen_viscosity: SpecimenViscosity,
+    options: ViscosityOptions,
+    errors: ErrorOptions,
+    instruments: Instruments | None = None,
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
     """The specimen with intervals widened by errors that all its swings share, and what each source adds.
 
@@ -39,11 +42,11 @@ def with_shared_errors(
 
     Parameters
     ----------
-    found : from recordings that are rid of the errors of `instruments`
+    specimen_viscosity : from recordings that are rid of the errors of `instruments`
     instruments : what the swings told of the errors; by default nothing, which leaves those assumed
     """
     instruments = instruments or Instruments.assumed(errors)
-    conditions = {name: one for name in COLUMNS if (one := getattr(found, name)) is not None}
+    conditions = {name: condition for name in COLUMNS if (condition := getattr(specimen_viscosity, name)) is not None}
     given = {name: tuple(thinned(each) for each in one.recordings) for name, one in conditions.items()}
     try:
         exact = _values(given, conditions, options)
@@ -53,32 +56,43 @@ def with_shared_errors(
             other = _values(moved, conditions, options)
             changes.append({name: (other[name] - value) / size for name, value in exact.items()})
     except MyomorphError as error:
-        return replace(found, notes=(*found.notes, f"intervals hold no errors of instruments: {error}")), ()
+        return replace(
+            specimen_viscosity, notes=(*specimen_viscosity.notes, f"intervals hold no errors of instruments: {error}")
+        ), ()
     z = NormalDist().inv_cdf(0.5 + 0.5 * options.level)
     slopes = {name: np.array([change[name] for change in changes]) for name in exact}
     sds = {name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()}
 
-    def wider(name: str, one: Estimate | None) -> Estimate | None:
-        return one if one is None else _wider(one, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
+    def wider(name: str, estimate: Estimate | None) -> Estimate | None:
+        return (
+            estimate if estimate is None else _wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
+        )
 
     parts = {}
-    for key, one in conditions.items():
+    for key, condition in conditions.items():
         mass, com, viscosity = COLUMNS[key]
         parts[key] = replace(
-            one,
-            mass=wider(mass, one.mass),
-            com=wider(com, one.com),
-            viscosity=wider(viscosity, one.viscosity),
-            plate_viscosity=wider(f"plate {viscosity}", one.plate_viscosity),
-            axis_viscosity=tuple(wider(f"{axis} {viscosity}", own) for axis, own in _axes(one)),
+            condition,
+            mass=wider(mass, condition.mass),
+            com=wider(com, condition.com),
+            viscosity=wider(viscosity, condition.viscosity),
+            plate_viscosity=wider(f"plate {viscosity}", condition.plate_viscosity),
+            axis_viscosity=tuple(wider(f"{axis} {viscosity}", own) for axis, own in _axes(condition)),
         )
-    muscles = found.muscles
+    muscles = specimen_viscosity.muscles
     if muscles is not None:
         muscles = replace(muscles, common=_wider(muscles.common, z * sds.get("muscle_viscosity", 0.0), True))
     swings = {
-        name: (own.high - own.low) / (2.0 * z) for name, own in _estimates(found).items() if np.isfinite(own.value)
+        name: (estimate.high - estimate.low) / (2.0 * z)
+        for name, estimate in _estimates(specimen_viscosity).items()
+        if np.isfinite(estimate.value)
     }
-    widened = replace(found, **parts, muscles=muscles, muscle_mass=wider("estimated_muscle_mass", found.muscle_mass))
+    widened = replace(
+        specimen_viscosity,
+        **parts,
+        muscles=muscles,
+        muscle_mass=wider("estimated_muscle_mass", specimen_viscosity.muscle_mass),
+    )
     return widened, _shares(swings, slopes, instruments)
 
 
@@ -106,28 +120,28 @@ def _shares(
     return tuple(found)
 
 
-def _axes(one: Condition) -> list[tuple[str, Estimate]]:
-    return list(zip(one.recordings[0].axes, one.axis_viscosity, strict=True))
+def _axes(condition: Condition) -> list[tuple[str, Estimate]]:
+    return list(zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True))
 
 
-def _estimates(found: SpecimenViscosity) -> dict[str, Estimate]:
+def _estimates(specimen_viscosity: SpecimenViscosity) -> dict[str, Estimate]:
     """What the table of errors has a row for."""
     known: dict[str, Estimate] = {}
     for key, names in COLUMNS.items():
-        one = getattr(found, key)
+        one = getattr(specimen_viscosity, key)
         if one is not None:
             known |= dict(zip(names, (one.mass, one.com, one.viscosity), strict=True))
-    if found.muscles is not None:
-        known["muscle_viscosity"] = found.muscles.common
-    if found.muscle_mass is not None:
-        known["estimated_muscle_mass"] = found.muscle_mass
+    if specimen_viscosity.muscles is not None:
+        known["muscle_viscosity"] = specimen_viscosity.muscles.common
+    if specimen_viscosity.muscle_mass is not None:
+        known["estimated_muscle_mass"] = specimen_viscosity.muscle_mass
     return known
 
 
-def _wider(one: Estimate, half: float, positive: bool) -> Estimate:
-    low = one.value - float(np.hypot(one.value - one.low, half))
-    high = one.value + float(np.hypot(one.high - one.value, half))
-    return Estimate(one.value, max(low, 0.0) if positive else low, high)
+def _wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
+    low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
+    high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
+    return Estimate(estimate.value, max(low, 0.0) if positive else low, high)
 
 
 def _values(
@@ -140,11 +154,11 @@ def _values(
         hidden = bool(np.isnan(conditions[key].mass.value))
         inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
         sums = swing_sums(own, options.block, options.min_relative_speed)
-        one = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
-        mass, com, viscosity, plate, *axes = one.estimates.tolist()
+        whole = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
+        mass, com, viscosity, plate, *axes = whole.estimates.tolist()
         names = (*COLUMNS[key], f"plate {COLUMNS[key][2]}", *(f"{axis} {COLUMNS[key][2]}" for axis in sums.axes))
         known |= dict(zip(names, (mass, com, viscosity, plate, *axes), strict=True))
-        solved[key] = sums, one
+        solved[key] = sums, whole
     if len(solved) == len(COLUMNS):
         known["estimated_muscle_mass"] = known["mass_intact"] - known["mass_muscles_removed"]
         if solved["intact"][0].muscles:
@@ -161,5 +175,5 @@ def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityO
 
 def helping_most(shares: Sequence[ErrorShare], quantity: str) -> ErrorShare | None:
     """The source that adds most to a result: the measurement that would help most."""
-    own = [one for one in shares if one.quantity == quantity]
+    own = [share for share in shares if share.quantity == quantity]
     return max(own, key=lambda one: one.share, default=None)

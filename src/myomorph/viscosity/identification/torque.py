@@ -243,10 +243,10 @@ def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
 
 def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:
     """The recordings with their angles counted from a rest that lies `shift` (3,) before theirs."""
-    found = []
+    result = []
     turn = Rotation.from_rotvec(shift)
-    for one in recordings:
-        angles = np.array(one.angles)
-        angles[one.used] = (turn * Rotation.from_rotvec(one.angles[one.used])).as_rotvec()
-        found.append(replace(one, angles=angles))
-    return found
+    for recording in recordings:
+        angles = np.array(recording.angles)
+        angles[recording.used] = (turn * Rotation.from_rotvec(recording.angles[recording.used])).as_rotvec()
+        result.append(replace(recording, angles=angles))
+    return result

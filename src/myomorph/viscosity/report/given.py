@@ -251,40 +251,42 @@ class ViscosityInput:
     @property
     def done(self) -> tuple[SpecimenReport, ...]:
         """The specimens of which something is known."""
-        return tuple(one for one in self.specimens if one.row)
+        return tuple(specimen for specimen in self.specimens if specimen.row)
 
 
-def specimen_report(found: SpecimenViscosity) -> SpecimenReport:
+def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
     """What is shown of an identified specimen, without what trust in it adds."""
     return SpecimenReport(
-        found.name,
-        specimen_row(found),
-        None if found.without is None else shown_condition(found.without),
-        None if found.intact is None else shown_condition(found.intact),
-        found.muscles,
-        notes=found.notes,
+        specimen_viscosity.name,
+        specimen_row(specimen_viscosity),
+        None if specimen_viscosity.without is None else shown_condition(specimen_viscosity.without),
+        None if specimen_viscosity.intact is None else shown_condition(specimen_viscosity.intact),
+        specimen_viscosity.muscles,
+        notes=specimen_viscosity.notes,
     )
 
 
-def shown_condition(found: Condition) -> ShownCondition:
+def shown_condition(condition: Condition) -> ShownCondition:
     """A condition with the curves of its longest trial."""
-    swings = [len(np.unique(one.swing[one.used])) for one in found.recordings]
-    seconds = [float(one.used.sum()) * float(np.median(np.diff(one.time))) for one in found.recordings]
-    longest = found.recordings[int(np.argmax(swings))]
+    swings = [len(np.unique(recording.swing[recording.used])) for recording in condition.recordings]
+    seconds = [
+        float(recording.used.sum()) * float(np.median(np.diff(recording.time))) for recording in condition.recordings
+    ]
+    longest = condition.recordings[int(np.argmax(swings))]
     return ShownCondition(
         longest.axes,
-        found.mass,
-        found.com,
-        found.viscosity,
-        found.axis_viscosity,
-        found.excited,
-        found.residual,
-        len(found.recordings),
+        condition.mass,
+        condition.com,
+        condition.viscosity,
+        condition.axis_viscosity,
+        condition.excited,
+        condition.residual,
+        len(condition.recordings),
         sum(swings),
         sum(seconds),
-        swing_curves(longest, found.parameters, found.viscosity.value),
-        found.plate_viscosity,
-        found.by_trial,
+        swing_curves(longest, condition.parameters, condition.viscosity.value),
+        condition.plate_viscosity,
+        condition.by_trial,
     )
 
 

@@ -14,29 +14,33 @@ from myomorph.viscosity.report.sections import cohort_section, specimen_sections
 from myomorph.viscosity.report.tables import scientific, table_section, truth_grid
 
 
-def viscosity_page(given: ViscosityInput) -> str:
+def viscosity_page(viscosity_input: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
-    lost = [one for one in given.specimens if one.failure]
+    lost = [specimen for specimen in viscosity_input.specimens if specimen.failure]
     failed = (Note("warning", f"Specimen {one.name} could not be done: {one.failure}") for one in lost)
     page = PageHead(
-        title=given.title,
-        date=given.date,
-        version=given.version,
-        notes=(*failed, *given.notes),
-        sources=given.sources,
-        steps=given.steps,
-        warnings=tuple(f"specimen {one.name}: {note}" for one in given.specimens for note in one.notes),
+        title=viscosity_input.title,
+        date=viscosity_input.date,
+        version=viscosity_input.version,
+        notes=(*failed, *viscosity_input.notes),
+        sources=viscosity_input.sources,
+        steps=viscosity_input.steps,
+        warnings=tuple(
+            f"specimen {specimen.name}: {note}" for specimen in viscosity_input.specimens for note in specimen.notes
+        ),
     )
-    lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    literature = ("stroeve1999",) if any(one.shoulder for one in given.done) else ()
+    lines = {one.quantity.name: one for one in cohort([one.row for one in viscosity_input.done])}
+    literature = ("stroeve1999",) if any(one.shoulder for one in viscosity_input.done) else ()
     sources = cited("murai2016", *literature, "cameron2008")
-    return rendered(page, _sections(given, lines), sources, facts=_facts(given), tiles=_tiles(lines))
+    return rendered(
+        page, _sections(viscosity_input, lines), sources, facts=_facts(viscosity_input), tiles=_tiles(lines)
+    )
 
 
-def _facts(given: ViscosityInput) -> list[tuple[str, str]]:
-    both = sum(1 for one in given.done if one.without is not None and one.intact is not None)
-    rows = [("Specimens", f"{len(given.specimens)}, {both} of them with and without muscles")]
-    parts = [part for one in given.done for part in (one.without, one.intact) if part is not None]
+def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
+    both = sum(1 for one in viscosity_input.done if one.without is not None and one.intact is not None)
+    rows = [("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles")]
+    parts = [part for one in viscosity_input.done for part in (one.without, one.intact) if part is not None]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
         rows.append(("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s"))
@@ -56,15 +60,15 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
     ]
 
 
-def _sections(given: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
-    tables = table_section(given)
-    beside = truth_grid(given.done)
+def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
+    tables = table_section(viscosity_input)
+    beside = truth_grid(viscosity_input.done)
     if beside is not None:
         tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
     levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
-    if any(one.shoulder and one.intact is not None for one in given.done):
+    if any(one.shoulder and one.intact is not None for one in viscosity_input.done):
         levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
-    found = [tables, cohort_section(given.done, levels)]
-    for order, one in enumerate(given.done, 1):
-        found += specimen_sections(one, order)
-    return found
+    result = [tables, cohort_section(viscosity_input.done, levels)]
+    for order, one in enumerate(viscosity_input.done, 1):
+        result += specimen_sections(one, order)
+    return result

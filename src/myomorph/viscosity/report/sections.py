@@ -42,19 +42,24 @@ MAX_MODELS = 4
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 
 
-def specimen_sections(one: SpecimenReport, order: int) -> list[Section]:
+def specimen_sections(specimen_report: SpecimenReport, order: int) -> list[Section]:
     """Swings and fits of a specimen, its muscles, and what its values depend on."""
-    found = [_swings(one, order), _muscles(one, order), _trust(one, order), _scans(one, order)]
+    found = [
+        _swings(specimen_report, order),
+        _muscles(specimen_report, order),
+        _trust(specimen_report, order),
+        _scans(specimen_report, order),
+    ]
     return [section for section in found if section is not None]
 
 
-def _conditions(one: SpecimenReport) -> list[tuple[str, ShownCondition]]:
-    given = (("without", one.without), ("with", one.intact))
+def _conditions(specimen_report: SpecimenReport) -> list[tuple[str, ShownCondition]]:
+    given = (("without", specimen_report.without), ("with", specimen_report.intact))
     return [(name, found) for name, found in given if found is not None]
 
 
-def _swings(one: SpecimenReport, order: int) -> Section | None:
-    conditions = _conditions(one)
+def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
+    conditions = _conditions(specimen_report)
     if not conditions:
         return None
     figures = [
@@ -62,9 +67,9 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
         for name, found in conditions
     ]
     figures += [
-        Figure(torque_plot(found, k, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
+        Figure(torque_plot(found, index, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
         for name, found in conditions
-        for k in range(len(found.axes))
+        for index in range(len(found.axes))
     ]
     figures += [Figure(wrench_plot(found.curves, k, TITLES[name])) for name, found in conditions for k in FORCE_FIRST]
     lead = " ".join(
@@ -90,8 +95,8 @@ def _swings(one: SpecimenReport, order: int) -> Section | None:
         for name, found in conditions
     )
     head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
-    grids = (_axis_grid(one), Grid(head, misfits, "Wrench, measured minus predicted, root mean square"))
-    return Section(f"specimen-{order}", f"Specimen {one.name}", lead, legend, tuple(figures), grids)
+    grids = (_axis_grid(specimen_report), Grid(head, misfits, "Wrench, measured minus predicted, root mean square"))
+    return Section(f"specimen-{order}", f"Specimen {specimen_report.name}", lead, legend, tuple(figures), grids)
 
 
 def swing_plot(curves: SwingCurves, title: str) -> str:
@@ -110,21 +115,27 @@ def _span(time: np.ndarray) -> tuple[float, float]:
     return float(time[0]), float(min(time[-1], time[0] + MAX_TIME))
 
 
-def torque_plot(found: ShownCondition, axis: int, title: str) -> str:
+def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
     """Torque by inverse dynamics against velocity about one axis, the one value and the axis' own."""
-    curves = found.curves
+    curves = shown_condition.curves
     used = curves.swing >= 0
     rates, torque = curves.rates[used, axis], curves.torque[used, axis]
     ends = np.array([rates.min(), rates.max()]) if len(rates) else np.zeros(2)
-    own = found.axis_viscosity[axis]
+    own = shown_condition.axis_viscosity[axis]
     clouds = [
         Cloud(rates, torque, AXES[axis % 3], "torque by inverse dynamics"),
-        Cloud(ends, -found.viscosity.value * ends, "left", f"all axes: {number(found.viscosity.value)} Nms/rad", True),
+        Cloud(
+            ends,
+            -shown_condition.viscosity.value * ends,
+            "left",
+            f"all axes: {number(shown_condition.viscosity.value)} Nms/rad",
+            True,
+        ),
     ]
-    if found.excited[axis]:
+    if shown_condition.excited[axis]:
         clouds.append(Cloud(ends, -own.value * ends, "middle", f"this axis: {number(own.value)} Nms/rad", True))
-    width = 330 if len(found.axes) > 1 else 505
-    return xy_plot(f"Torque, axis {found.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
+    width = 330 if len(shown_condition.axes) > 1 else 505
+    return xy_plot(f"Torque, axis {shown_condition.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
 
 
 def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
@@ -136,9 +147,9 @@ def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
     return time_plot(f"{COMPONENTS[k]} {title}", UNITS[k], lines, _span(curves.time), height=170)
 
 
-def _axis_grid(one: SpecimenReport) -> Grid:
+def _axis_grid(specimen_report: SpecimenReport) -> Grid:
     rows = []
-    for name, found in _conditions(one):
+    for name, found in _conditions(specimen_report):
         rows.append((TITLES[name], "all", with_interval(found.viscosity), ""))
         if found.plate_viscosity is not None:
             words = "from the moment on the plate alone, a check"
@@ -150,11 +161,11 @@ def _axis_grid(one: SpecimenReport) -> Grid:
     return Grid(head, tuple(rows), "Viscosity about each axis")
 
 
-def _muscles(one: SpecimenReport, order: int) -> Section | None:
-    found = one.muscles
+def _muscles(specimen_report: SpecimenReport, order: int) -> Section | None:
+    found = specimen_report.muscles
     if found is None or not found.muscles:
         return None
-    truth = one.truth.get("muscle_viscosity")
+    truth = specimen_report.truth.get("muscle_viscosity")
     levels = [Level(found.common.value, "common value", "left")]
     if truth is not None:
         levels.append(Level(truth, "truth", "truth"))
@@ -182,57 +193,69 @@ def _muscles(one: SpecimenReport, order: int) -> Section | None:
     legend = [("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value")]
     legend += [] if truth is None else [("truth", "truth")]
     figures = (Figure(rows, "wide"), Figure(rank))
-    return Section(f"muscles-{order}", f"Muscles of specimen {one.name}", lead, tuple(legend), figures, (grid,), False)
+    return Section(
+        f"muscles-{order}", f"Muscles of specimen {specimen_report.name}", lead, tuple(legend), figures, (grid,), False
+    )
 
 
-def _trust(one: SpecimenReport, order: int) -> Section | None:
-    figures = [Figure(text) for held in one.held_out for text in held_out_plots(held)]
-    if one.cutoff is not None:
-        figures += [Figure(text) for text in cutoff_plots(one.cutoff)]
-    if one.arms is not None:
-        figures.append(Figure(arm_plot(one.arms, one.truth.get("muscle_viscosity"))))
-    grids = [*_model_grids(one), *_arm_grid(one.arms), *_error_grid(one), *_instrument_grid(one)]
-    if one.calibration:
-        rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in one.calibration)
+def _trust(specimen_report: SpecimenReport, order: int) -> Section | None:
+    figures = [Figure(text) for held in specimen_report.held_out for text in held_out_plots(held)]
+    if specimen_report.cutoff is not None:
+        figures += [Figure(text) for text in cutoff_plots(specimen_report.cutoff)]
+    if specimen_report.arms is not None:
+        figures.append(Figure(arm_plot(specimen_report.arms, specimen_report.truth.get("muscle_viscosity"))))
+    grids = [
+        *_model_grids(specimen_report),
+        *_arm_grid(specimen_report.arms),
+        *_error_grid(specimen_report),
+        *_instrument_grid(specimen_report),
+    ]
+    if specimen_report.calibration:
+        rows = tuple(
+            (line.what, f"{number(line.value)} {line.unit}", line.detail) for line in specimen_report.calibration
+        )
         grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
     if not figures and not grids:
         return None
     lead = []
-    if one.models:
+    if specimen_report.models:
         lead.append(
             "Omitted stiffness or dry friction would bias the viscosity, so models with them are fitted too; an "
             "information criterion less by 10 or more is strong evidence."
         )
-    if one.cutoff is not None and one.cutoff.reason:
-        lead.append(one.cutoff.reason)
-    if one.arms is not None:
+    if specimen_report.cutoff is not None and specimen_report.cutoff.reason:
+        lead.append(specimen_report.cutoff.reason)
+    if specimen_report.arms is not None:
         lead.append(
-            f"Moment arms were perturbed {one.arms.draws} times at each level of error; the outer lines hold 95 % "
+            f"Moment arms were perturbed {specimen_report.arms.draws} times at each level of error; the outer "
+            f"lines hold 95 % "
             "of the values."
         )
-    names = list(dict.fromkeys(name for held in one.held_out for name in held.predicted))
+    names = list(dict.fromkeys(name for held in specimen_report.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
-    if one.cutoff is not None:
+    if specimen_report.cutoff is not None:
         kinds = ("viscosity", "COM", "mass")
         legend += [(style, f"cut-off: {words}") for style, words in zip(AXES, kinds, strict=True)]
-    title = f"Sensitivity: specimen {one.name}"
+    title = f"Sensitivity: specimen {specimen_report.name}"
     return Section(f"trust-{order}", title, " ".join(lead), tuple(legend), tuple(figures), tuple(grids), False)
 
 
-def _scans(one: SpecimenReport, order: int) -> Section | None:
-    if not one.scans:
+def _scans(specimen_report: SpecimenReport, order: int) -> Section | None:
+    if not specimen_report.scans:
         return None
     lead = (
         "Each scanned bone where it lies on the bone of the model, seen from two sides: red places lie outside it, "
         "blue ones inside. The scale of each holds 95 % of its places."
     )
-    return Section(f"scans-{order}", f"CT of specimen {one.name}", lead, (), one.scans, (), False)
+    return Section(
+        f"scans-{order}", f"CT of specimen {specimen_report.name}", lead, (), specimen_report.scans, (), False
+    )
 
 
 def held_out_plots(held: HeldOutSwing) -> list[str]:
     """Angles of a swing that was not used, measured and integrated forward by each model [degrees]."""
     span = (float(held.time[0]), float(held.time[-1]))
-    found = []
+    result = []
     for k, axis in enumerate(held.axes):
         lines = [Line(held.time, np.rad2deg(held.measured[:, k]), "measured", "measured")]
         lines += [
@@ -240,13 +263,13 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
             for i, (name, values) in enumerate(held.predicted.items())
         ]
         title = f"Held-out swing {TITLES[held.condition]}, axis {axis}"
-        found.append(time_plot(title, "°", lines, span))
-    return found
+        result.append(time_plot(title, "°", lines, span))
+    return result
 
 
 def cutoff_plots(scan: CutoffScan) -> list[str]:
     """Change of each condition's quantities over the cut-off of the filter, against the chosen one [%]."""
-    found = []
+    result = []
     for words, kinds in SCANNED.items():
         clouds = []
         for name, style in zip(kinds, AXES, strict=True):
@@ -256,11 +279,11 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
                 change = 100.0 * (scan.values[name] / at - 1.0)
                 clouds.append(Cloud(scan.cutoffs, change, style, BY_NAME[name].label, dotted=True))
         if clouds:
-            heights = np.concatenate([one.y[np.isfinite(one.y)] for one in clouds])
+            heights = np.concatenate([cloud.y[np.isfinite(cloud.y)] for cloud in clouds])
             ends, name = np.array([heights.min(), heights.max()]), f"chosen: {number(scan.chosen)} Hz"
             clouds.append(Cloud(np.full(2, scan.chosen), ends, "left", name, joined=True))
-            found.append(xy_plot(f"Change with the cut-off, {words}", "%", "cut-off [Hz]", clouds))
-    return found
+            result.append(xy_plot(f"Change with the cut-off, {words}", "%", "cut-off [Hz]", clouds))
+    return result
 
 
 def arm_plot(arms: ArmSpread, truth: float | None) -> str:
@@ -276,12 +299,14 @@ def arm_plot(arms: ArmSpread, truth: float | None) -> str:
     return xy_plot("Muscle viscosity, moment arms in error", "Ns/m", "standard deviation of their error [%]", clouds)
 
 
-def _model_grids(one: SpecimenReport) -> list[Grid]:
+def _model_grids(specimen_report: SpecimenReport) -> list[Grid]:
     """Of each condition the models that come nearest, plain viscosity always among them."""
     grids = []
     head = ("Model", "Values", "AIC over best", "BIC over best", "Held-out angle", "Held-out moment")
     for condition, words in TITLES.items():
-        models = sorted((model for model in one.models if model.condition == condition), key=lambda model: model.bic)
+        models = sorted(
+            (model for model in specimen_report.models if model.condition == condition), key=lambda model: model.bic
+        )
         near = [model for i, model in enumerate(models) if i < MAX_MODELS or model.chosen or model.terms == "viscosity"]
         rows = tuple(
             (
@@ -317,13 +342,13 @@ def _arm_grid(arms: ArmSpread | None) -> list[Grid]:
     return [Grid(head, rows, "Muscle viscosity with moment arms in error")]
 
 
-def _error_grid(one: SpecimenReport) -> list[Grid]:
+def _error_grid(specimen_report: SpecimenReport) -> list[Grid]:
     """What swings, instruments and model add to each result, and which of them adds most."""
-    quantities = list(dict.fromkeys(each.quantity for each in one.errors))
-    sources = list(dict.fromkeys(each.source for each in one.errors))
+    quantities = list(dict.fromkeys(each.quantity for each in specimen_report.errors))
+    sources = list(dict.fromkeys(each.source for each in specimen_report.errors))
     if not quantities:
         return []
-    share = {(each.quantity, each.source): each.share for each in one.errors}
+    share = {(each.quantity, each.source): each.share for each in specimen_report.errors}
     rows = []
     for quantity in quantities:
         own = [share.get((quantity, source), 0.0) for source in sources]
@@ -333,12 +358,12 @@ def _error_grid(one: SpecimenReport) -> list[Grid]:
     return [Grid(head, tuple(rows), "Error budget: share of each source in the variance of each result")]
 
 
-def _instrument_grid(one: SpecimenReport) -> list[Grid]:
+def _instrument_grid(specimen_report: SpecimenReport) -> list[Grid]:
     """Errors of instruments as assumed and as the swings tell them."""
-    if one.instruments is None:
+    if specimen_report.instruments is None:
         return []
     rows = []
-    for source, axis, prior, error, left in one.instruments.rows:
+    for source, axis, prior, error, left in specimen_report.instruments.rows:
         factor, unit = SHOWN_IN[source]
         # Added to 0, what is rounded to it loses its sign.
         shown = (f"{round(factor * value, 2) + 0.0:.2f}".replace("-", "−") for value in (prior, error, left))
@@ -353,21 +378,21 @@ def _signed(value: float) -> str:
 
 def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:
     """Specimen by specimen: every quantity as bars with intervals, the paper's and the true values on them."""
-    names = [one.name for one in specimens]
+    names = [specimen.name for specimen in specimens]
     figures = []
     for name, quantity in BY_NAME.items():
-        values = [one.row.get(name) for one in specimens]
+        values = [specimen.row.get(name) for specimen in specimens]
         if not any(value is not None for value in values):
             continue
         beside = [
-            Beside(kind, kind, np.array([getattr(one, kind).get(name, np.nan) for one in specimens]))
+            Beside(kind, kind, np.array([getattr(specimen, kind).get(name, np.nan) for specimen in specimens]))
             for kind in ("truth", "paper")
-            if any(getattr(one, kind) for one in specimens)
+            if any(getattr(specimen, kind) for specimen in specimens)
         ]
         bars = interval_bars(where(quantity), quantity.unit, names, values, beside, levels.get(name, []))
         figures.append(Figure(bars))
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]
-    legend += [("truth", "truth")] if any(one.truth for one in specimens) else []
-    legend += [("paper", "paper, the same specimen")] if any(one.paper for one in specimens) else []
+    legend += [("truth", "truth")] if any(specimen.truth for specimen in specimens) else []
+    legend += [("paper", "paper, the same specimen")] if any(specimen.paper for specimen in specimens) else []
     legend += [("limit", "literature")] if any(one.style == "limit" for each in levels.values() for one in each) else []
     return Section("cohort", "All specimens", "", tuple(legend), tuple(figures))

@@ -47,13 +47,13 @@ def scientific(value: float) -> str:
     return f"{value:.2E}" if np.isfinite(value) else LACKING
 
 
-def with_interval(one: Estimate | None) -> str:
+def with_interval(estimate: Estimate | None) -> str:
     """A value and its interval, to the digits that the interval's width leaves."""
-    if one is None:
+    if estimate is None:
         return LACKING
-    if not one.high > one.low:
-        return number(one.value)
-    return f"{_to(one.value, one.high - one.low)} ({span(one.low, one.high)})"
+    if not estimate.high > estimate.low:
+        return number(estimate.value)
+    return f"{_to(estimate.value, estimate.high - estimate.low)} ({span(estimate.low, estimate.high)})"
 
 
 def span(low: float, high: float) -> str:
@@ -68,12 +68,12 @@ def _to(value: float, width: float) -> str:
     return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
 
 
-def table_section(given: ViscosityInput) -> Section:
+def table_section(viscosity_input: ViscosityInput) -> Section:
     """Tables I and II, and their means beside those of the paper, the literature and the truth."""
-    lines = {one.quantity.name: one for one in cohort([one.row for one in given.done])}
-    grids = [_table(given.done, lines, table, _printed) for table in (1, 2)]
-    grids.append(_means(given.done, lines))
-    grids += [_table(given.done, lines, table, with_interval) for table in (1, 2)]
+    lines = {one.quantity.name: one for one in cohort([one.row for one in viscosity_input.done])}
+    grids = [_table(viscosity_input.done, lines, table, _printed) for table in (1, 2)]
+    grids.append(_means(viscosity_input.done, lines))
+    grids += [_table(viscosity_input.done, lines, table, with_interval) for table in (1, 2)]
     lead = (
         "COM is the distance of the mass center from the glenohumeral center. The joint viscosity is that without "
         "muscles, the total viscosity that with them, each one value over all axes; the muscle viscosity is one value "
@@ -83,8 +83,8 @@ def table_section(given: ViscosityInput) -> Section:
     return Section("tables", "Tables I and II", lead, (), (), tuple(grids))
 
 
-def _printed(one: Estimate | None) -> str:
-    return LACKING if one is None else scientific(one.value)
+def _printed(estimate: Estimate | None) -> str:
+    return LACKING if estimate is None else scientific(estimate.value)
 
 
 def _table(
@@ -94,13 +94,13 @@ def _table(
     words: Callable[[Estimate | None], str],
 ) -> Grid:
     columns = [BY_NAME[name] for name in COLUMNS[table]]
-    rows = [(one.name, *(words(one.row.get(column.name)) for column in columns)) for one in specimens]
+    rows = [(specimen.name, *(words(specimen.row.get(column.name)) for column in columns)) for specimen in specimens]
     plain = words is _printed
     if plain:
         known = [lines.get(column.name) for column in columns]
         rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
         rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
-        shoulders = any(one.shoulder for one in specimens)
+        shoulders = any(specimen.shoulder for specimen in specimens)
         for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
             rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
         if table == 2 and shoulders:
@@ -113,12 +113,12 @@ def _table(
 
 def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) -> Grid:
     """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
-    known = bool(specimens) and any(one.truth for one in specimens)
-    shoulders = any(one.shoulder for one in specimens)
+    known = bool(specimens) and any(specimen.truth for specimen in specimens)
+    shoulders = any(specimen.shoulder for specimen in specimens)
     rows = []
     for quantity in QUANTITIES:
         line = lines.get(quantity.name)
-        truths = [one.truth[quantity.name] for one in specimens if quantity.name in one.truth]
+        truths = [specimen.truth[quantity.name] for specimen in specimens if quantity.name in specimen.truth]
         row = [f"{where(quantity)} [{quantity.unit}]"]
         if known:
             row.append(_spread(truths))
@@ -167,18 +167,20 @@ def where(quantity: Quantity) -> str:
 def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
     """Truth, paper and estimate of every specimen; None where no truth is known."""
     rows = []
-    for one in specimens:
+    for specimen in specimens:
         for quantity in QUANTITIES:
-            if quantity.name not in one.truth and quantity.name not in one.paper:
+            if quantity.name not in specimen.truth and quantity.name not in specimen.paper:
                 continue
-            truth, paper = one.truth.get(quantity.name), one.paper.get(quantity.name)
-            estimate = one.row.get(quantity.name)
+            truth, paper = specimen.truth.get(quantity.name), specimen.paper.get(quantity.name)
+            estimate = specimen.row.get(quantity.name)
             off = _off(estimate.value, truth) if estimate is not None and truth else ""
             words = (LACKING if value is None else number(value) for value in (truth, paper))
             held = ""
             if estimate is not None and truth is not None and estimate.high > estimate.low:
                 held = "yes" if estimate.holds(truth) else "no"
-            rows.append((one.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held))
+            rows.append(
+                (specimen.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held)
+            )
     if not rows:
         return None
     head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")

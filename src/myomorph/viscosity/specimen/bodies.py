@@ -80,11 +80,11 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
 
 def ancestors(parents: dict[str, str], body: str) -> list[str]:
     """Bodies between a body and the ground, the nearest first."""
-    found = []
+    result = []
     while body in parents and parents[body] != GROUND:
         body = parents[body]
-        found.append(body)
-    return found
+        result.append(body)
+    return result
 
 
 def _chain(parents: dict[str, str], body: str) -> str:

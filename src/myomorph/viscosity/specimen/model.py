@@ -149,7 +149,7 @@ class Specimen:
     @property
     def isometric_forces(self) -> Array:
         """(muscles,) largest isometric force, all strands together: proportional to the cross-section [N]."""
-        forces = {one.name: one.max_isometric_force for one in self.model.muscles}
+        forces = {muscle.name: muscle.max_isometric_force for muscle in self.model.muscles}
         return np.array([sum(forces[strand] for strand in strands) for strands in self.muscles.values()])
 
     def standing(self, pose: Transform) -> Specimen:
@@ -188,7 +188,7 @@ class Specimen:
         return replace(self, model=self.model.with_markers(markers))
 
     def _joint(self, child: str) -> Joint:
-        return next(one for one in self.model.joints if one.child == child)
+        return next(joint for joint in self.model.joints if joint.child == child)
 
     def _with_joint(self, joint: Joint) -> Model:
         joints = tuple(joint if one.child == joint.child else one for one in self.model.joints)
@@ -234,7 +234,9 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         markers=_markers(source),
         muscles=strands,
         wrap_objects=surfaces,
-        couplers=tuple(one for one in model.couplers if one.dependent in kept and kept.issuperset(one.independents)),
+        couplers=tuple(
+            coupler for coupler in model.couplers if coupler.dependent in kept and kept.issuperset(coupler.independents)
+        ),
         source=model.source,
     )
     return Specimen(
@@ -242,8 +244,8 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         names=names,
         center=frozen_array(source.pose(names.base).inverse().apply(center)),
         center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),
-        base_coordinates=tuple(one.name for one in base_coordinates),
-        joint_coordinates=tuple(one.name for one in joint_coordinates),
+        base_coordinates=tuple(coordinate.name for coordinate in base_coordinates),
+        joint_coordinates=tuple(coordinate.name for coordinate in joint_coordinates),
         held_coordinates=tuple(one.name for one in held),
         axes=AXES if names.joint == "ball" else joint.coordinates,
         axis_vectors=frozen_array(vectors),
@@ -255,7 +257,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
 def _base_joint(source: Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:
     places, angles = [f"{base}_t{axis}" for axis in AXES], [f"{base}_r{axis}" for axis in AXES]
     coordinates = free(places, "translational") + free(angles)
-    names = tuple(one.name for one in coordinates)
+    names = tuple(coordinate.name for coordinate in coordinates)
     axes = shifts(places) + turns(angles)
     return Joint(
         f"ground_{base}", "free", GROUND, base, source.pose(base), Transform.identity(), axes, names

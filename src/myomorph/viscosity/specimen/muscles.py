@@ -116,7 +116,7 @@ def kept_muscles(
             else:
                 notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
-    surfaces = [_at_home(source, one) for one in model.wrap_objects if one.name in used]
+    surfaces = [_at_home(source, item) for item in model.wrap_objects if item.name in used]
     return found, tuple(muscles), tuple(surfaces), notes
 
 
@@ -132,8 +132,8 @@ def _at_home(source: Anatomy, surface: WrapObject) -> WrapObject:
 
 
 def _moved(source: Anatomy, muscle: Muscle, coordinates: frozenset[str], notes: list[str]) -> Muscle:
-    points = tuple(_point(source, muscle.name, one, coordinates, notes) for one in muscle.path.points)
-    bodies = {one.name: one.body for one in source.model.wrap_objects}
+    points = tuple(_point(source, muscle.name, point, coordinates, notes) for point in muscle.path.points)
+    bodies = {item.name: item.body for item in source.model.wrap_objects}
     wraps = []
     for wrap in muscle.path.wraps:
         body = bodies.get(wrap.wrap_object)

@@ -139,7 +139,7 @@ def read_picks(path: Path) -> dict[str, Array]:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as error:
         raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
         if not any(cells):
@@ -153,10 +153,10 @@ def read_picks(path: Path) -> dict[str, Array]:
             if number == 1:
                 continue
             raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}")
-        found[cells[0]] = values
-    if not found:
+        result[cells[0]] = values
+    if not result:
         raise BadFile(path, "holds no point", "give lines 'name, x, y, z', or with bone_x, bone_y, bone_z behind")
-    return found
+    return result
 
 
 def _sized(surface: Surface, factor: float) -> Surface:
@@ -208,10 +208,10 @@ def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:
         raise UnknownName("marker", lacking[0], recorded.names, "the recording")
     places = np.stack([recorded[name] for name in names], axis=1)
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=3)
-    found = np.full(apart.shape[1:], np.nan)
+    result = np.full(apart.shape[1:], np.nan)
     seen = np.isfinite(apart).any(axis=0)
-    found[seen] = np.nanmedian(apart[:, seen], axis=0)
-    return found
+    result[seen] = np.nanmedian(apart[:, seen], axis=0)
+    return result
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ def calibrate(files: PlateFiles) -> PlateCalibration:
 
 def chosen(trial: Trial, name: str) -> PlateRecording:
     """The plate of that name, or the only one."""
-    plates = {one.name: one for one in trial.plate_recordings}
+    plates = {recording.name: recording for recording in trial.plate_recordings}
     if not plates:
         raise BadFile(trial.source, "holds no force plates", "plates are calibrated from C3D files")
     if name and name not in plates:
@@ -267,14 +267,27 @@ def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Tr
     return replace(trial, plate_recordings=(place_plate(chosen(trial, files.plate), calibration),))
 
 
-def plate_residuals(found: PlateCalibration) -> tuple[Residual, ...]:
+def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]:
     """The calibration as lines of the report."""
-    far, turned = (float(np.sqrt(np.mean(one**2))) for one in (found.left_out_distances, found.left_out_angles))
-    count = f"{len(found.names)} placements"
-    shift = 1e3 * float(np.max(found.left_out_shifts, initial=0.0))
+    far, turned = (
+        float(np.sqrt(np.mean(one**2)))
+        for one in (plate_calibration.left_out_distances, plate_calibration.left_out_angles)
+    )
+    count = f"{len(plate_calibration.names)} placements"
+    shift = 1e3 * float(np.max(plate_calibration.left_out_shifts, initial=0.0))
     rows = (
-        ("force past the marked point", 1e3 * found.distance_rms, "mm", f"{count}; {1e3 * far:.2f} mm left out"),
-        ("direction of the force", np.degrees(found.angle_rms), "°", f"{count}; {np.degrees(turned):.2f}° left out"),
+        (
+            "force past the marked point",
+            1e3 * plate_calibration.distance_rms,
+            "mm",
+            f"{count}; {1e3 * far:.2f} mm left out",
+        ),
+        (
+            "direction of the force",
+            np.degrees(plate_calibration.angle_rms),
+            "°",
+            f"{count}; {np.degrees(turned):.2f}° left out",
+        ),
         ("shift of its center", shift, "mm", "the largest when one placement is left out"),
     )
     return tuple(Residual(f"plate: {what}", float(value), unit, detail) for what, value, unit, detail in rows)

@@ -38,7 +38,7 @@ class Prepared:
     @property
     def hides_mass(self) -> bool:
         """Whether the plate was set to zero with the limb on it."""
-        return any(one.hides_mass for one in self.findings)
+        return any(finding.hides_mass for finding in self.findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,36 +109,38 @@ def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[
     """The cut-off of all conditions [Hz], and why it was chosen."""
     if options.filter.cutoff is not None:
         return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
-    chosen = choose_cutoff([one.tracked for one in conditions.values()])
+    chosen = choose_cutoff([condition.tracked for condition in conditions.values()])
     return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
 
 
 def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]) -> dict[str, Prepared]:
     """The conditions with their equations and faults; those that have none are added to what is lost."""
-    found = {}
-    for name, one in conditions.items():
+    result = {}
+    for name, condition in conditions.items():
         try:
-            recordings = swing_recordings(one.tracked, cutoff, muscles=name == "with")
-            findings = (*tracking_findings(one.tracked), *recording_findings(recordings))
+            recordings = swing_recordings(condition.tracked, cutoff, muscles=name == "with")
+            findings = (*tracking_findings(condition.tracked), *recording_findings(recordings))
         except MyomorphError as error:
             lost.append(f"{STATES[name]}: {error}")
             continue
         if not tared:
             hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
             findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
-        found[name] = replace(one, recordings=recordings, findings=findings)
-    return found
+        result[name] = replace(condition, recordings=recordings, findings=findings)
+    return result
 
 
 def _corrected(conditions: Mapping[str, Prepared], options: ErrorOptions) -> tuple[dict[str, Prepared], Instruments]:
     """The conditions without the errors of instruments that their swings tell, and what is known of these."""
     if not options.estimate:
         return dict(conditions), Instruments.assumed(options)
-    hidden = [name for name, one in conditions.items() if one.hides_mass]
-    found = estimate_instruments({name: one.recordings for name, one in conditions.items()}, options, hidden)
+    hidden = [name for name, condition in conditions.items() if condition.hides_mass]
+    found = estimate_instruments(
+        {name: condition.recordings for name, condition in conditions.items()}, options, hidden
+    )
     corrected = {
-        name: replace(one, recordings=tuple(found.corrected(each) for each in one.recordings))
-        for name, one in conditions.items()
+        name: replace(condition, recordings=tuple(found.corrected(each) for each in condition.recordings))
+        for name, condition in conditions.items()
     }
     return corrected, found
 
@@ -148,10 +150,10 @@ def _compared(
 ) -> tuple[dict[str, PassiveComparison], list[str]]:
     """Laws of the passive torque of every condition that can be compared, and where their criteria disagree."""
     found, notes = {}, []
-    for name, one in conditions.items():
-        own = replace(options, tare="unknown") if one.hides_mass else options
+    for name, condition in conditions.items():
+        own = replace(options, tare="unknown") if condition.hides_mass else options
         try:
-            found[name] = compare_passive_laws(one.recordings, own)
+            found[name] = compare_passive_laws(condition.recordings, own)
         except MyomorphError:
             continue  # `with_laws` tries again and names it.
         if found[name].conflict:
@@ -184,7 +186,7 @@ def _identified(
         bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
         return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
 
-    hidden = [name for name, one in conditions.items() if one.hides_mass]
+    hidden = [name for name, condition in conditions.items() if condition.hides_mass]
     if not hidden:
         return solved(CONDITIONS, options)
     found = solved(CONDITIONS, replace(options, tare="unknown"))

@@ -54,7 +54,9 @@ class StudyOptions:
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
         """Options from the tables of a study file, or from a command line."""
         plain = StudyOptions()
-        return replace(plain, **{name: with_settings(getattr(plain, name), own) for name, own in settings.items()})
+        return replace(
+            plain, **{name: with_settings(getattr(plain, name), setting) for name, setting in settings.items()}
+        )
 
     @property
     def plain(self) -> dict[str, dict[str, object]]:
@@ -184,7 +186,7 @@ class ViscosityPlan:
 
 def viscosity_tables() -> type[BaseModel]:
     """All tables of a study file of swinging limbs."""
-    options = options_table({name: settings_of(type(one)) for name, one in vars(StudyOptions()).items()})
+    options = options_table({name: settings_of(type(variable)) for name, variable in vars(StudyOptions()).items()})
     return create_model(
         "ViscosityFile",
         __base__=Strict,
@@ -230,60 +232,60 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     )
 
 
-def _specimen(given: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
-    where = f"specimen '{given.name}'"
-    if not given.removed and not given.intact:
+def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
+    where = f"specimen '{specimen.name}'"
+    if not specimen.removed and not specimen.intact:
         problems.append(f"{where}: has no recordings: give 'removed', 'intact' or both")
-    elif not given.removed or not given.intact:
-        lacking = "without" if not given.removed else "with"
+    elif not specimen.removed or not specimen.intact:
+        lacking = "without" if not specimen.removed else "with"
         remarks.append(
             f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
         )
     for table in ("truth", "paper"):
-        for name in getattr(given, table):
+        for name in getattr(specimen, table):
             names = [one.name for one in QUANTITIES]
             if name not in names:
                 problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names, 9)}")
     without, intact = (
-        tuple(_recordings(entries, given.time, folder, f"{where}: {key}", problems, remarks))
-        for key, entries in zip(OPTIONS.values(), (given.removed, given.intact), strict=True)
+        tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
+        for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
     )
-    model = existing(folder, given.model, f"{where}: model", problems)
+    model = existing(folder, specimen.model, f"{where}: model", problems)
     return SpecimenFiles(
-        given.name,
+        specimen.name,
         model or folder,
         without,
         intact,
-        given.measured_muscle_mass,
-        given.base,
-        given.first_body,
-        tuple(given.bones),
-        given.joint,
-        FrozenMap({name: tuple(strands) for name, strands in given.muscles.items()}),
-        FrozenMap(dict(given.pcsa)),
-        existing(folder, given.tare, f"{where}: tare", problems),
-        None if given.plate is None else _plate(given.plate, folder, f"{where}: plate", problems),
-        tuple(_scans(given.ct, folder, f"{where}: ct", problems)),
-        FrozenMap(dict(given.truth)),
-        FrozenMap(dict(given.paper)),
-        given.up,
+        specimen.measured_muscle_mass,
+        specimen.base,
+        specimen.first_body,
+        tuple(specimen.bones),
+        specimen.joint,
+        FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
+        FrozenMap(dict(specimen.pcsa)),
+        existing(folder, specimen.tare, f"{where}: tare", problems),
+        None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
+        tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
+        FrozenMap(dict(specimen.truth)),
+        FrozenMap(dict(specimen.paper)),
+        specimen.up,
     )
 
 
-def _plate(given: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
-    placements = [path for name in given.placements for path in matching(folder, name, where, problems)]
+def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
+    placements = [path for name in plate.placements for path in matching(folder, name, where, problems)]
     problems += [f"{where}: '{path.name}' is no C3D recording" for path in placements if path.suffix.lower() != ".c3d"]
-    shares = None if given.shares is None else tuple(given.shares)
+    shares = None if plate.shares is None else tuple(plate.shares)
     try:
-        weight = MarkedWeight("weight", tuple(given.markers), shares, given.mass, given.axis, given.tip)
+        weight = MarkedWeight("weight", tuple(plate.markers), shares, plate.mass, plate.axis, plate.tip)
     except BadData as error:
         problems.append(f"{where}: {error}")
         return None
-    return PlateFiles(tuple(placements), weight, given.name)
+    return PlateFiles(tuple(placements), weight, plate.name)
 
 
-def _scans(given: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
-    for table in given:
+def _scans(scan_files: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
+    for table in scan_files:
         for path in (table.surface, table.cluster, table.picked, table.mesh):
             existing(folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems)
         try:

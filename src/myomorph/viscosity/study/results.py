@@ -38,7 +38,9 @@ STORE, REPORT = "viscosity.json", "report.html"
 
 KIND, ARRAY, DIGITS = "is", "array", 6
 
-NOUNS: dict[str, Any] = {name: one for name, one in vars(shown).items() if isinstance(one, type) and is_dataclass(one)}
+NOUNS: dict[str, Any] = {
+    name: variable for name, variable in vars(shown).items() if isinstance(variable, type) and is_dataclass(variable)
+}
 """What a report is made of, by the names that its store has."""
 
 
@@ -53,8 +55,8 @@ def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
     return _csv(head, cells)
 
 
-def _interval(one: Estimate | None) -> list[Any]:
-    return ["", "", ""] if one is None else [one.value, one.low, one.high]
+def _interval(estimate: Estimate | None) -> list[Any]:
+    return ["", "", ""] if estimate is None else [estimate.value, estimate.low, estimate.high]
 
 
 def cohort_table(rows: Sequence[Row]) -> str:
@@ -69,9 +71,9 @@ def cohort_table(rows: Sequence[Row]) -> str:
 def axes_table(specimens: Sequence[SpecimenReport]) -> str:
     """`axes.csv`: viscosity about every free axis."""
     rows = (
-        (one.name, name, axis, *_interval(value), "yes" if excited else "no")
-        for one in specimens
-        for name, found in (("without", one.without), ("with", one.intact))
+        (specimen.name, name, axis, *_interval(value), "yes" if excited else "no")
+        for specimen in specimens
+        for name, found in (("without", specimen.without), ("with", specimen.intact))
         if found is not None
         for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True)
     )
@@ -81,9 +83,9 @@ def axes_table(specimens: Sequence[SpecimenReport]) -> str:
 def muscles_table(specimens: Sequence[SpecimenReport]) -> str:
     """`muscles.csv`: the regularised viscosity of every muscle, and that in proportion to its cross-section."""
     rows = (
-        (one.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank)
-        for one in specimens
-        if (found := one.muscles) is not None
+        (specimen.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank)
+        for specimen in specimens
+        if (found := specimen.muscles) is not None
         for muscle, value, share in zip(found.muscles, found.by_muscle, found.pcsa, strict=True)
     )
     head = ("name", "muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank")
@@ -94,40 +96,45 @@ def models_table(specimens: Sequence[SpecimenReport]) -> str:
     """`models.csv`: alternatives of the passive torque and how well each foretells a swing."""
     head = ("name", "condition", "model", "viscosity", "values", "aic_over_best", "bic_over_best")
     rows = (
-        (one.name, model.condition, model.terms, model.viscosity, model.values, model.aic, model.bic)
+        (specimen.name, model.condition, model.terms, model.viscosity, model.values, model.aic, model.bic)
         + (model.angle_error, model.wrench_error)
-        for one in specimens
-        for model in one.models
+        for specimen in specimens
+        for model in specimen.models
     )
     return _csv((*head, "held_out_angle_rad", "held_out_moment_nm"), rows)
 
 
 def notes_table(specimens: Sequence[SpecimenReport]) -> str:
     """`notes.csv`: what failed, and what else was said of each specimen."""
-    rows = [(one.name, "failed", one.failure) for one in specimens if one.failure]
-    rows += [(one.name, "note", note) for one in specimens for note in one.notes]
+    rows = [(specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure]
+    rows += [(specimen.name, "note", note) for specimen in specimens for note in specimen.notes]
     return _csv(("name", "kind", "text"), rows)
 
 
 def errors_table(specimens: Sequence[SpecimenReport]) -> str:
     """`errors.csv`: what swings and each error that all swings share add to each result."""
     rows = (
-        (one.name, own.quantity, own.source, own.prior_sd, own.sd, own.share)
-        for one in specimens
-        for own in sorted(one.errors, key=lambda each: (each.quantity, -each.share))
+        (specimen.name, error.quantity, error.source, error.prior_sd, error.sd, error.share)
+        for specimen in specimens
+        for error in sorted(specimen.errors, key=lambda each: (each.quantity, -each.share))
     )
     return _csv(("name", "quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"), rows)
 
 
 def instruments_table(specimens: Sequence[SpecimenReport]) -> str:
     """`instruments.csv`: errors of instruments as assumed and as the swings tell them, in SI units."""
-    rows = ((one.name, *row) for one in specimens if one.instruments is not None for row in one.instruments.rows)
+    rows = (
+        (specimen.name, *row)
+        for specimen in specimens
+        if specimen.instruments is not None
+        for row in specimen.instruments.rows
+    )
     return _csv(("name", "source", "axis", "prior_sd", "error", "sd_left"), rows)
 
 
 def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
     """Write all tables of a cohort, each whole or not at all."""
-    known = [(one.name, one.row) for one in specimens if one.row]
+    known = [(specimen.name, specimen.row) for specimen in specimens if specimen.row]
     for name, text in (
         (SPECIMENS, specimens_table(known)),
         (COHORT, cohort_table([row for _, row in known])),
@@ -147,24 +154,24 @@ def write_whole(text: str, path: Path) -> None:
         stream.write(text)
 
 
-def write_swings(found: SpecimenViscosity, folder: Path) -> None:
+def write_swings(specimen_viscosity: SpecimenViscosity, folder: Path) -> None:
     """Write every trial as a table over time: angles, rates, torques, wrench measured and predicted."""
-    for name, condition in (("without", found.without), ("with", found.intact)):
+    for name, condition in (("without", specimen_viscosity.without), ("with", specimen_viscosity.intact)):
         if condition is not None:
             for recording in condition.recordings:
                 write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
 
 
-def swing_table(recording: SwingRecording, found: Condition) -> Table:
+def swing_table(recording: SwingRecording, condition: Condition) -> Table:
     """One trial: angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis; the wrench."""
-    torque = recording.torque_rows @ found.parameters
+    torque = recording.torque_rows @ condition.parameters
     blocks = (
         ("angle", recording.axes, recording.angles),
         ("rate", recording.axes, recording.rates),
         ("torque", recording.axes, torque),
-        ("viscous", recording.axes, -found.viscosity.value * recording.rates),
+        ("viscous", recording.axes, -condition.viscosity.value * recording.rates),
         ("measured", COMPONENTS, recording.wrench),
-        ("predicted", COMPONENTS, recording.wrench_rows @ found.parameters),
+        ("predicted", COMPONENTS, recording.wrench_rows @ condition.parameters),
         ("swing", ("",), recording.swing[:, None].astype(np.float64)),
     )
     names = tuple(f"{kind}_{column}".rstrip("_") for kind, columns, _ in blocks for column in columns)
@@ -180,9 +187,9 @@ def _csv(head: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def write_store(given: ViscosityInput, folder: Path) -> None:
+def write_store(viscosity_input: ViscosityInput, folder: Path) -> None:
     """Write what a report shows, arrays to six digits."""
-    write_whole(json.dumps(_plain(given), separators=(",", ":")) + "\n", folder / STORE)
+    write_whole(json.dumps(_plain(viscosity_input), separators=(",", ":")) + "\n", folder / STORE)
 
 
 def read_store(folder: Path) -> ViscosityInput:
@@ -195,12 +202,12 @@ def read_store(folder: Path) -> ViscosityInput:
     """
     path = folder / STORE
     try:
-        found = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
+        result = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadFile(path, f"is no result of 'myomorph viscosity' ({error})", "run the study again") from None
-    if not isinstance(found, ViscosityInput):
+    if not isinstance(result, ViscosityInput):
         raise BadFile(path, "is no result of 'myomorph viscosity'", "run the study again")
-    return found
+    return result
 
 
 def remake_report(folder: Path) -> Path:
@@ -217,7 +224,9 @@ def remake_report(folder: Path) -> Path:
 
 def _plain(value: object) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
-        return {KIND: type(value).__name__} | {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+        return {KIND: type(value).__name__} | {
+            field.name: _plain(getattr(value, field.name)) for field in fields(value)
+        }
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "f":
             return {KIND: ARRAY, "values": value.tolist(), "whole": True}

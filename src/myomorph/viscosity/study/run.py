@@ -109,7 +109,7 @@ def viscosity_input(
     plan: ViscosityPlan, options: StudyOptions, reports: tuple[SpecimenReport, ...], made: Provenance
 ) -> ViscosityInput:
     """What the report shows of a study."""
-    sources = dict.fromkeys(SourceFile(one.role, Path(one.name).name, one.sha256) for one in made.sources)
+    sources = dict.fromkeys(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
     steps = tuple(
         Step(table, FrozenMap({name: _told(value) for name, value in own.items()}))
         for table, own in options.plain.items()
@@ -121,7 +121,7 @@ def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
     """What is real, simulated and assumed, as the study file says it and as the method has it."""
     real = plan.real
     if not real and not plan.simulated:
-        trials = sum(len(one.without) + len(one.intact) for one in plan.specimens)
+        trials = sum(len(specimen.without) + len(specimen.intact) for specimen in plan.specimens)
         real = (f"Markers and forces of {trials} recordings, as the study file names them.",)
     assumed = (
         "The limb beyond the joint is one rigid link; the joint turns about one fixed center; the base does not move.",

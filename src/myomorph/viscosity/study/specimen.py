@@ -56,16 +56,16 @@ EACH = "factor of each muscle"
 
 def trusted(
     report: SpecimenReport,
-    found: SpecimenViscosity,
+    specimen_viscosity: SpecimenViscosity,
     laws: PassiveOptions,
     arms: MomentArmOptions,
     compared: Mapping[str, PassiveComparison] = FrozenMap({}),
 ) -> SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
     for make in (
-        lambda one: with_laws(one, "without", found.without, laws, compared.get("without")),
-        lambda one: with_laws(one, "with", found.intact, laws, compared.get("with")),
-        lambda one: with_arms(one, found, arms),
+        lambda one: with_laws(one, "without", specimen_viscosity.without, laws, compared.get("without")),
+        lambda one: with_laws(one, "with", specimen_viscosity.intact, laws, compared.get("with")),
+        lambda one: with_arms(one, specimen_viscosity, arms),
     ):
         try:
             report = make(report)
@@ -90,20 +90,20 @@ def with_laws(
     models = tuple(
         PassiveModel(
             name,
-            one.name,
+            fit.name,
             ", ".join(
                 f"{part} {number(value.value)} {_unit(part)}"
-                for part, value in one.coefficients.items()
+                for part, value in fit.coefficients.items()
                 if not part.startswith("rest")
             ),
-            one.coefficients["viscosity"].value if "viscosity" in one.coefficients else float("nan"),
-            one.aic,
-            one.bic,
-            one.angle_error,
-            one.moment_error,
-            one is compared.chosen,
+            fit.coefficients["viscosity"].value if "viscosity" in fit.coefficients else float("nan"),
+            fit.aic,
+            fit.bic,
+            fit.angle_error,
+            fit.moment_error,
+            fit is compared.chosen,
         )
-        for one in compared.fits
+        for fit in compared.fits
     )
     shown = compared.prediction
     if shown is None:
@@ -138,19 +138,23 @@ def with_cutoffs(
         scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=own)  # type: ignore[misc]
         kind = "joint_viscosity" if name == "without" else "total_viscosity"
         values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
-    shown = {name: one for name, one in values.items() if np.isfinite(one).any()}
+    shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
     cutoffs = np.array(SCANNED)
     return replace(report, cutoff=CutoffScan(cutoffs, cutoff, FrozenMap(shown), reason)) if shown else report
 
 
-def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: MomentArmOptions) -> SpecimenReport:
+def with_arms(
+    report: SpecimenReport, specimen_viscosity: SpecimenViscosity, options: MomentArmOptions
+) -> SpecimenReport:
     """The report with the spread of the common muscle viscosity under errors of the moment arms."""
-    intact, without = found.intact, found.without
-    if found.muscles is None or intact is None or without is None:
+    intact, without = specimen_viscosity.intact, specimen_viscosity.without
+    if specimen_viscosity.muscles is None or intact is None or without is None:
         return report
 
-    def spreads(one: MomentArmOptions) -> tuple:
-        return moment_arm_sensitivity(intact.recordings, intact.parameters, without.viscosity.value, one).spreads
+    def spreads(moment_arm_options: MomentArmOptions) -> tuple:
+        return moment_arm_sensitivity(
+            intact.recordings, intact.parameters, without.viscosity.value, moment_arm_options
+        ).spreads
 
     kinds = spreads(options)
     by_level = [
@@ -158,7 +162,9 @@ def with_arms(report: SpecimenReport, found: SpecimenViscosity, options: MomentA
     ]
     exact = by_level[0].exact
     low, median, high = np.array([np.full(3, exact), *(one.quantiles() for one in by_level)]).T
-    table = tuple(ArmError(one.kind, _size(one.kind, one.error), one.sd, one.bias, *one.quantiles()) for one in kinds)
+    table = tuple(
+        ArmError(kind.kind, _size(kind.kind, kind.error), kind.sd, kind.bias, *kind.quantiles()) for kind in kinds
+    )
     spread = ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), table)
     return replace(report, arms=spread)
 
@@ -199,7 +205,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         where neither condition can be used
     """
     given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
-    opened = open_specimen(files, recorded_markers(next(one for entries in given.values() for one in entries)))
+    opened = open_specimen(files, recorded_markers(next(entry for entries in given.values() for entry in entries)))
     specimen = opened.specimen
     notes = [*specimen.notes, *opened.notes]
     place, residuals = None, opened.residuals
@@ -228,8 +234,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     advance(IDENTIFYING)
     report, found = _judged(one.found, one.by_swings, one.conditions, notes)
     report = trusted(report, found, one.options.laws, one.options.moment_arms, one.compared)
-    tracked = {name: own.tracked for name, own in one.conditions.items()}
-    hidden = [name for name, own in one.conditions.items() if own.hides_mass]
+    tracked = {name: condition.tracked for name, condition in one.conditions.items()}
+    hidden = [name for name, condition in one.conditions.items() if condition.hides_mass]
     report = with_cutoffs(report, tracked, one.cutoff, one.reason, one.options.identification, hidden)
     report, model = _with_model(report, found, tracked, one.cutoff)
     residuals = (*residuals, *_marker_residuals(one.conditions))
@@ -279,10 +285,10 @@ def _judged(
     for name, condition in parts.items():
         findings = list(conditions[name].findings) if name in conditions else []
         findings += [] if condition is None else condition_findings(condition)
-        notes += [f"{STATES[name]}: {one.line}" for one in findings if one.line not in notes]
-        if any(one.hides_mass for one in findings):
+        notes += [f"{STATES[name]}: {finding.line}" for finding in findings if finding.line not in notes]
+        if any(finding.hides_mass for finding in findings):
             lacking |= {*MASSES[name], "estimated_muscle_mass"}
-        if any(one.fatal for one in findings):
+        if any(finding.fatal for finding in findings):
             lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
     muscles = None if "muscle_viscosity" in lacking else found.muscles
     notes += [note for one in conditions.values() for note in one.notes if not any(note in line for line in notes)]
@@ -292,7 +298,7 @@ def _judged(
 
 
 def _with_model(
-    report: SpecimenReport, found: SpecimenViscosity, tracked: Mapping[str, TrackedSpecimen], cutoff: float
+    report: SpecimenReport, specimen_viscosity: SpecimenViscosity, tracked: Mapping[str, TrackedSpecimen], cutoff: float
 ) -> tuple[SpecimenReport, Model | None]:
     """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
     known = "joint_viscosity" in report.row
@@ -300,7 +306,7 @@ def _with_model(
     if one is None or not known or not one.specimen.model.source.lower().endswith(".osim"):
         return report, None
     try:
-        made = identified_model(one, found, cutoff)
+        made = identified_model(one, specimen_viscosity, cutoff)
     except MyomorphError as error:
         return replace(report, notes=(*report.notes, f"no identified.osim: {error}")), None
     return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])
@@ -308,13 +314,13 @@ def _with_model(
 
 def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:
     lines = []
-    for name, one in conditions.items():
-        rms = np.concatenate([trial.rms for trial in one.tracked.trials])
+    for name, condition in conditions.items():
+        rms = np.concatenate([trial.rms for trial in condition.tracked.trials])
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
             lines.append(Residual(f"markers to bones, {STATES[name]}", value, "mm", worst))
-        for trial in one.tracked.trials:
+        for trial in condition.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:
                 millionths = round(1e6 * clock.drift, 1)

@@ -144,12 +144,12 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
         residual_map(bone.body, f"mm, root mean square {number(1e3 * bone.fit.rms)}", surface, bone.fit.distances)
         for bone, surface in zip(scanned.bones, (read_mesh(scan.surface) for scan in files.ct), strict=True)
     ]
-    return OpenedSpecimen(specimen, (*lost, *scanned.notes), _fits(scanned), tuple(Figure(one) for one in maps))
+    return OpenedSpecimen(specimen, (*lost, *scanned.notes), _fits(scanned), tuple(Figure(map_) for map_ in maps))
 
 
 def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, ...]:
     """A note for every bone that has fewer than three recorded markers, where others are unknown to the model."""
-    owner = {one.name: one.body for one in specimen.model.markers}
+    owner = {marker.name: marker.body for marker in specimen.model.markers}
     unknown = [name for name in recorded if name not in owner]
     if not unknown:
         return ()
@@ -168,9 +168,9 @@ def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
         for one in scanned.bones
     )
     clusters = tuple(
-        Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * one.misfit, "mm")
-        for bone, one in zip(scanned.bones, scanned.clusters, strict=True)
-        if np.isfinite(one.misfit)
+        Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * cluster.misfit, "mm")
+        for bone, cluster in zip(scanned.bones, scanned.clusters, strict=True)
+        if np.isfinite(cluster.misfit)
     )
     return (*bones, *clusters)
 
@@ -185,8 +185,8 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
 
 
-def _fit_told(one: ScannedBone) -> str:
-    return f"95 % of its places within {1e3 * one.fit.percentile(95.0):.2f} mm; scale {one.scale:.3f}"
+def _fit_told(scanned_bone: ScannedBone) -> str:
+    return f"95 % of its places within {1e3 * scanned_bone.fit.percentile(95.0):.2f} mm; scale {scanned_bone.scale:.3f}"
 
 
 def _body(model: Model, given: str | None, role: str, other: str = "") -> str:
@@ -305,11 +305,11 @@ def wrench_of_table(path: Path) -> Wrenches:
             "give one force on the base: force, point and torque (9 columns)",
         )
     places = [_triple(table.names, ends) for ends in ("v", "p")]
-    if all(one is not None for one in places):
-        taken = [i for one in places if one is not None for i in one]
+    if all(place is not None for place in places):
+        taken = [i for place in places if place is not None for i in place]
         places.append([i for i in range(WHOLE) if i not in taken])
     columns = places if len(places) == 3 else [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
-    force, point, torque = (table.values[:, one][:, None, :] for one in columns)
+    force, point, torque = (table.values[:, column][:, None, :] for column in columns)
     return Wrenches(table.time, ("base",), ("",), force, point, torque)
 
 

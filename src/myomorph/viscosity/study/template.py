@@ -59,9 +59,11 @@ def study_template() -> str:
     lines += [f"# {key} = {example}  # {words}" for key, example, words in SPECIMEN]
     for table, options in vars(StudyOptions()).items():
         lines += ["", f"[options.{table}]"]
-        for one in settings_of(type(options)):
-            value = "" if one.default is None else json.dumps(one.default)
-            lines.append(f"# {one.name} = {value}  # {' '.join(one.help.split())}{'' if value else ' (chosen)'}")
+        for setting in settings_of(type(options)):
+            value = "" if setting.default is None else json.dumps(setting.default)
+            lines.append(
+                f"# {setting.name} = {value}  # {' '.join(setting.help.split())}{'' if value else ' (chosen)'}"
+            )
     return "\n".join(lines) + "\n"
 
 

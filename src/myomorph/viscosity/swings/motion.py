@@ -69,18 +69,18 @@ def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
     arms about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
     NaN where the motion is.
     """
-    strands = [(strand, len(own)) for own in specimen.muscles.values() for strand in own]
-    found = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
+    strands = [(strand, len(muscle)) for muscle in specimen.muscles.values() for strand in muscle]
+    result = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
     seen = np.isfinite(motion.values).all(axis=1)
     if not specimen.muscles or not seen.any():
-        return found
+        return result
     part = Motion(motion.time[seen], motion.names, motion.values[seen])
     arms = muscle_kinematics(specimen.model, part, velocities=False).moment_arms
     columns = [specimen.model.coordinate_names.index(name) for name in specimen.joint_coordinates]
     rows = [specimen.model.muscle_names.index(strand) for strand, _ in strands]
     roots = np.sqrt([count for _, count in strands])
-    found[seen] = -arms[:, rows][:, :, columns] @ np.linalg.inv(slopes[seen]) / roots[:, None]
-    return found
+    result[seen] = -arms[:, rows][:, :, columns] @ np.linalg.inv(slopes[seen]) / roots[:, None]
+    return result
 
 
 def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None = None) -> Motion:
@@ -180,9 +180,9 @@ def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:
             angles[seen] = Rotation.from_euler(order, angles[seen]).as_euler(order)
             values[:, columns] = angles
         else:
-            for k in columns:
-                if specimen.model.coordinate(motion.names[k]).motion == "rotational":
-                    values[:, k] = _continuous(values[:, k])
+            for column in columns:
+                if specimen.model.coordinate(motion.names[column]).motion == "rotational":
+                    values[:, column] = _continuous(values[:, column])
     return replace(motion, values=values)
 
 

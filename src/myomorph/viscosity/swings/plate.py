@@ -76,24 +76,24 @@ def on_clock(time: Array, values: Array, frames: Array) -> Array:
         filled = lowpass(filled, rate, ANTI_ALIAS * wanted)
         reach = 1.0 / (ANTI_ALIAS * wanted)
     inside = (frames >= time[0] - 1e-9) & (frames <= time[-1] + 1e-9)
-    found = np.full((len(frames), values.shape[1]), np.nan)
-    found[inside] = natural_spline(time, filled, degree=3)(np.clip(frames[inside], time[0], time[-1]))
+    result = np.full((len(frames), values.shape[1]), np.nan)
+    result[inside] = natural_spline(time, filled, degree=3)(np.clip(frames[inside], time[0], time[-1]))
     if not known.all():
         near = binary_dilation(~known, iterations=max(1, round(reach * rate)))
         nearest = np.clip(np.searchsorted(time, frames), 0, len(time) - 1)
-        found[near[nearest]] = np.nan
-    return found
+        result[near[nearest]] = np.nan
+    return result
 
 
 def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
     """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of the motion."""
     if cutoff is None:
         return values
-    found = np.full(values.shape, np.nan)
+    result = np.full(values.shape, np.nan)
     for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))):
         if stop - start > 5:
-            found[start:stop] = lowpass(values[start:stop], rate, cutoff)
-    return found
+            result[start:stop] = lowpass(values[start:stop], rate, cutoff)
+    return result
 
 
 def wrench_clock(

@@ -148,15 +148,15 @@ def touched_frames(
     reach : how far a touch spoils its neighbours [s]
     """
     mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
-    found = []
+    result = []
     for one, time, use in zip(mismatch, times, candidates, strict=True):
         error = np.where(use[:, None], one, 0.0)
         frames = max(1, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 1
         count = np.maximum(uniform_filter1d(use.astype(float), frames), 1.0 / frames)
         size = np.linalg.norm(uniform_filter1d(error, frames, axis=0) / count[:, None], axis=1)
         usual = float(np.median(size[use])) if use.any() else 0.0
-        found.append(near(use & (size > max(OUTLYING * usual, share * largest)), time, reach))
-    return found
+        result.append(near(use & (size > max(OUTLYING * usual, share * largest)), time, reach))
+    return result
 
 
 def force_mismatch(
@@ -173,9 +173,9 @@ def force_mismatch(
     trials = len(rows)
     chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
     tables = []
-    for k, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
+    for index, (Y, frames) in enumerate(zip(rows, chosen, strict=True)):
         constant = np.zeros((len(frames), 3, 3 * trials))
-        constant[:, np.arange(3), 3 * k + np.arange(3)] = 1.0
+        constant[:, np.arange(3), 3 * index + np.arange(3)] = 1.0
         tables.append(np.concatenate([Y[frames], constant], axis=2))
     A = np.concatenate(tables)
     b = np.concatenate([force[frames] for force, frames in zip(forces, chosen, strict=True)])

@@ -16,9 +16,9 @@ def effective_samples(runs: Sequence[Array]) -> float:
     The lags k are of either sign, to half the longest run. White noise through an ideal low-pass has two
     samples a period of its cutoff.
     """
-    length = max(len(one) for one in runs)
+    length = max(len(run) for run in runs)
     size = next_fast_len(2 * length)
-    covariance = sum(irfft(np.abs(rfft(one, size, axis=0)) ** 2, size, axis=0).sum(axis=1) for one in runs)
+    covariance = sum(irfft(np.abs(rfft(run, size, axis=0)) ** 2, size, axis=0).sum(axis=1) for run in runs)
     rho = np.asarray(covariance)[: max(length // 2, 1)]
     rho = rho / rho[0] if rho[0] > 0.0 else np.eye(1, len(rho))[0]
-    return float(sum(one.size for one in runs) / (2.0 * np.square(rho).sum() - 1.0))
+    return float(sum(run.size for run in runs) / (2.0 * np.square(rho).sum() - 1.0))

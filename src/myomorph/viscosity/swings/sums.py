@@ -34,16 +34,16 @@ RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
 def free_directions(recordings: Sequence[SwingRecording]) -> Array:
     """(axes, 3) the free axes in the limb's first body."""
     left, right = np.zeros((3, 3)), np.zeros((3, len(recordings[0].axes)))
-    for one in recordings:
-        moments, rows = moment_rows(one)[one.used], one.torque_rows[one.used]
+    for recording in recordings:
+        moments, rows = moment_rows(recording)[recording.used], recording.torque_rows[recording.used]
         left += np.einsum("fip,fjp->ij", moments, moments, optimize=True)
         right += np.einsum("fip,fap->ia", moments, rows, optimize=True)
     return np.asarray(np.linalg.lstsq(left, right, rcond=1e-12)[0].T, np.float64)
 
 
-def moment_rows(one: SwingRecording) -> Array:
+def moment_rows(swing_recording: SwingRecording) -> Array:
     """(frames, 3, 10) moment about the joint's center that unit parameters need, along the limb's axes."""
-    return one.rotations.transpose(0, 2, 1) @ one.wrench_rows[:, :3]
+    return swing_recording.rotations.transpose(0, 2, 1) @ swing_recording.wrench_rows[:, :3]
 
 
 class PredictedRows(NamedTuple):
@@ -84,12 +84,12 @@ def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.nda
     rates = np.concatenate([one.rates[use] for one, use in zip(recordings, frames, strict=True)])
     still = _still(rates, b, A @ law)
     turning = np.eye(len(still)) - still
-    found = []
-    for one, state, seen in zip(recordings, states, measured, strict=True):
-        rows = one.wrench_rows - _rows_of(one.rotations, seen @ still @ along)
+    result = []
+    for recording, state, seen in zip(recordings, states, measured, strict=True):
+        rows = recording.wrench_rows - _rows_of(recording.rotations, seen @ still @ along)
         change = (state @ law - seen) @ turning
-        found.append(PredictedRows(rows, rows + _rows_of(one.rotations, change @ along)))
-    return found
+        result.append(PredictedRows(rows, rows + _rows_of(recording.rotations, change @ along)))
+    return result
 
 
 def _still(rates: Array, measured: Array, predicted: Array) -> Array:
@@ -100,12 +100,14 @@ def _still(rates: Array, measured: Array, predicted: Array) -> Array:
     return still @ still.T
 
 
-def _state(one: SwingRecording) -> Array:
+def _state(swing_recording: SwingRecording) -> Array:
     """(frames, n) direction of gravity, rates, products of rates, angles and a one."""
-    down = np.einsum("fji,j->fi", one.rotations, one.gravity)
-    first, second = np.triu_indices(one.rates.shape[1])
-    products = one.rates[:, first] * one.rates[:, second]
-    return np.concatenate([down, one.rates, products, one.angles, np.ones((len(one), 1))], axis=1)
+    down = np.einsum("fji,j->fi", swing_recording.rotations, swing_recording.gravity)
+    first, second = np.triu_indices(swing_recording.rates.shape[1])
+    products = swing_recording.rates[:, first] * swing_recording.rates[:, second]
+    return np.concatenate(
+        [down, swing_recording.rates, products, swing_recording.angles, np.ones((len(swing_recording), 1))], axis=1
+    )
 
 
 def _rows_of(rotations: Array, accelerations: Array) -> Array:
@@ -182,8 +184,8 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
     """
     if not recordings:
         raise BadData("no recording of swings is given")
-    for one in recordings:
-        _check(recordings[0], one)
+    for recording in recordings:
+        _check(recordings[0], recording)
     parts = [(number, use) for number, one in enumerate(recordings) for use in _swings(one)]
     if not parts:
         raise BadData(
@@ -209,22 +211,27 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
     )
 
 
-def _check(first: SwingRecording, one: SwingRecording) -> None:
+def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
     for name in ("axes", "muscles", "strands"):
-        if getattr(one, name) != getattr(first, name):
+        if getattr(swing_recording, name) != getattr(first, name):
             raise BadData(
-                f"swings '{first.name}' and '{one.name}' have other {name}: {getattr(first, name)} and "
-                f"{getattr(one, name)}; one condition is one specimen"
+                f"swings '{first.name}' and '{swing_recording.name}' have other {name}: {getattr(first, name)} and "
+                f"{getattr(swing_recording, name)}; one condition is one specimen"
             )
     for name in ("wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening"):
-        lacking = ~np.isfinite(getattr(one, name)[one.used]).all()
+        lacking = ~np.isfinite(getattr(swing_recording, name)[swing_recording.used]).all()
         if lacking:
-            raise BadData(f"swing '{one.name}': {name} is not finite in a frame that is used; mark it with swing -1")
+            raise BadData(
+                f"swing '{swing_recording.name}': {name} is not finite in a frame that is used; mark it with swing -1"
+            )
 
 
-def _swings(one: SwingRecording) -> list[np.ndarray]:
+def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
     """Frames of each swing."""
-    return [np.flatnonzero(one.swing == number) for number in np.unique(one.swing[one.used])]
+    return [
+        np.flatnonzero(swing_recording.swing == number)
+        for number in np.unique(swing_recording.swing[swing_recording.used])
+    ]
 
 
 @read_only
@@ -270,25 +277,27 @@ def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
     return np.concatenate(own) if own else np.zeros(0, np.int64)
 
 
-def _wrench_products(one: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:
+def _wrench_products(swing_recording: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:
     use = block.frames
     rows, instruments = predicted.rows[use], predicted.instruments[use]
-    columns = [rows, one.wrench[use, :, None], instruments, np.ones((len(use), 6, 1))]
+    columns = [rows, swing_recording.wrench[use, :, None], instruments, np.ones((len(use), 6, 1))]
     return _products(np.concatenate(columns, axis=2), block.weight)
 
 
-def _torque_products(one: SwingRecording, along: Array, block: _Block) -> Array:
+def _torque_products(swing_recording: SwingRecording, along: Array, block: _Block) -> Array:
     use = block.frames
-    rates, J = one.rates[use], one.lengthening[use]
+    rates, J = swing_recording.rates[use], swing_recording.lengthening[use]
     speeds = np.einsum("fma,fa->fm", J, rates)
-    plate = np.einsum("ai,fji,fj->fa", along, one.rotations[use], one.wrench[use, :3], optimize=True)
+    plate = np.einsum(
+        "ai,fji,fj->fa", along, swing_recording.rotations[use], swing_recording.wrench[use, :3], optimize=True
+    )
     columns = [
-        one.torque_rows[use],
+        swing_recording.torque_rows[use],
         rates[:, :, None],
-        one.angles[use, :, None],
+        swing_recording.angles[use, :, None],
         np.ones((*rates.shape, 1)),
         plate[:, :, None],
-        (J * speeds[:, :, None]).transpose(0, 2, 1) @ one.strands_of,
+        (J * speeds[:, :, None]).transpose(0, 2, 1) @ swing_recording.strands_of,
     ]
     return _products(np.concatenate(columns, axis=2), block.weight)
 

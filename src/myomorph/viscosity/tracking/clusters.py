@@ -42,14 +42,14 @@ class Clusters:
         recorded = {name: i for i, name in enumerate(markers.names)}
         self.columns: dict[str, list[int]] = {name: [] for name in specimen.model.body_names}
         places = np.full((len(markers.names), 3), np.nan)
-        for one in specimen.model.markers:
-            if one.name in recorded:
-                self.columns[one.body].append(recorded[one.name])
-                places[recorded[one.name]] = one.location
-        self.pairs = {bone: list(combinations(range(len(own)), 2)) for bone, own in self.columns.items()}
+        for marker in specimen.model.markers:
+            if marker.name in recorded:
+                self.columns[marker.body].append(recorded[marker.name])
+                places[recorded[marker.name]] = marker.location
+        self.pairs = {bone: list(combinations(range(len(column)), 2)) for bone, column in self.columns.items()}
         self.lengths = {
-            bone: np.array([np.linalg.norm(places[own[i]] - places[own[j]]) for i, j in self.pairs[bone]])
-            for bone, own in self.columns.items()
+            bone: np.array([np.linalg.norm(places[column[i]] - places[column[j]]) for i, j in self.pairs[bone]])
+            for bone, column in self.columns.items()
         }
 
     def misfit(self, values: Array, bone: str, relabel: Relabel | None = None) -> Array:
@@ -116,14 +116,14 @@ def _unmarked(specimen: Specimen, clusters: Clusters, name: str) -> list[str]:
     base = clusters.columns[specimen.base]
     model = specimen.model
     if len(base) < 3:
-        wanted = [one.name for one in model.markers if one.body == specimen.base]
+        wanted = [marker.name for marker in model.markers if marker.body == specimen.base]
         raise BadData(
             f"trial '{name}': {len(base)} markers of the base '{specimen.base}' are recorded, of which three are "
             f"needed; the model names {wanted}"
         )
     marked = [bone for bone in specimen.limb if len(clusters.columns[bone]) >= 2]
     if not marked:
-        wanted = [one.name for one in model.markers if one.body != specimen.base]
+        wanted = [marker.name for marker in model.markers if marker.body != specimen.base]
         raise BadData(
             f"trial '{name}': no bone of the limb shows two of its markers {wanted} in the recording: name the model's "
             "markers as the recording does"
@@ -178,7 +178,7 @@ def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Ar
     where that brings the joints together.
     """
     notes = []
-    places = {one.name: one.location for one in specimen.model.markers}
+    places = {marker.name: marker.location for marker in specimen.model.markers}
     for bone, own in clusters.columns.items():
         orders = [tuple(relabel.get(column, column) for column in own) for relabel in clusters.within(bone)]
         alike = [order for order in orders if not clusters.wrong(_still(clusters, places, own, order), bone).any()]
@@ -281,4 +281,4 @@ def _when(time: Array, frames: np.ndarray) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(f"'{one}'" for one in names[:-1]), f"'{names[-1]}'"])
+    return " and ".join([", ".join(f"'{name}'" for name in names[:-1]), f"'{names[-1]}'"])

@@ -138,7 +138,7 @@ def mean_held(
     means = {}
     for name in specimen.held_coordinates:
         firm = [name not in own for own in slipped] or [True] * len(motions)
-        chosen = [k for k, holds in enumerate(firm) if holds or not any(firm)]
+        chosen = [index for index, holds in enumerate(firm) if holds or not any(firm)]
         values = np.concatenate([motions[k][name] for k in chosen])
         weight = np.concatenate([weights[k] for k in chosen])
         used = np.isfinite(values) & (weight > 0.0)
@@ -196,7 +196,7 @@ def slips_before(
     held : mean value of every held coordinate
     center : (3,) mean place of the joint's center in ground [m]
     """
-    found = []
+    result = []
     start = float(motion.time[0])
     for one, mean in held.items():
         values = motion[one][np.isfinite(motion[one])]
@@ -204,11 +204,11 @@ def slips_before(
         off = float(np.median(values)) - mean if len(values) else 0.0
         off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
         if abs(off) > (moved if unit == "m" else turned):
-            found.append(Slip(name, one, start, abs(off), True, unit, before=True))
+            result.append(Slip(name, one, start, abs(off), True, unit, before=True))
     distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
     if distance > moved:
-        found.append(Slip(name, "base", start, distance, True, "m", before=True))
-    return found
+        result.append(Slip(name, "base", start, distance, True, "m", before=True))
+    return result
 
 
 def center_course(specimen: Specimen, motion: Motion) -> Array:

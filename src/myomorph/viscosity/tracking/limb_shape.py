@@ -44,7 +44,7 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     """
     poses = _limb_poses(specimen)
     common = set.intersection(*(set(one.names) for one in trials))
-    carried = [one for one in specimen.model.markers if one.body in poses and one.name in common]
+    carried = [marker for marker in specimen.model.markers if marker.body in poses and marker.name in common]
     names = [one.name for one in carried]
     if len(names) < MIN_MARKERS:
         return specimen, 0.0
@@ -61,7 +61,9 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
         center, places = center + step[0], places + step[1:]
         places = places @ _rotations(places, given[None], np.ones((1, len(names))))[0].T
     moved = {one.name: poses[one.body].inverse().apply(place) for one, place in zip(carried, places, strict=True)}
-    markers = tuple(replace(one, location=moved.get(one.name, one.location)) for one in specimen.model.markers)
+    markers = tuple(
+        replace(marker, location=moved.get(marker.name, marker.location)) for marker in specimen.model.markers
+    )
     in_base = specimen.stand.inverse().apply(center)
     found = specimen.with_markers(markers).centered(in_base, specimen.center_in_limb)
     return found, float(np.sqrt(np.square(places - given).sum(axis=1).mean()))

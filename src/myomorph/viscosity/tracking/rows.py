@@ -84,28 +84,28 @@ def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> 
     return mean_rotation(rotations) if len(rotations) else np.eye(3)
 
 
-def _angles(specimen: Specimen, one: _Filtered, rest: Array) -> Array:
+def _angles(specimen: Specimen, filtered: _Filtered, rest: Array) -> Array:
     if len(specimen.joint_coordinates) == 1:
-        return one.motion.values - rest
-    angles = np.full((len(one.motion), 3), np.nan)
-    seen = np.isfinite(one.limb.rotations).all(axis=(1, 2))
-    angles[seen] = Rotation.from_matrix(rest.T @ one.limb.rotations[seen]).as_rotvec()
+        return filtered.motion.values - rest
+    angles = np.full((len(filtered.motion), 3), np.nan)
+    seen = np.isfinite(filtered.limb.rotations).all(axis=(1, 2))
+    angles[seen] = Rotation.from_matrix(rest.T @ filtered.limb.rotations[seen]).as_rotvec()
     return angles
 
 
-def _swung(specimen: Specimen, one: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
+def _swung(specimen: Specimen, filtered: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
     """(frames,) how far the limb is out, and its rate, by which swings are told from each other.
 
     Of a ball, how far the direction that hangs down on average is out sideways, along the main direction of the
     swing: however much the limb twists about it meanwhile.
     """
     if len(specimen.joint_coordinates) == 1 or not free.any():
-        return angles[:, 0], one.limb.rates[:, 0]
+        return angles[:, 0], filtered.limb.rates[:, 0]
     gravity = np.asarray(specimen.model.gravity) / np.linalg.norm(specimen.model.gravity)
-    rotations = one.limb.rotations
+    rotations = filtered.limb.rotations
     down = (gravity @ rotations[free]).mean(axis=0)
     lever = rotations @ (down / np.linalg.norm(down))
-    speed = np.cross(np.einsum("fij,fj->fi", rotations, one.limb.rates), lever)
+    speed = np.cross(np.einsum("fij,fj->fi", rotations, filtered.limb.rates), lever)
     level = speed[free] - np.outer(speed[free] @ gravity, gravity)
     main = np.linalg.eigh(level.T @ level)[1][:, -1]
     return lever @ main, speed @ main
@@ -114,29 +114,29 @@ def _swung(specimen: Specimen, one: _Filtered, angles: Array, free: np.ndarray) 
 def _recording(
     specimen: Specimen,
     trial: TrackedTrial,
-    one: _Filtered,
+    filtered: _Filtered,
     free: np.ndarray,
     rest: Array,
     muscles: bool,
 ) -> SwingRecording:
-    angles = _angles(specimen, one, rest)
+    angles = _angles(specimen, filtered, rest)
     names = tuple(specimen.muscles) if muscles else ()
-    none = np.zeros((len(one.motion), 0, len(specimen.axes)))
-    arms = lengthening(specimen, one.motion, one.limb.slopes) if muscles else none
+    none = np.zeros((len(filtered.motion), 0, len(specimen.axes)))
+    arms = lengthening(specimen, filtered.motion, filtered.limb.slopes) if muscles else none
     return SwingRecording(
         name=trial.name,
-        time=np.array(one.motion.time),
-        wrench_rows=one.limb.wrench_rows,
-        wrench=np.array(one.wrench),
-        torque_rows=one.limb.torque_rows,
-        rates=one.limb.rates,
+        time=np.array(filtered.motion.time),
+        wrench_rows=filtered.limb.wrench_rows,
+        wrench=np.array(filtered.wrench),
+        torque_rows=filtered.limb.torque_rows,
+        rates=filtered.limb.rates,
         angles=angles,
         axes=specimen.axes,
         muscles=names,
         lengthening=arms,
-        rotations=one.limb.rotations,
+        rotations=filtered.limb.rotations,
         gravity=np.array(specimen.model.gravity),
-        swing=swing_numbers(*_swung(specimen, one, angles, free), free, MIN_ROTATION),
-        strands=tuple(i for i, own in enumerate(specimen.muscles.values()) for _ in own) if muscles else (),
+        swing=swing_numbers(*_swung(specimen, filtered, angles, free), free, MIN_ROTATION),
+        strands=tuple(i for i, muscle in enumerate(specimen.muscles.values()) for _ in muscle) if muscles else (),
         origin=trial.origin,
     )

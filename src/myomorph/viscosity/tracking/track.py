@@ -85,7 +85,7 @@ def track(
     ]
     markers = [one for one, _ in checked]
     started, astray = _centered(_started(specimen, markers), markers, options)
-    fits = [inverse_kinematics(started.model, one, EXACT, progress) for one in markers]
+    fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
     weights = [_sureness(started, fit) for fit in fits]
     # Where markers lack, what is held may be anything: it is judged, and followed, by the frames that show each bone.
@@ -149,14 +149,14 @@ def _held_still(
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
     """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
-    base = [_poses(specimen.model, specimen.base, one) for one in trials]
+    base = [_poses(specimen.model, specimen.base, trial) for trial in trials]
     rotations, origins = (np.concatenate(parts) for parts in zip(*base, strict=True))
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
     stand = Transform(mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
     standing = specimen.standing(stand)
-    limb = np.concatenate([_poses(specimen.model, specimen.first, one)[0] for one in trials])
+    limb = np.concatenate([_poses(specimen.model, specimen.first, trial)[0] for trial in trials])
     shown = np.isfinite(limb).all(axis=(1, 2))
     return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
 
@@ -184,8 +184,8 @@ def _centered(
 
 def _both_poses(specimen: Specimen, trials: Sequence[Markers]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Rotations and origins of base and limb in the frames that show three markers of each."""
-    poses = [[_poses(specimen.model, bone, one) for one in trials] for bone in (specimen.base, specimen.first)]
-    base, limb = ([np.concatenate(parts) for parts in zip(*own, strict=True)] for own in poses)
+    poses = [[_poses(specimen.model, bone, trial) for trial in trials] for bone in (specimen.base, specimen.first)]
+    base, limb = ([np.concatenate(parts) for parts in zip(*pose, strict=True)] for pose in poses)
     seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
     return (base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen])
 
@@ -212,7 +212,7 @@ def _moved_note(moved: float, options: TrackingOptions) -> tuple[str, ...]:
 
 
 def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
-    own = [one for one in model.markers if one.body == bone and one.name in markers.names]
+    own = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
     if len(own) < 3:
         return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
     columns = [markers.names.index(one.name) for one in own]
@@ -239,25 +239,25 @@ def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
     """The specimen with base and held joints locked."""
     still = dict.fromkeys(specimen.base_coordinates, 0.0) | dict(held)
     coordinates = tuple(
-        replace(one, default=still[one.name], locked=True) if one.name in still else one
-        for one in specimen.model.coordinates
+        replace(coordinate, default=still[coordinate.name], locked=True) if coordinate.name in still else coordinate
+        for coordinate in specimen.model.coordinates
     )
     return replace(specimen, model=replace(specimen.model, coordinates=coordinates))
 
 
 def _joint_alone(
-    specimen: Specimen, markers: Markers, away: Array, motion: Motion, own: Sequence[Slip], progress: Progress | None
+    specimen: Specimen, markers: Markers, away: Array, motion: Motion, slips: Sequence[Slip], progress: Progress | None
 ) -> KinematicsFit:
     """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean.
 
     A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
     """
     markers = replace(markers, values=markers.values - away[:, None])
-    slipped = [slip.what for slip in own if slip.what != "base"]
+    slipped = [slip.what for slip in slips if slip.what != "base"]
     given = None
     if slipped:
         given = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
-    limb = {one.name for one in specimen.model.markers if one.body != specimen.base} & set(markers.names)
+    limb = {marker.name for marker in specimen.model.markers if marker.body != specimen.base} & set(markers.names)
     options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=given)
     fit = inverse_kinematics(specimen.model, markers, options, progress)
     columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
@@ -312,14 +312,14 @@ def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]
 
 def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
-    _, rows, whole = zip(*(_rows(specimen, one.motion) for one in trials), strict=True)
-    wrenches = [lowpass_runs(one.wrench, one.motion.rate, CUTOFF) for one in trials]
+    _, rows, whole = zip(*(_rows(specimen, trial.motion) for trial in trials), strict=True)
+    wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
     frames = [one & np.asarray(np.isfinite(wrench).all(axis=1)) for one, wrench in zip(whole, wrenches, strict=True)]
-    times = [one.motion.time for one in trials]
+    times = [trial.motion.time for trial in trials]
     found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
     return [
-        replace(one, touched=touched, notes=(*one.notes, *_hands(one.name, times, touched)))
-        for one, touched, times in zip(trials, found, times, strict=True)
+        replace(trial, touched=touched, notes=(*trial.notes, *_hands(trial.name, times, touched)))
+        for trial, touched, times in zip(trials, found, times, strict=True)
     ]
 
 

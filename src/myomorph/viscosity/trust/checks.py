@@ -169,8 +169,8 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
 
 def _misfit(condition: Condition) -> tuple[Finding, ...]:
     """Whether the limb that was identified explains the wrench nearly as well as any ten numbers could."""
-    rows = np.concatenate([one.wrench_rows[one.used] for one in condition.recordings])
-    wrench = np.concatenate([one.wrench[one.used] for one in condition.recordings])
+    rows = np.concatenate([recording.wrench_rows[recording.used] for recording in condition.recordings])
+    wrench = np.concatenate([recording.wrench[recording.used] for recording in condition.recordings])
     if not np.isfinite(condition.mass.value):
         rows, wrench = rows - rows.mean(axis=0), wrench - wrench.mean(axis=0)
     left = wrench - rows @ condition.parameters
@@ -191,15 +191,17 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
     found = [Finding("slip", slip.line) for slip in tracked.slips]
-    for one in tracked.trials:
-        lost = float(np.mean(~np.isfinite(one.motion.values).all(axis=1)))
+    for trial in tracked.trials:
+        lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:
-            line = f"trial '{one.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
-            found.append(Finding("lost frames", line))
-        shift = abs(one.clock.drift) * one.clock.length
-        if shift > max(DRIFT, 3.0 * one.clock.drift_sd * one.clock.length):
             line = (
-                f"trial '{one.name}': the plate's clock drifts by {1e6 * one.clock.drift:.0f} parts per million, "
+                f"trial '{trial.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
+            )
+            found.append(Finding("lost frames", line))
+        shift = abs(trial.clock.drift) * trial.clock.length
+        if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
+            line = (
+                f"trial '{trial.name}': the plate's clock drifts by {1e6 * trial.clock.drift:.0f} parts per million, "
                 f"{1e3 * shift:.1f} ms over the trial, against the markers': corrected; a common clock is better"
             )
             found.append(Finding("clock", line))

@@ -119,18 +119,18 @@ def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residua
     BadData
         no part of at least 2 s
     """
-    parts = [one - one.mean() for one in parts if len(one) >= 2.0 * rate]
+    parts = [part - part.mean() for part in parts if len(part) >= 2.0 * rate]
     if not parts:
         raise BadData(f"the cutoff of '{name}' needs 2 s without gaps at once: record longer, or give a cutoff")
     cutoffs = rate / 200.0 * np.arange(1.0, 41.0)
-    square = [sum(np.square(one - lowpass(one, rate, fc)).sum() for one in parts) for fc in cutoffs]
-    residual = np.sqrt(np.array(square) / sum(len(one) for one in parts))
+    square = [sum(np.square(part - lowpass(part, rate, fc)).sum() for part in parts) for fc in cutoffs]
+    residual = np.sqrt(np.array(square) / sum(len(part) for part in parts))
     upper = cutoffs > NOISY * cutoffs[-1]
     noise = max(float(np.polyfit(cutoffs[upper], residual[upper], 1)[1]), float(residual[-1]))
     cutoff = float(cutoffs[residual <= noise][0])
-    length = min(int(4.0 * rate), min(len(one) for one in parts))
-    spectra = [welch(one, rate, "hann", length) for one in parts]
-    frequency, power = spectra[0][0], np.average([p for _, p in spectra], axis=0, weights=[len(one) for one in parts])
+    length = min(int(4.0 * rate), min(len(part) for part in parts))
+    spectra = [welch(part, rate, "hann", length) for part in parts]
+    frequency, power = spectra[0][0], np.average([p for _, p in spectra], axis=0, weights=[len(part) for part in parts])
     above = frequency[power > ABOVE * noise**2 / (0.5 * rate)]
     return Residuals(name, cutoffs, residual, noise, cutoff, float(above.max(initial=0.0)))
 
@@ -147,19 +147,19 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
     BadData
         as `residual_analysis`
     """
-    tracked = [trial for one in conditions for trial in one.trials]
+    tracked = [trial for condition in conditions for trial in condition.trials]
     if not tracked:
         raise BadData("no trial of the swinging limb is given")
     names = (*conditions[0].specimen.joint_coordinates, *WRENCH)
     columns = zip(*(np.hstack([one.motion.values, one.wrench]).T for one in tracked), strict=True)
-    parts = ([one[start:stop] for one in given for start, stop in runs(np.isfinite(one))] for given in columns)
+    parts = ([one[start:stop] for one in column for start, stop in runs(np.isfinite(one))] for column in columns)
     rate = tracked[0].motion.rate
-    return choice_of([residual_analysis(name, own, rate) for name, own in zip(names, parts, strict=True)])
+    return choice_of([residual_analysis(name, part, rate) for name, part in zip(names, parts, strict=True)])
 
 
 def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
     """The cutoff that the most demanding of the signals asks for."""
-    most = max(signals, key=lambda one: one.cutoff)
+    most = max(signals, key=lambda signal: signal.cutoff)
     cutoff = float(np.clip(most.cutoff, MIN_CUTOFF, MAX_CUTOFF))
     limit = "" if cutoff == most.cutoff else f", kept within {MIN_CUTOFF:g} and {MAX_CUTOFF:g} Hz"
     reason = (

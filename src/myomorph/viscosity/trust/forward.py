@@ -312,7 +312,7 @@ def windows(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: floa
 
 
 def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) -> list[Window]:
-    found: list[Window] = []
+    windows: list[Window] = []
     joined: list[int] = []
     for block, (number, use) in enumerate(zip(sums.trial, sums.uses, strict=True)):
         follows = joined and sums.trial[joined[-1]] == number and sums.uses[joined[-1]][-1] + 1 == use[0]
@@ -322,6 +322,6 @@ def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) 
             continue
         one, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
         if frames.stop - frames.start > 1 and one.time[frames.stop - 1] - one.time[frames.start] >= least:
-            found.append(Window(one, frames, np.array(joined)))
+            windows.append(Window(one, frames, np.array(joined)))
             joined = []
-    return found
+    return windows

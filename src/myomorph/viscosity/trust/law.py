@@ -165,9 +165,11 @@ class PassiveProblem:
     def left(self, parameters: Array, law: PassiveLaw) -> list[Array]:
         """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""
         result = []
-        for number, one in enumerate(self.recordings):
-            torque = one.torque_rows @ parameters - law.torque(one.angles, one.rates, one.lengthening)
-            used = np.zeros(len(one), bool)
+        for number, recording in enumerate(self.recordings):
+            torque = recording.torque_rows @ parameters - law.torque(
+                recording.angles, recording.rates, recording.lengthening
+            )
+            used = np.zeros(len(recording), bool)
             for i, use in zip(self.sums.trial, self.sums.uses, strict=True):
                 used[use] |= i == number
             result += [torque[start:stop] for start, stop in runs(used)]
@@ -230,7 +232,11 @@ def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Ar
     return best / scale, gain
 
 
-def _products(one: SwingRecording, use: np.ndarray, width: float) -> Array:
-    columns = resistances(one.angles[use], one.rates[use], one.lengthening[use], width)
-    rows = np.concatenate([one.torque_rows[use], columns], axis=2).reshape(-1, PARAMETERS + columns.shape[2])
+def _products(swing_recording: SwingRecording, use: np.ndarray, width: float) -> Array:
+    columns = resistances(
+        swing_recording.angles[use], swing_recording.rates[use], swing_recording.lengthening[use], width
+    )
+    rows = np.concatenate([swing_recording.torque_rows[use], columns], axis=2).reshape(
+        -1, PARAMETERS + columns.shape[2]
+    )
     return rows.T @ rows

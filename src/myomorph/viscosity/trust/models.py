@@ -183,7 +183,7 @@ class PassiveComparison:
     @property
     def viscous(self) -> PassiveFit:
         """Viscosity alone, as [S] has it."""
-        return next(one for one in self.fits if one.terms == ALONE)
+        return next(fit for fit in self.fits if fit.terms == ALONE)
 
 
 def compare_passive_laws(
@@ -277,9 +277,9 @@ def _predicts_better(law: PassiveFit, plain: PassiveFit) -> bool:
 def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
     """Viscosity alone, and the laws of whose terms the recordings have muscles and axes."""
     muscles = bool(problem.sums.muscles)
-    laws = [ALONE, *(one for one in laws if one != ALONE and (muscles or "muscles" not in one))]
+    laws = [ALONE, *(law for law in laws if law != ALONE and (muscles or "muscles" not in law))]
     if len(problem.axes) == 1:
-        laws = [one for one in laws if not any("by axis" in term for term in one)]
+        laws = [law for law in laws if not any("by axis" in term for term in law)]
     return laws
 
 
@@ -296,25 +296,25 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
     return problem, slack
 
 
-def _predict(problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array) -> SwingMotion:
-    law = problem.fit(terms, one.training(len(problem.sums)), parameters)[0]
-    return one.predicted(parameters, PassiveLaw.of(law, problem.width))
+def _predict(problem: PassiveProblem, terms: Sequence[str], window: Window, parameters: Array) -> SwingMotion:
+    law = problem.fit(terms, window.training(len(problem.sums)), parameters)[0]
+    return window.predicted(parameters, PassiveLaw.of(law, problem.width))
 
 
 def _shown(
-    problem: PassiveProblem, terms: Sequence[str], one: Window, parameters: Array, slack: Rotation
+    problem: PassiveProblem, terms: Sequence[str], window: Window, parameters: Array, slack: Rotation
 ) -> Prediction:
-    measured = one.measured
-    viscous, chosen = (_predict(problem, law, one, parameters) for law in (ALONE, terms))
-    axis = hinge_axis(one.recording)
+    measured = window.measured
+    viscous, chosen = (_predict(problem, law, window, parameters) for law in (ALONE, terms))
+    axis = hinge_axis(window.recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
     first = Rotation.from_matrix(measured.rotations[0])
-    hanging = first * Rotation.from_rotvec(turn @ one.recording.angles[one.frames][0]).inv() * slack.inv()
+    hanging = first * Rotation.from_rotvec(turn @ window.recording.angles[window.frames][0]).inv() * slack.inv()
     angles = [
         (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec() @ turn
         for motion in (measured, viscous, chosen)
     ]
-    return Prediction(one.recording.name, measured, viscous, chosen, one.recording.axes, *angles)
+    return Prediction(window.recording.name, measured, viscous, chosen, window.recording.axes, *angles)
 
 
 def _estimates(
@@ -335,13 +335,13 @@ def _estimates(
             continue
         start = 0 if kind == "viscosity" else n
         columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
-    found = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
+    result = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
     if any(term.startswith("stiffness") for term in terms):
         rest, rests = (_rest_angles(one[..., 2 * n : 3 * n], one[..., n : 2 * n], slack) for one in (value, draws))
         for axis, one, several in zip(axes, rest, rests.T, strict=True):
             if np.isfinite(one) and np.isfinite(several).any():
-                found[f"rest angle {axis}"] = Estimate.of_draws(float(one), several)
-    return found
+                result[f"rest angle {axis}"] = Estimate.of_draws(float(one), several)
+    return result
 
 
 def _rest_angles(moment: Array, stiffness: Array, slack: Rotation) -> Array:

@@ -168,7 +168,7 @@ def moment_arm_sensitivity(
 
 
 def with_attachments(
-    found: SpecimenViscosity, shares: Sequence[ErrorShare], options: MomentArmOptions, level: float
+    specimen_viscosity: SpecimenViscosity, shares: Sequence[ErrorShare], options: MomentArmOptions, level: float
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
     """The specimen with d_M's interval widened by errors of attachments, and the error budget with this source.
 
@@ -181,37 +181,38 @@ def with_attachments(
     shares : without this source
     level : of the intervals
     """
-    muscles, intact, bare = found.muscles, found.intact, found.without
+    muscles, intact, bare = specimen_viscosity.muscles, specimen_viscosity.intact, specimen_viscosity.without
     if muscles is None or intact is None or bare is None or options.offset <= 0.0:
-        return found, tuple(shares)
+        return specimen_viscosity, tuple(shares)
     error = replace(options, offset=BOTH_ENDS * options.offset)
     random = np.random.default_rng(options.seed)
     try:
         spread = _by_offsets(intact.recordings, intact.parameters, bare.viscosity.value, error, random)
     except MyomorphError as error:
-        return replace(found, notes=(*found.notes, f"d_M's interval holds no errors of attachments: {error}")), tuple(
-            shares
-        )
+        return replace(
+            specimen_viscosity,
+            notes=(*specimen_viscosity.notes, f"d_M's interval holds no errors of attachments: {error}"),
+        ), tuple(shares)
     if not spread.exact > 0.0:
-        return found, tuple(shares)
+        return specimen_viscosity, tuple(shares)
     scatter = float(np.std(np.log(np.maximum(spread.draws, LEAST * spread.exact) / spread.exact)))
     z = NormalDist().inv_cdf(0.5 + 0.5 * level)
     wider = _wider(muscles, float(np.exp(z * scatter)))
     total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
     own = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
     rest = 1.0 - own / total if total > 0.0 else 0.0
-    others = tuple(replace(one, share=one.share * rest) if one.quantity == RESULT else one for one in shares)
+    others = tuple(replace(share, share=share.share * rest) if share.quantity == RESULT else share for share in shares)
     added = ErrorShare(SOURCE, options.offset, RESULT, float(np.sqrt(own)), 1.0 - rest)
-    return replace(found, muscles=wider), (*others, added)
+    return replace(specimen_viscosity, muscles=wider), (*others, added)
 
 
 def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
     """The values of all muscles together, which may be so many times larger or smaller."""
 
-    def wider(one: Estimate) -> Estimate:
-        low = one.value - float(np.hypot(one.value - one.low, one.value * (1.0 - 1.0 / factor)))
-        high = one.value + float(np.hypot(one.high - one.value, one.value * (factor - 1.0)))
-        return Estimate(one.value, max(low, 0.0), high)
+    def wider(estimate: Estimate) -> Estimate:
+        low = estimate.value - float(np.hypot(estimate.value - estimate.low, estimate.value * (1.0 - 1.0 / factor)))
+        high = estimate.value + float(np.hypot(estimate.high - estimate.value, estimate.value * (factor - 1.0)))
+        return Estimate(estimate.value, max(low, 0.0), high)
 
     return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 
@@ -249,7 +250,7 @@ def _by_offsets(
 
     def common(delta: Array) -> float:
         problem = np.stack([
-            turn.T @ own @ turn for own, turn in zip(products, _offset_maps(delta), strict=True)
+            turn.T @ product @ turn for product, turn in zip(products, _offset_maps(delta), strict=True)
         ])  # fmt: skip
         return muscle_problem(problem, damping).along(np.ones(count))
 
@@ -261,15 +262,15 @@ def _by_offsets(
     return MomentArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
 
 
-def _offset_columns(one: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
+def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
     """(frames, axes, 4 + n) torque, rate, angle, one; of every muscle u, J . w and J_a w; w."""
-    rates, J = one.rates[use], one.lengthening[use]
+    rates, J = swing_recording.rates[use], swing_recording.lengthening[use]
     frames, axes = rates.shape
     speeds = np.einsum("fma,fa->fm", J, rates)
     columns = [
-        (one.torque_rows[use] @ parameters)[:, :, None],
+        (swing_recording.torque_rows[use] @ parameters)[:, :, None],
         rates[:, :, None],
-        one.angles[use][:, :, None],
+        swing_recording.angles[use][:, :, None],
         np.ones((frames, axes, 1)),
         (J * speeds[:, :, None]).transpose(0, 2, 1),
         np.broadcast_to(speeds[:, None], (frames, axes, speeds.shape[1])),

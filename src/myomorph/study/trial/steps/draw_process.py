@@ -28,14 +28,14 @@ def main() -> None:
         _draw(given, answers)
 
 
-def _draw(given: BinaryIO, answers: BinaryIO) -> None:
+def _draw(binary_io: BinaryIO, answers: BinaryIO) -> None:
     # After the path is known, and after what is printed goes elsewhere.
     from myomorph.store.progress import silence
 
     silence()
-    chain = pickle.load(given)
+    chain = pickle.load(binary_io)
     while True:
-        draw = pickle.load(given)
+        draw = pickle.load(binary_io)
         answer: object
         try:
             answer = chain.attempt(draw)

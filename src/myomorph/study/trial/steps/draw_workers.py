@@ -35,7 +35,7 @@ def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) ->
     """
     count = thread_count() if workers is None else workers
     if count <= 1 or len(draws) <= 2:
-        yield from (chain.attempt(one) for one in draws)
+        yield from (chain.attempt(draw) for draw in draws)
         return
     # The first draw may compile kernels; the second tells how long one takes.
     yield chain.attempt(draws[0])
@@ -86,7 +86,7 @@ class _Shared:
                 self._wanted = number
                 self._changed.notify_all()
                 if number in self._found:
-                    found = self._found.pop(number)
+                    result = self._found.pop(number)
                     break
                 own = self._take(waiting=False)
                 if own is None:
@@ -96,9 +96,9 @@ class _Shared:
                 made = self._chain.attempt(self._draws[own])
             with self._changed:
                 self._found[own] = made
-        if isinstance(found, Exception):
-            raise found
-        return found
+        if isinstance(result, Exception):
+            raise result
+        return result
 
     def _take(self, waiting: bool) -> int | None:
         """Number of a draw that nobody has begun, None where there is none now; called with the lock held."""

@@ -299,9 +299,9 @@ def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
     tree = compile_tree(trial.model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     places = trial.model.markers
-    bodies = np.array([tree.body_number(one.body) for one in places], np.int64)
-    points = poses.points(bodies, np.array([one.location for one in places]))
-    return Markers(motion.time, tuple(one.name for one in places), points)
+    bodies = np.array([tree.body_number(place.body) for place in places], np.int64)
+    points = poses.points(bodies, np.array([place.location for place in places]))
+    return Markers(motion.time, tuple(place.name for place in places), points)
 
 
 def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
@@ -334,8 +334,11 @@ def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:
     if points is None or not draw.sources.joint_contact_point:
         return points
     moved = (
-        replace(one, point=tuple((one.point + draw.of("joint_contact_point", f"{one.joint} {one.name}", 3)).tolist()))
-        for one in points.points
+        replace(
+            point,
+            point=tuple((point.point + draw.of("joint_contact_point", f"{point.joint} {point.name}", 3)).tolist()),
+        )
+        for point in points.points
     )
     return replace(points, points=tuple(moved))
 

@@ -48,10 +48,10 @@ class _Columns:
 
     def of(self, time: Array, values: Array, strides: TrialStrides | None) -> Array:
         """Numbers of a table (frames, columns)."""
-        own = Series(time, self.names, values[:, self.columns] * self.factors)
-        whole = statistics_of(own.values)
+        series = Series(time, self.names, values[:, self.columns] * self.factors)
+        whole = statistics_of(series.values)
         found = [whole[what] for what in self.statistics]
-        cycles = None if strides is None else by_side(own, strides)
+        cycles = None if strides is None else by_side(series, strides)
         if cycles is not None:
             each = statistics_of(cycles.values, axis=1)
             found += [statistics_of(each[what])["mean"] for what in self.statistics]
@@ -91,8 +91,8 @@ def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -
     ----------
     quantities : at the frames that are drawn
     """
-    kept = {one.name: columns for one in quantities if (columns := _columns(one)) is not None}
-    times = {one.name: one.time for one in quantities}
+    kept = {quantity.name: columns for quantity in quantities if (columns := _columns(quantity)) is not None}
+    times = {quantity.name: quantity.time for quantity in quantities}
     names, tables = [], list[str]()
     for name, columns in kept.items():
         walks = strides is not None and by_side(_first(columns, times[name]), strides) is not None
@@ -118,7 +118,7 @@ def _columns(quantity: Quantity) -> _Columns | None:
         ending = "_activation" if quantity.name == "activations" else "_force"
         return _Columns("tension", every, quantity.names, (ending,) * count, PEAKS, np.ones(count))
     if quantity.name == "joint_contact_forces":
-        own = tuple(k for k, name in enumerate(quantity.names) if name.startswith(LOADS))
+        own = tuple(index for index, name in enumerate(quantity.names) if name.startswith(LOADS))
         names = tuple(quantity.names[k] for k in own)
         return _Columns("tension", own, names, (JOINT_CONTACT,) * len(own), PEAKS, np.ones(len(own)))
     return None

@@ -112,12 +112,12 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 
 
-def put_dynamics(output: StepOutput, found: Torques, model: Model) -> None:
+def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
     """Write a motion with its derivatives, generalized and external forces, and findings about these, into a file."""
-    if found.wrenches is not None and found.wrenches.findings:
-        put_findings(output.writer, FINDINGS, found.wrenches.findings)
-    store.put_derivatives(output.writer, found.motion, model)
-    store.put_torques(output.writer, found.torques, found.wrenches)
+    if torques.wrenches is not None and torques.wrenches.findings:
+        put_findings(output.writer, FINDINGS, torques.wrenches.findings)
+    store.put_derivatives(output.writer, torques.motion, model)
+    store.put_torques(output.writer, torques.torques, torques.wrenches)
 
 
 def shown_torques(trial: TrialInputs, found: Torques) -> Series:
@@ -143,10 +143,10 @@ def torque_table(torques: Series, model: Model) -> Table:
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
-    found = solve_dynamics(trial, poses.recorded)
-    write_sto(torque_table(shown_torques(trial, found), trial.model), output.folder / "torques.sto")
-    put_dynamics(output, found, trial.model)
-    return found
+    dynamics = solve_dynamics(trial, poses.recorded)
+    write_sto(torque_table(shown_torques(trial, dynamics), trial.model), output.folder / "torques.sto")
+    put_dynamics(output, dynamics, trial.model)
+    return dynamics
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -168,8 +168,8 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
     given = given.with_warnings(map(str, get_findings(stored, FINDINGS)))
-    found = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
-    return replace(given, dynamics=found)
+    dynamics = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
+    return replace(given, dynamics=dynamics)
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
@@ -206,9 +206,9 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
         yield Value("id", f"residual {name}, RMS", float(np.sqrt(np.nanmean(values**2))), unit)
 
 
-def _outcome(outcome: Outcome, found: Torques) -> Outcome:
+def _outcome(outcome: Outcome, torques: Torques) -> Outcome:
     """What checks of external forces found."""
-    texts = () if found.wrenches is None else tuple(map(str, found.wrenches.findings))
+    texts = () if torques.wrenches is None else tuple(map(str, torques.wrenches.findings))
     return replace(outcome, findings=(*outcome.findings, *texts))
 
 

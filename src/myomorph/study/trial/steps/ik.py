@@ -143,7 +143,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     if trial.markers is not None:
         kept = np.isin(trial.markers.time, fit.motion.time)
         shown = replace(trial.markers, time=fit.motion.time, values=trial.markers.values[kept])
-        mended = any(one.mended for one in checked.findings)
+        mended = any(finding.mended for finding in checked.findings)
         store.put_markers(writer, checked.markers if mended else shown)
     put_findings(writer, FINDINGS, checked.findings)
     return Poses(fit.motion, fit, notes, checked.findings)

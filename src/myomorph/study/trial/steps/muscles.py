@@ -132,14 +132,14 @@ def _by_muscle(stored: Stored, name: str) -> Series | None:
     return None if values is None else Series(stored.time, stored.names["muscle"], values)
 
 
-def _show(given: ReportInput, stored: Stored) -> ReportInput:
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     crossed = tuple(dict.fromkeys(stored.names.get("crossing_coordinate", ())))
-    if not crossed and given.model is not None and given.model.muscles:
+    if not crossed and report_input.model is not None and report_input.model.muscles:
         # No step wrote moment arms: the paths tell which coordinates at least one muscle crosses.
-        used = sorted(set(compile_paths(given.model).arm_coordinate.tolist()))
-        crossed = tuple(given.model.coordinate_names[j] for j in used)
+        used = sorted(set(compile_paths(report_input.model).arm_coordinate.tolist()))
+        crossed = tuple(report_input.model.coordinate_names[j] for j in used)
     shown = MusclePaths(_by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed)
-    return replace(given, muscles=shown)
+    return replace(report_input, muscles=shown)
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:

@@ -117,18 +117,18 @@ def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques) -> Stri
     return walking_strides(*own, wrenches=torques.wrenches, events=trial.events)
 
 
-def task_of(trial: TrialInputs, recorded: Motion, found: Torques) -> TensionTask:
+def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
     """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
     options, tension = trial.options, trial.options[TensionOptions]
     cutoff = None if trial.contacts is None else cutoff_of(trial, recorded)
     return tension_task(
         trial.model,
-        found.motion,
-        found.torques,
+        torques.motion,
+        torques.torques,
         tension,
         # Those of a file take the place of reserves.
         added_reserves(trial.model, tension, _objects(trial)) if trial.actuators is None else trial.actuators,
-        Measurements(recorded, found.wrenches, trial.plates, trial.plate_time, cutoff),
+        Measurements(recorded, torques.wrenches, trial.plates, trial.plate_time, cutoff),
         trial.contacts,
         options[ContactOptions],
         _emg_that_takes_part(trial),
@@ -138,10 +138,10 @@ def task_of(trial: TrialInputs, recorded: Motion, found: Torques) -> TensionTask
 
 def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
-    found = trial.options[RecruitmentOptions]
-    if found.joint_load and trial.torques is not None:
+    result = trial.options[RecruitmentOptions]
+    if result.joint_load and trial.torques is not None:
         raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
-    return found
+    return result
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
@@ -158,7 +158,7 @@ def _objects(trial: TrialInputs) -> set[str]:
 
 
 def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
-    by_name = {one.name: one.coordinate for one in (*task.model.actuators, *task.actuators)}
+    by_name = {actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)}
     store.put_tension(output.writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
     tables = (
         ("activations", tension.muscles, tension.activations),
@@ -294,10 +294,10 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     if forces is None or not forces.size:
         return
     largest = statistics_of(np.abs(forces))["maximum"]
-    for k, name in enumerate(stored.names.get("actuator_coordinate", ())):
+    for index, name in enumerate(stored.names.get("actuator_coordinate", ())):
         if name in model.coordinate_names:
             unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
-            yield Value("tension", f"{name}_reserve, largest", float(largest[k]), unit)
+            yield Value("tension", f"{name}_reserve, largest", float(largest[index]), unit)
 
 
 STEP = Step(

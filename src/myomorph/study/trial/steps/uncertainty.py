@@ -117,9 +117,9 @@ def _run(
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
             jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in kinds]
-    shapes = {one.name: one.values.shape for one in quantities}
+    shapes = {quantity.name: quantity.values.shape for quantity in quantities}
     numbers = drawn_values(quantities, _strides(trial, poses, torques))
-    true = numbers.of({one.name: one.values for one in quantities})
+    true = numbers.of({quantity.name: quantity.values for quantity in quantities})
     errors = np.full((chosen.draws, len(numbers.names)), np.nan)
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
@@ -144,18 +144,18 @@ def _run(
         }
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
     factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
-    spreads = {name: widened(name, one, factors[name]) for name, one in spreads.items()}
+    spreads = {name: widened(name, spread, factors[name]) for name, spread in spreads.items()}
     notes, used = _notes(failed, weak, chosen.draws), source_sizes(sources, sizes)
     wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
     values = ValueErrors(numbers.names, wider)
-    found = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
+    uncertainty = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
     for one in whole:
         _write_limits(one, spreads[one.name], output.folder)
-    _write_table(whole, found, output.folder / TABLE)
+    _write_table(whole, uncertainty, output.folder / TABLE)
     _write_sources(used, output.folder / SOURCE_TABLE)
-    put_uncertainty(output.writer, found, {one.name: one.unit for one in quantities})
+    put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
     put_value_errors(output.writer, values)
-    return found
+    return uncertainty
 
 
 def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
@@ -187,26 +187,28 @@ def _shares(
     each = len({one.number for one in jobs})
     kinds = len(jobs) // (each * len(groups))
     whole = {one.name: np.zeros(len(one.names)) for one in quantities}
-    for one in quantities:
+    for quantity in quantities:
         for number in numbers:
-            whole[one.name] += _mean_square(draws.at(one.name, number) - one.values) / len(numbers)
+            whole[quantity.name] += _mean_square(draws.at(quantity.name, number) - quantity.values) / len(numbers)
     # By table: squares alone and in total of each group, and how many they are of.
     squares = {one.name: np.zeros((kinds, len(groups), len(one.names))) for one in quantities}
     counts = np.zeros((kinds, len(groups), 1))
-    for k, (job, tables) in enumerate(zip(jobs, results, strict=True)):
-        group, kind = k // (each * kinds), k % kinds
+    for index, (job, tables) in enumerate(zip(jobs, results, strict=True)):
+        group, kind = index // (each * kinds), index % kinds
         advance(1)
         if not tables or job.number not in done:
             continue
         counts[kind, group] += 1
-        for one in quantities:
-            other = one.values if kind == 0 else draws.at(one.name, job.number)
-            found = tables[one.name]
+        for quantity in quantities:
+            other = quantity.values if kind == 0 else draws.at(quantity.name, job.number)
+            found = tables[quantity.name]
             # Tensions of some frames alone: a mean over time needs no more.
-            squares[one.name][kind, group] += _mean_square(found - other[:: 1 if len(found) == len(other) else COARSE])
+            squares[quantity.name][kind, group] += _mean_square(
+                found - other[:: 1 if len(found) == len(other) else COARSE]
+            )
     with np.errstate(invalid="ignore", divide="ignore"):
-        parts = {name: one / np.maximum(counts, 1) / whole[name] for name, one in squares.items()}
-    return {name: Shares(groups, one[0], one[-1]) for name, one in parts.items()}
+        parts = {name: square / np.maximum(counts, 1) / whole[name] for name, square in squares.items()}
+    return {name: Shares(groups, part[0], part[-1]) for name, part in parts.items()}
 
 
 def _mean_square(values: Array) -> Array:
@@ -232,9 +234,9 @@ def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
         write_sto(quantity.table(values), folder / f"{quantity.name}_{name}{ending}")
 
 
-def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Path) -> None:
+def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, path: Path) -> None:
     """One row a column: how wide its limits are, and what contributes to that."""
-    groups = next((one.groups for one in found.shares.values()), ())
+    groups = next((share.groups for share in uncertainty.shares.values()), ())
     head = (
         "table",
         "column",
@@ -242,19 +244,19 @@ def _write_table(quantities: tuple[Quantity, ...], found: Uncertainty, path: Pat
         "sd",
         "width",
         "widened",
-        *(f"{one}_{kind}" for kind in ("alone", "total") for one in groups),
+        *(f"{group}_{kind}" for kind in ("alone", "total") for group in groups),
     )
     with path.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(head)
-        for one in quantities:
-            spread, shares = found.spreads[one.name], found.shares.get(one.name)
-            deviations = one.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
-            widths = one.factors * np.nanmean(spread.high - spread.low, axis=0)
-            for k, name in enumerate(one.names):
-                parts = () if shares is None else (*shares.alone[:, k], *shares.total[:, k])
-                numbers = (deviations[k], widths[k], found.factors[one.name], *parts)
-                rows.writerow((one.name, name, one.units[k], *(f"{value:.4g}" for value in numbers)))
+        for quantity in quantities:
+            spread, shares = uncertainty.spreads[quantity.name], uncertainty.shares.get(quantity.name)
+            deviations = quantity.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+            widths = quantity.factors * np.nanmean(spread.high - spread.low, axis=0)
+            for index, name in enumerate(quantity.names):
+                parts = () if shares is None else (*shares.alone[:, index], *shares.total[:, index])
+                numbers = (deviations[index], widths[index], uncertainty.factors[quantity.name], *parts)
+                rows.writerow((quantity.name, name, quantity.units[index], *(f"{value:.4g}" for value in numbers)))
 
 
 def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
@@ -262,9 +264,9 @@ def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("group", "source", "sd", "from", "items", "least", "greatest"))
-        for one in sizes:
-            numbers = (f"{value:.4g}" for value in (one.least, one.greatest))
-            rows.writerow((one.group, one.source, f"{one.size:.4g}", one.origin, one.items or "", *numbers))
+        for size in sizes:
+            numbers = (f"{value:.4g}" for value in (size.least, size.greatest))
+            rows.writerow((size.group, size.source, f"{size.size:.4g}", size.origin, size.items or "", *numbers))
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -273,8 +275,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     return given if trial.error_sizes == NOTHING else (*given, _FoundHash(_digest(trial.error_sizes)))
 
 
-def _digest(found: FoundSizes) -> str:
-    rows = sorted(one for own in found.items.values() for one in own.values())
+def _digest(found_sizes: FoundSizes) -> str:
+    rows = sorted(one for item in found_sizes.items.values() for one in item.values())
     return sha256(repr(rows).encode()).hexdigest()[:16]
 
 
@@ -282,9 +284,9 @@ def _read(stored: Stored, options: OptionSet) -> Uncertainty | None:
     return get_uncertainty(stored)
 
 
-def _show(given: ReportInput, stored: Stored) -> ReportInput:
-    found = get_uncertainty(stored)
-    return given if found is None else replace(given, uncertainty=found)
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    uncertainty = get_uncertainty(stored)
+    return report_input if uncertainty is None else replace(report_input, uncertainty=uncertainty)
 
 
 STEP = Step(
