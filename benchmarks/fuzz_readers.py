@@ -33,12 +33,12 @@ from myomorph.io.wav import read_wav
 from myomorph.model.model import Model
 from myomorph.store.results import read_result
 from myomorph.study.info.inspect import inspect
+from myomorph.study.inputs.contact_file import read_contacts, read_stairs
+from myomorph.study.inputs.reading import read_motion, read_recording
 from myomorph.study.plan.measures import read_measures
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.subject.body_points import read_landmarks as read_skin
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.contact_file import read_contacts, read_stairs
-from myomorph.study.trial.inputs import read_motion, read_recording
 from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
 

@@ -36,7 +36,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.external_forces import force_table
+from myomorph.study.inputs.external_forces import force_table
 from myomorph.tension.solve import Tension, solve_tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 

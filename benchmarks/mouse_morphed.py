@@ -39,8 +39,8 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
+from myomorph.study.inputs.reading import fitted_to, read_recording
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import fitted_to, read_recording
 from myomorph.tension.solve import Tension, solve_tension
 
 MASS = 0.025

@@ -17,8 +17,8 @@ from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.morph.species.markers import with_markers_of
 from myomorph.motion.measurements import default_markers
+from myomorph.study.inputs.reading import fitted_to, read_recording
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import fitted_to, read_recording
 
 GAIT = "mouse-gait-c3d-force"
 TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"

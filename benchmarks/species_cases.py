@@ -29,9 +29,9 @@ from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTabl
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones, species_morph
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import open_model
 
 MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"
 BONES = "bones-opensim-rajagopal/Geometry"

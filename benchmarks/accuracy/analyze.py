@@ -25,8 +25,8 @@ from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import read_recording
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import read_recording
 from myomorph.study.trial.load import TrialResult, load
 
 Row = dict[str, object]

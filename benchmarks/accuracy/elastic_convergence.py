@@ -17,8 +17,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import open_model, read_recording
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import open_model, read_recording
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 
 DEFAULT = TensionOptions(tendons="elastic")

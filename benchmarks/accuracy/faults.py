@@ -21,8 +21,8 @@ from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.settings import ForceOptions
-from myomorph.study.trial.external_forces import on_feet, raw_loads
-from myomorph.study.trial.inputs import open_model, read_motion, read_recording
+from myomorph.study.inputs.external_forces import on_feet, raw_loads
+from myomorph.study.inputs.reading import open_model, read_motion, read_recording
 
 Row = dict[str, object]
 

@@ -32,10 +32,10 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.report.trial.identification_tables import segment_sheet
 from myomorph.report.trial.identified import identification_input
 from myomorph.rigid.regressor import base_regressor, base_wrench
+from myomorph.study.inputs.external_forces import force_table
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.identifying import MAPS
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
-from myomorph.study.trial.external_forces import force_table
 
 CUTOFF = 6.0
 SPACING = 0.02

@@ -28,7 +28,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.contact_points import contact_points
+from myomorph.study.inputs.contact_points_file import contact_points
 from myomorph.tension.joint_contact import joint_contact_forces
 
 Row = dict[str, object]

@@ -19,8 +19,8 @@ from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import SteadyKinematics
 from myomorph.motion.sync import common_time, cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.external_forces import force_table
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.external_forces import force_table
+from myomorph.study.inputs.reading import open_model
 from myomorph.tension.solve import solve_tension
 
 Row = dict[str, object]

@@ -19,7 +19,7 @@ from myomorph.model.series import Markers, Trial
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
 from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
-from myomorph.study.trial.inputs import fitted_to, open_model, read_recording
+from myomorph.study.inputs.reading import fitted_to, open_model, read_recording
 
 Row = dict[str, object]
 Change = Callable[[Model, Markers], Markers | None]

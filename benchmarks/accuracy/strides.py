@@ -24,8 +24,8 @@ from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import open_model
 
 Row = dict[str, object]
 NEAR = 0.15

@@ -18,7 +18,7 @@ from pathlib import Path
 from benchmarks.accuracy.faults import FORCE_FAULTS, Fault, Recorded, Row, counted_faults, late, scaled_mass
 from myomorph.cli import main
 from myomorph.io.formats import read_model
-from myomorph.study.trial.external_forces import on_feet
+from myomorph.study.inputs.external_forces import on_feet
 from myomorph.study.trial.load import load
 
 SAMPLES, GAIT = "c3d-vendor-samples/C3DSamples", "c3d-gait-plugingait"

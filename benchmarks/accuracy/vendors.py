@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from myomorph.model.errors import MyomorphError
-from myomorph.study.trial.inputs import read_recording
+from myomorph.study.inputs.reading import read_recording
 
 Row = dict[str, object]
 SETS = ("c3d-vendor-samples", "c3d-shoulder-emg-handle", "wheelchair-pushrim", "shoulder-bonepin", "odd-trc-mot")

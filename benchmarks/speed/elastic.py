@@ -21,8 +21,8 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import open_model, read_motion
 from myomorph.tension.solve import TensionOptions, solve_tension
 
 FRAMES, FIRST, RATE = 110, 0.4, 100.0

@@ -18,7 +18,7 @@ from myomorph.live.sources import LiveRecording, Replay, open_recording
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.report.scene.body_view import BodyView
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 
 ROUNDS = 3
 SECONDS = 20.0

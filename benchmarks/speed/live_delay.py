@@ -25,7 +25,7 @@ from myomorph.live.sources import Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Wrenches
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 
 SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from benchmarks.cases import data_folder
 from myomorph.model.model import Model
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.run.expected_time import COLUMNS, RATES
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.trial_files import TrialFiles

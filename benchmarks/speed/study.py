@@ -23,11 +23,11 @@ from benchmarks.cases import data_folder
 from benchmarks.cluster import cluster_in
 from myomorph.io.trc import write_trc
 from myomorph.store.outcome import Outcome
+from myomorph.study.inputs.reading import read_recording
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
-from myomorph.study.trial.inputs import read_recording
 
 TRIALS = 1000
 FRAMES = 30

@@ -38,11 +38,11 @@ from .motion.ik import inverse_kinematics as inverse_kinematics
 from .motion.sync import resample_wrenches as resample_wrenches
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
+from .study.inputs.external_forces import read_loads as read_loads
+from .study.inputs.reading import read_motion as read_motion
+from .study.inputs.reading import read_recording as read_recording
 from .study.plan.plan import read_plan as read_plan
 from .study.run.run import run_study as run_study
-from .study.trial.external_forces import read_loads as read_loads
-from .study.trial.inputs import read_motion as read_motion
-from .study.trial.inputs import read_recording as read_recording
 from .study.trial.load import TrialResult as TrialResult
 from .study.trial.load import load as load
 from .study.trial.reporting import report_folder as report_folder

@@ -13,7 +13,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.series import Motion, Series
 from myomorph.store.contact_store import get_joint_contacts
 from myomorph.store.results import read_result
-from myomorph.study.trial.inputs import coupled_motion, open_model
+from myomorph.study.inputs.reading import coupled_motion, open_model
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, lift_off_notes
 from myomorph.tension.joint_contact import JointContactForces
 

@@ -12,8 +12,8 @@ from myomorph.contact.force_checks import LOAD, check_forces, checked_forces
 from myomorph.contact.force_samples import ForceSamples
 from myomorph.model.series import Motion, Wrenches
 from myomorph.store.settings import ForceOptions
-from myomorph.study.trial.external_forces import on_feet
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.inputs.external_forces import on_feet
+from myomorph.study.inputs.reading import open_model, read_motion
 
 WALKS = ("gait2354 walk", "OpenCap walk", "treadmill walk")
 BY_NAME = {one.name: one for one in faults.CLEAN}

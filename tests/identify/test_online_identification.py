@@ -11,8 +11,8 @@ from myomorph.identify.recordings import NO_FORCE, NO_MOTION
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import open_model, read_motion
 
 
 @pytest.fixture(scope="module")

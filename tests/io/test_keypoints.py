@@ -12,7 +12,7 @@ from myomorph.io import keypoints
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
 from myomorph.io.parsing.guard import Outcome
 from myomorph.model.errors import BadFile
-from myomorph.study.trial.inputs import read_recording
+from myomorph.study.inputs.reading import read_recording
 
 NAMES = ("nose", "hip", "tail")
 

@@ -9,7 +9,7 @@ from myomorph.io.labels import read_labels
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Trial
-from myomorph.study.trial.inputs import check_labels, cut_warning, with_labels
+from myomorph.study.inputs.reading import check_labels, cut_warning, with_labels
 
 WANTED = {"RASI": "R.ASIS", "LASI": "L.ASIS", "BAD": ""}
 

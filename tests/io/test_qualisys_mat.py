@@ -10,7 +10,7 @@ from myomorph.io import qualisys_mat
 from myomorph.io.qualisys_mat import read_qualisys_mat
 from myomorph.model.errors import BadFile
 from myomorph.study.info.inspect import inspect
-from myomorph.study.trial.inputs import read_recording
+from myomorph.study.inputs.reading import read_recording
 
 FRAMES = 40
 

@@ -13,7 +13,7 @@ from myomorph.live.sources import Replay, open_recording
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 
 WALK = "rajagopal-walk-emg"
 

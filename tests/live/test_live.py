@@ -24,7 +24,7 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
 from myomorph.viewer.web_page import _viser
 

@@ -20,7 +20,7 @@ from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 from myomorph.tension.solve import solve_tension
 
 
@@ -132,7 +132,7 @@ def test_plates_of_the_recording_itself_find_their_feet(
         for i, name in enumerate(wrenches.names)
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
-    monkeypatch.setattr("myomorph.study.trial.inputs.read_recording", lambda path: trial)
+    monkeypatch.setattr("myomorph.study.inputs.reading.read_recording", lambda path: trial)
     series, found = open_recording(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")

@@ -19,8 +19,8 @@ from myomorph.morph.species.architecture import (
     architectures,
     scaled_architectures,
 )
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import open_model
 
 NAMES = tuple("abcdefghij")
 

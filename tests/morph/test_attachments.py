@@ -15,9 +15,9 @@ from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import species_bones
 from myomorph.morph.species.table_rows import Attachment, RelativeBone
 from myomorph.morph.transfer.carrier import Carrier
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import open_model
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.rays import SidedMap, put_on_rays
 from myomorph.morph.species.table_rows import Ray
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import open_model
 
 
 def test_points_keep_their_side_and_the_map_its_derivative():

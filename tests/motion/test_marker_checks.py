@@ -15,7 +15,7 @@ from myomorph.motion.marker_names import name_findings, near_names
 from myomorph.motion.marker_steps import edges_of, exchanges, excursions
 from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.inputs import fitted_to, open_model, read_recording
+from myomorph.study.inputs.reading import fitted_to, open_model, read_recording
 
 ABOUT_THE_MODEL = {"undetermined", "at its bound"}
 """Findings about the model, which clean recordings have too."""

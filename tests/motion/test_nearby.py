@@ -16,7 +16,7 @@ from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.nearby import poses_near
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.inputs import read_motion
+from myomorph.study.inputs.reading import read_motion
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.recordings import drawn_markers

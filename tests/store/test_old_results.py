@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from myomorph.store.results import read_result
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reporting import report_input
 from myomorph.study.trial.run_trial import reused_steps
 from myomorph.study.trial.step import step_of
-from myomorph.study.trial.trial_inputs import OptionSet
 
 STEPS = ("ik", "id", "muscles", "tension")
 """Those of the version that wrote the file."""

@@ -20,8 +20,8 @@ from myomorph.morph.species.architecture import QUANTILE, Size, architectures
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import joint_distances
 from myomorph.morph.transfer.model import graft_muscles
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.inputs import open_model
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
 METHODS = ("scaling", "SSD", "RBF")

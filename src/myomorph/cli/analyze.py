@@ -76,8 +76,8 @@ def analyze_command(
     from myomorph.store.settings import ForceOptions
     from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
     from myomorph.study.analyze.own_protocols import read_protocols
+    from myomorph.study.inputs.emg_files import channel_muscles
     from myomorph.study.plan.plan import read_plan
-    from myomorph.study.trial.emg_files import channel_muscles
 
     if not recordings:
         raise BadData("no recording: give one or more recordings (.c3d, .trc) or folders of them")

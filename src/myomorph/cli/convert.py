@@ -50,7 +50,7 @@ def convert_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.io.labels import read_labels
     from myomorph.study.convert.convert import ConvertOptions, convert
-    from myomorph.study.trial.external_forces import plates_of_text
+    from myomorph.study.inputs.external_forces import plates_of_text
 
     names = {} if labels is None else read_labels(labels)
     options = ConvertOptions(up, forward, axes, units, names, plates_of_text(plates), time)

@@ -74,11 +74,11 @@ def identify_command(
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.identification import live_motions
+    from myomorph.study.inputs.external_forces import bodies_of
+    from myomorph.study.inputs.reading import open_model
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape
     from myomorph.study.subject.subjects import check_out_model
-    from myomorph.study.trial.external_forces import bodies_of
-    from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model,))

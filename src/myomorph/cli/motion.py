@@ -28,7 +28,7 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
-from myomorph.study.trial.external_forces import bodies_of
+from myomorph.study.inputs.external_forces import bodies_of
 from myomorph.study.trial.open_trial import open_motion_trial, open_trial
 from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of
 from myomorph.study.trial.steps import id as dynamics

@@ -29,8 +29,8 @@ from myomorph.cli.output import folder_with, said, warn
 from myomorph.model.errors import BadData
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
-from myomorph.study.trial.emg_files import channel_muscles
-from myomorph.study.trial.external_forces import bodies_of
+from myomorph.study.inputs.emg_files import channel_muscles
+from myomorph.study.inputs.external_forces import bodies_of
 from myomorph.study.trial.fit_beside import put_fit_beside
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of

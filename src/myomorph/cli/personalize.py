@@ -72,10 +72,10 @@ def personalize_command(
     threads: Threads = None,
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
+    from myomorph.study.inputs.emg_files import channel_muscles
+    from myomorph.study.inputs.external_forces import bodies_of
+    from myomorph.study.inputs.reading import open_model
     from myomorph.study.subject.subjects import check_out_model
-    from myomorph.study.trial.emg_files import channel_muscles
-    from myomorph.study.trial.external_forces import bodies_of
-    from myomorph.study.trial.inputs import open_model
 
     use_threads(threads)
     check_out_model(out, read=(model, generic))

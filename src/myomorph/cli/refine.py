@@ -50,9 +50,9 @@ def refine_command(
     """Motions, link lengths, marker positions and masses that agree with markers and force plates at once."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
+    from myomorph.study.inputs.external_forces import bodies_of
     from myomorph.study.subject import refining
     from myomorph.study.subject.subjects import check_out_model
-    from myomorph.study.trial.external_forces import bodies_of
     from myomorph.study.trial.trial_files import TrialFiles
 
     use_threads(threads)

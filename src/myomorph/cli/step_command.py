@@ -19,7 +19,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
-from myomorph.study.trial.external_forces import bodies_of
+from myomorph.study.inputs.external_forces import bodies_of
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of, steps_before
 from myomorph.study.trial.trial_files import TrialFiles

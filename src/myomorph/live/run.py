@@ -29,7 +29,7 @@ from myomorph.store import stored as store
 from myomorph.store.results import STORED, file_source, new_result, provenance_of, value_source, whole_folder
 from myomorph.store.settings import plain_settings
 from myomorph.store.uncertainty_store import put_uncertainty
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions
@@ -108,8 +108,8 @@ def run_live_chain(
     MyomorphError : what is given does not fit, or an optional package is missing
     """
     outputs = outputs or LiveOutputs()
-    opened = inputs.open_model(model)
-    inputs.has_mass(opened, "live")
+    opened = reading.open_model(model)
+    reading.has_mass(opened, "live")
     source, read = open_source(opened, live_files)
     chain = LiveChain(opened, source, options, tension, limits, sources)
     delays = Delays()

@@ -17,8 +17,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.study.trial import inputs
-from myomorph.study.trial.external_forces import TABLES, force_table, read_loads
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.external_forces import TABLES, force_table, read_loads
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""
@@ -197,11 +197,11 @@ def open_recording(
     """
     series: Markers | Motion
     wrenches: Wrenches | None = None
-    if motion.suffix.lower() in inputs.TABLE_FILES:
-        series = posed = inputs.read_motion(motion, model)
+    if motion.suffix.lower() in reading.TABLE_FILES:
+        series = posed = reading.read_motion(motion, model)
     else:
-        inputs.check_labels(labels or {}, model)
-        trial = inputs.fitted_to(model, inputs.with_labels(inputs.read_recording(motion), labels or {}))
+        reading.check_labels(labels or {}, model)
+        trial = reading.fitted_to(model, reading.with_labels(reading.read_recording(motion), labels or {}))
         assert trial.markers is not None
         series = trial.markers
         posed = Motion(series.time[:1], (), np.zeros((1, 0)))
@@ -209,5 +209,5 @@ def open_recording(
             wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     if loads is not None:
         wrenches = force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)
-    span = inputs.cut_to(time, series, motion)
+    span = reading.cut_to(time, series, motion)
     return LiveRecording(series if span is None else cut(series, *span), wrenches)

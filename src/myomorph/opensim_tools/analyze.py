@@ -30,7 +30,7 @@ from myomorph.opensim_tools.states import Analyzed, Result, Tables, analyzed
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.progress import progress
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 from myomorph.tension.solve import TensionOptions, solve_tension
 
 
@@ -50,7 +50,7 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     model_path = needed(setup.model, "model_file", source)
     warnings = [*setup.warnings, *(f"analysis {kind} is left out: it is not built" for kind in others)]
 
-    model = inputs.open_model(model_path)
+    model = reading.open_model(model_path)
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
     here, notes = analyzed(setup, model, _actuators(setup, model), source)
     warnings += notes
@@ -77,7 +77,7 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
 
 def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     assert analysis.static_optimization is not None
-    inputs.has_mass(here.model, "static optimization")
+    reading.has_mass(here.model, "static optimization")
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     settings, actuators = analysis.static_optimization, here.actuators
     found, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
@@ -140,6 +140,6 @@ def static_optimization(
 def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
     result: tuple[Actuator, ...] = ()
     for path in setup.actuators:
-        with inputs.about(path):
+        with reading.about(path):
             result += read_actuators(path, model)
     return result

@@ -19,7 +19,7 @@ from myomorph.opensim_tools.states import Analyzed, Result
 from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.reaction import joint_reactions
 
@@ -170,7 +170,7 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
 
 def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
     """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
-    inputs.has_mass(here.model, "inverse dynamics")
+    reading.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
         raise BadData(
             f"{analysis.name}: use_model_force_set is true, which is not built: expected false, or InverseDynamicsTool"
@@ -193,7 +193,7 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
     UnknownName
         where a joint, body or frame does not exist, or a muscle or actuator is not in the forces_file
     """
-    inputs.has_mass(here.model, "joint reactions")
+    reading.has_mass(here.model, "joint reactions")
     model, motion, actuators = here.model, here.motion, here.actuators
     known = tuple(joint.name for joint in model.joints)
     names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
@@ -250,7 +250,7 @@ def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str
     if path is None:
         notes = (f"no forces_file: {len(helpers)} actuators are taken to do nothing",) if helpers else ()
         return here.forces, notes
-    with inputs.about(path):
+    with reading.about(path):
         table = read_sto(path)
         values = np.empty((len(time), len(names)))
         for index, name in enumerate(names):

@@ -27,7 +27,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 from myomorph.study.trial.steps.id import torque_table
 
 
@@ -61,12 +61,12 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     targets = [path for path in (setup.output, errors, places) if path is not None]
     check_outputs(targets, (source, model_path, markers_path, setup.coordinates))
 
-    model = inputs.open_model(model_path)
-    trial = inputs.fitted_to(model, inputs.read_recording(markers_path))
+    model = reading.open_model(model_path)
+    trial = reading.fitted_to(model, reading.read_recording(markers_path))
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = tasks_of_setup(InverseKinematicsOptions(root_bounds=True), setup.tasks, setup.coordinates, model, source)
-    with inputs.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
+    with reading.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         # As OpenSim, which takes labels as they are: what the checks find is reported, nothing is mended.
         checked = checked_kinematics(model, markers, options, MarkerCheckOptions(mend=False), advance)
     fit = checked.fit
@@ -95,9 +95,9 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     target = table_path(setup.results, setup.output)
     check_outputs([target], (source, model_path, motion_path, setup.loads))
 
-    model = inputs.open_model(model_path)
-    inputs.has_mass(model, "inverse dynamics")
-    recorded = inputs.read_motion(motion_path, model)
+    model = reading.open_model(model_path)
+    reading.has_mass(model, "inverse dynamics")
+    recorded = reading.read_motion(motion_path, model)
     motion = indexed_frames(differentiate(recorded, setup.cutoff), setup.time_range, motion_path)
     wrenches = loads_at(setup.loads, model, recorded, motion)
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)

@@ -25,8 +25,8 @@ from myomorph.motion.measurements import Placement, frames_around, measure, plac
 from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
+from myomorph.study.inputs import reading
 from myomorph.study.subject.calibrating import with_marker_set
-from myomorph.study.trial import inputs
 from myomorph.study.trial.steps.ik import with_tasks
 
 
@@ -53,7 +53,7 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         targets.remove(setup.scaler.output_model)
     check_outputs(targets, read)
 
-    model = with_marker_set(inputs.open_model(setup.model), setup.marker_set)
+    model = with_marker_set(reading.open_model(setup.model), setup.marker_set)
     model = replace(model, name=setup.name or model.name)
     warnings += [f"{setup.model.name}: {text}" for text in model.warnings]
     if setup.scaler is None:
@@ -127,13 +127,13 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
     # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is millimetres off.
     exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500, root_bounds=True)
     options = tasks_of_setup(exact, setup.tasks, setup.coordinates, model, source)
-    with inputs.about(setup.markers):
+    with reading.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
     return replace(placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes)))
 
 
 def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
-    trial = inputs.fitted_to(model, inputs.read_recording(path))
+    trial = reading.fitted_to(model, reading.read_recording(path))
     assert trial.markers is not None
     notes += [f"{path.name}: {text}" for text in trial.warnings]
     return trial.markers
@@ -194,4 +194,4 @@ def tasks_of_setup(
         raise BadData(
             f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
         )
-    return replace(options, coordinates=inputs.read_motion(coordinates, model))
+    return replace(options, coordinates=reading.read_motion(coordinates, model))

@@ -27,8 +27,8 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.settings import ForceOptions
-from myomorph.study.trial import inputs
-from myomorph.study.trial.external_forces import read_loads
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.external_forces import read_loads
 from myomorph.tension.reaction import caused_motion
 
 TWIN = 1e-6
@@ -154,7 +154,7 @@ class Analyzed:
     @cached_property
     def caused(self) -> Motion:
         """The motion with the accelerations that all forces together cause, which is what OpenSim reports."""
-        inputs.has_mass(self.model, "accelerations")
+        reading.has_mass(self.model, "accelerations")
         return caused_motion(self.model, self.motion, self.forces, self.wrenches, self.actuators)
 
 
@@ -170,7 +170,7 @@ def analyzed(
     notes = []
     if setup.states is not None and setup.coordinates is not None:
         notes.append("coordinates_file is left out: there is a states_file")
-    everything = inputs.read_motion(path, model)
+    everything = reading.read_motion(path, model)
     kept = without_twins(everything)
     cutoff = setup.cutoff if setup.states is None else None
     recorded = picked(everything, np.flatnonzero(kept))

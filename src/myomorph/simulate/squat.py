@@ -26,7 +26,8 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (

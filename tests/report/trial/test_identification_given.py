@@ -13,8 +13,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
 from myomorph.report.trial.identified import identification_input
-from myomorph.study.trial.external_forces import read_loads
-from myomorph.study.trial.inputs import open_model, read_motion
+from myomorph.study.inputs.external_forces import read_loads
+from myomorph.study.inputs.reading import open_model, read_motion
 
 
 def balls(model: Model) -> MassPoints:

@@ -11,7 +11,7 @@ from made_standing import standing
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData, BadFile
 from myomorph.study.analyze.recordings import files_of, look_at, standing_height
-from myomorph.study.trial.laboratory import UPRIGHT, Laboratory
+from myomorph.study.inputs.laboratory import UPRIGHT, Laboratory
 
 
 @pytest.mark.parametrize("up", list(UPRIGHT))

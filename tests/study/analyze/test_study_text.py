@@ -17,8 +17,8 @@ from myomorph.model.errors import BadData
 from myomorph.motion.measurements import default_markers
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
+from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.trial.laboratory import Laboratory
 
 
 def test_the_file_says_what_was_given(tmp_path: Path) -> None:

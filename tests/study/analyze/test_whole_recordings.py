@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from myomorph.cli import main
-from myomorph.study.trial.inputs import read_recording
+from myomorph.study.inputs.reading import read_recording
 from myomorph.study.trial.load import load
 
 pytest.importorskip("myo_sim")

@@ -15,8 +15,8 @@ from myomorph.study.convert.axes import axes_of_text, turned
 from myomorph.study.convert.convert import ConvertOptions, convert
 from myomorph.study.convert.feet import side_of
 from myomorph.study.convert.recording import Recording, read_parts
-from myomorph.study.trial.inputs import read_recording
-from myomorph.study.trial.plate_wrenches import recorded_wrenches
+from myomorph.study.inputs.plate_wrenches import recorded_wrenches
+from myomorph.study.inputs.reading import read_recording
 
 WALKS = ("knee-implant-walk/walk1.c3d", "c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d")
 

@@ -12,8 +12,8 @@ import pytest
 import worker_jobs as made
 
 from myomorph.model.errors import BadData
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.run.local_workers import InProcess, LocalWorkers, local_workers
-from myomorph.study.trial.inputs import open_model
 
 LONG = 120.0
 

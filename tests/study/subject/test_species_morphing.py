@@ -13,10 +13,10 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.counterparts import Posed
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables
-from myomorph.study.trial.inputs import open_model
 from opensim_oracle import ask
 
 OWN = """

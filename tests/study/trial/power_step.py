@@ -12,9 +12,10 @@ from myomorph.model.series import Series, Table
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.given import ReportInput
 from myomorph.store.results import Stored
+from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques
-from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, all_drawn
+from myomorph.study.trial.trial_inputs import Signals, TrialInputs, all_drawn
 
 
 @dataclass(frozen=True)

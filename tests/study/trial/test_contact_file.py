@@ -9,7 +9,7 @@ from scipy.io.wavfile import write as write_wav
 from myomorph.io.osim.read import read_osim
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadFile
-from myomorph.study.trial.contact_file import contact_files, read_contacts
+from myomorph.study.inputs.contact_file import contact_files, read_contacts
 from myomorph.tension.contact_setting import unreported_feet
 
 SITE = """

@@ -9,9 +9,9 @@ from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile, UnknownName
 from myomorph.model.series import Table
 from myomorph.motion.envelope import envelopes
-from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.emg_names import muscles_of_channels
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.emg_files import open_emg
+from myomorph.study.inputs.emg_names import muscles_of_channels
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.step import step_of, step_provenance
 from myomorph.study.trial.trial_files import TrialFiles

@@ -6,8 +6,8 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.trial.emg_files import OTHER_SENSORS, channel_muscles
-from myomorph.study.trial.emg_names import muscles_of_channels, plain_channel
+from myomorph.study.inputs.emg_files import OTHER_SENSORS, channel_muscles
+from myomorph.study.inputs.emg_names import muscles_of_channels, plain_channel
 
 pytest.importorskip("myo_sim")
 

@@ -16,9 +16,9 @@ from myomorph.motion.sync import clock_shift, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.regressor import sum_of_wrenches
 from myomorph.store.settings import ForceOptions
+from myomorph.study.inputs.external_forces import bodies_of, read_loads, recording_wrenches
+from myomorph.study.inputs.reading import open_model, read_motion
 from myomorph.study.subject.identifying import open_motions
-from myomorph.study.trial.external_forces import bodies_of, read_loads, recording_wrenches
-from myomorph.study.trial.inputs import open_model, read_motion
 
 FOLDER = "rajagopal-walk-emg"
 

@@ -9,9 +9,9 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
-from myomorph.study.trial import inputs
-from myomorph.study.trial.external_forces import read_loads, recording_wrenches
-from myomorph.study.trial.inputs import fitted_to, open_model, read_motion
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs.reading import fitted_to, open_model, read_motion
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +22,8 @@ def walker(data):
 def test_c3d_with_z_up_is_turned(data):
     """The same static trial as C3D, whose z axis points up, and as TRC, which was turned by hand."""
     model = open_model(data("c3d-functional-joints/models/scaled.osim"))
-    turned = fitted_to(model, inputs.read_recording(data("c3d-functional-joints/static.c3d")))
-    plain = inputs.read_recording(data("c3d-functional-joints/static.trc"))
+    turned = fitted_to(model, reading.read_recording(data("c3d-functional-joints/static.c3d")))
+    plain = reading.read_recording(data("c3d-functional-joints/static.trc"))
     assert any("z axis points up" in text for text in turned.warnings)
     names = [name for name in model.marker_names if name in turned.markers.names and name in plain.markers.names]
     assert len(names) > 40
@@ -37,13 +37,13 @@ def test_c3d_with_z_up_is_turned(data):
 
 
 def test_trc_is_taken_as_it_is(walker, data):
-    trial = inputs.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
+    trial = reading.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
     assert fitted_to(walker, trial) is trial
 
 
 @pytest.mark.parametrize(("factor", "word"), [(1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres")])
 def test_wrong_units_are_suspected(walker, data, factor, word):
-    trial = inputs.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
+    trial = reading.read_recording(data("rajagopal-walk-emg/markers_walk.trc"))
     markers = trial.markers
     wrong = Trial(markers=Markers(markers.time, markers.names, factor * markers.values), source="walk.trc")
     with pytest.raises(BadData, match=f"are its numbers {word}"):

@@ -18,10 +18,10 @@ from myomorph.model.spatial import Transform
 from myomorph.store.contact_store import get_contact_forces
 from myomorph.store.results import read_result
 from myomorph.store.stored import get_wrenches
+from myomorph.study.inputs.contact_file import contact_files, read_contacts, read_stairs
+from myomorph.study.inputs.external_forces import read_loads
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
-from myomorph.study.trial.contact_file import contact_files, read_contacts, read_stairs
-from myomorph.study.trial.external_forces import read_loads
 
 MASS = 0.025
 WEIGHT = MASS * 9.80665

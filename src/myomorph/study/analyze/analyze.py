@@ -31,10 +31,10 @@ from myomorph.study.analyze.recordings import (
 )
 from myomorph.study.analyze.study_text import STEPS, StudyEntries, TrialEntry, is_unchanged, study_text
 from myomorph.study.analyze.unfit_markers import unfit_markers
-from myomorph.study.trial.emg_names import muscles_of_channels
-from myomorph.study.trial.external_forces import TABLES, force_table
-from myomorph.study.trial.inputs import cut_to, open_model
-from myomorph.study.trial.laboratory import AS_RECORDED
+from myomorph.study.inputs.emg_names import muscles_of_channels
+from myomorph.study.inputs.external_forces import TABLES, force_table
+from myomorph.study.inputs.laboratory import AS_RECORDED
+from myomorph.study.inputs.reading import cut_to, open_model
 
 STUDY, GENERIC = "study.toml", "generic.osim"
 MIN_FRAMES = 6

@@ -13,7 +13,7 @@ from myomorph.model.errors import MyomorphError
 from myomorph.motion.sync import clock_shift
 from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.recordings import FOREFOOT, Recording, mean_place
-from myomorph.study.trial.external_forces import layout_of
+from myomorph.study.inputs.external_forces import layout_of
 
 STANDS, NEAR = 0.03, 0.35
 """A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s]."""

@@ -14,10 +14,10 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
+from myomorph.study.inputs.external_forces import TABLES
+from myomorph.study.inputs.laboratory import Laboratory, Up
+from myomorph.study.inputs.reading import read_recording
 from myomorph.study.plan.subject_trials import companion, plain_stem
-from myomorph.study.trial.external_forces import TABLES
-from myomorph.study.trial.inputs import read_recording
-from myomorph.study.trial.laboratory import Laboratory, Up
 
 STILL = 0.03
 """Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.settings import ForceOptions
-from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 
 SUBJECT = "subject"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")

@@ -17,8 +17,8 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.study.trial.inputs import about, faces_z, read_recording
-from myomorph.study.trial.plate_wrenches import recorded_wrenches
+from myomorph.study.inputs.plate_wrenches import recorded_wrenches
+from myomorph.study.inputs.reading import about, faces_z, read_recording
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables."""

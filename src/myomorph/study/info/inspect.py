@@ -36,7 +36,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     if recording is not None:
         # Brings Numba and SciPy: loaded only where it is needed.
         from myomorph.study.info.inspect_recording import inspect_trial
-        from myomorph.study.trial.inputs import read_recording
+        from myomorph.study.inputs.reading import read_recording
 
         return inspect_trial(read_recording(path), recording.name)
     if ending in TABLES:

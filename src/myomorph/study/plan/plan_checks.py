@@ -11,8 +11,8 @@ from pathlib import Path
 from myomorph.model.errors import MyomorphError, listing
 from myomorph.model.model import Model
 from myomorph.store.results import file_name
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles, subject_step
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.trial_files import TrialFiles
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))

@@ -13,10 +13,10 @@ from pydantic import BaseModel, Field, create_model
 from myomorph.model.errors import MyomorphError
 from myomorph.store.settings import Differentiation, Measured, Setting, Side, with_settings
 from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
+from myomorph.study.inputs.laboratory import Up
 from myomorph.study.plan.groups import StridesTable
 from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
-from myomorph.study.trial.laboratory import Up
 from myomorph.study.trial.step import StepHead, step_head
 from myomorph.study.trial.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.trial.together import TogetherTable

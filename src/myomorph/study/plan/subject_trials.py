@@ -12,12 +12,12 @@ from myomorph.io.labels import read_labels
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, is_folder, matching
+from myomorph.study.inputs.contact_file import AUTO, old_names
+from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
-from myomorph.study.trial.contact_file import AUTO, old_names
-from myomorph.study.trial.laboratory import Laboratory
 from myomorph.study.trial.trial_files import TrialFiles
 
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")

@@ -13,13 +13,13 @@ from myomorph.store.locks import check_age, read_mark
 from myomorph.store.outcome import Excluded, Key
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, file_name
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, together
 from myomorph.study.run.job_plan import jobs_of, with_made
 from myomorph.study.run.watching import TIMINGS
 from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
 from myomorph.study.subject.subjects import reused_subject_steps
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reuse import NEVER
 from myomorph.study.trial.run_trial import PARTS, reused_steps

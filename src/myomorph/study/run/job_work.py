@@ -13,10 +13,10 @@ from myomorph.motion.sync import cut
 from myomorph.store.locks import RunMark, folder_lock
 from myomorph.store.outcome import GATHERED, Key, Outcome, failed
 from myomorph.store.results import STORED, file_name, file_source, read_result
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject, subject_notes
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.step import StepResults, large_variables

@@ -16,6 +16,7 @@ from myomorph.model.model import Model
 from myomorph.store.locks import study_lock
 from myomorph.store.outcome import GATHERED, Key, Outcome, failed, no_space
 from myomorph.store.results import file_source
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_plan import StudyJobs, jobs_of, reused_groups, reused_tables
 from myomorph.study.run.job_work import do_groups, do_tables, not_run
@@ -23,7 +24,6 @@ from myomorph.study.run.jobs import Ended, Job, Workers
 from myomorph.study.run.learned_times import Learning
 from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.watching import StudyWatcher
-from myomorph.study.trial.inputs import open_model
 
 PATIENCE = 0.5
 """How often the loop looks round although nothing has ended [s]."""

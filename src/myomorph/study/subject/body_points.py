@@ -23,8 +23,8 @@ from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
+from myomorph.study.inputs.reading import about
 from myomorph.study.subject.subject_files import WEIGHTS, BodyOptions, BodyShape
-from myomorph.study.trial.inputs import about
 
 if TYPE_CHECKING:
     from myomorph.identify.body.shape import Shape

@@ -34,10 +34,10 @@ from myomorph.store.finding_store import findings_of, findings_text
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import NOTES, write_made_model
-from myomorph.study.trial import inputs
-from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.steps.ik import used_markers
 from myomorph.study.trial.trial_files import Settings
 
@@ -107,13 +107,13 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     """
     if not files.markers and files.static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
-    model = inputs.open_model(files.model) if model is None else model
+    model = reading.open_model(files.model) if model is None else model
     warnings, findings = list(model.warnings), list[Finding]()
     if files.marker_set is not None:
         model = with_marker_set(model, files.marker_set)
     if files.tasks is not None:
         options = replace(options, marker_weights=_weights(files.tasks, model))
-    inputs.check_labels(files.labels, model)
+    reading.check_labels(files.labels, model)
     recordings = [
         _checked(path.name, _recording(path, model, files.time, warnings, files.labels), model, findings)
         for path in files.markers
@@ -121,7 +121,7 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     if files.static is not None:
         standing = _recording(files.static, model, None, warnings, files.labels)
         options = replace(options, static=_checked(files.static.name, standing, model, findings))
-    with inputs.about(files.model), progress("calibration", options.iterations, "steps") as advance:
+    with reading.about(files.model), progress("calibration", options.iterations, "steps") as advance:
         found = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
     plain = plain_settings(options) | {"time": files.time}
@@ -139,12 +139,12 @@ def _recording(
     labels: Mapping[str, str] = FrozenMap({}),
     laboratory: Laboratory = AS_RECORDED,
 ) -> Markers:
-    recorded = inputs.with_labels(laboratory.trial(inputs.read_recording(path)), labels)
-    trial = inputs.fitted_to(model, recorded)
+    recorded = reading.with_labels(laboratory.trial(reading.read_recording(path)), labels)
+    trial = reading.fitted_to(model, recorded)
     assert trial.markers is not None
     warnings += [f"{path.name}: {text}" for text in trial.warnings]
-    warnings += [f"{path.name}: {text}" for text in inputs.cut_warning(time, trial.markers)]
-    span = inputs.cut_to(time, trial.markers, path)
+    warnings += [f"{path.name}: {text}" for text in reading.cut_warning(time, trial.markers)]
+    span = reading.cut_to(time, trial.markers, path)
     return trial.markers if span is None else cut(trial.markers, *span)
 
 
@@ -183,7 +183,7 @@ def calibrate_subject(
     recordings = {}
     for trial in trials:
         if trial.markers is not None:
-            inputs.cut_to(trial.time, trial.markers, trial.name)
+            reading.cut_to(trial.time, trial.markers, trial.name)
             recordings[trial.name] = _checked(trial.name, used_markers(trial, trial.markers), model, findings)
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
@@ -192,7 +192,7 @@ def calibrate_subject(
         options = replace(options, static=_checked(files.static.name, standing, model, findings))
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
-    with inputs.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
+    with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
         found = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
     calibrated = Calibrated(found, names, made, tuple(dict.fromkeys(warnings)), tuple(findings))
@@ -353,7 +353,7 @@ def with_marker_set(model: Model, path: Path | None) -> Model:
     """The model with the markers of a file; they replace those of the same names, and come last."""
     if path is None:
         return model
-    with inputs.about(path):
+    with reading.about(path):
         new = read_marker_set(path, model)
     names = {one.name for one in new}
     return replace(model, markers=(*(marker for marker in model.markers if marker.name not in names), *new))

@@ -11,9 +11,9 @@ from myomorph.model.errors import BadData
 from myomorph.model.provenance import Provenance
 from myomorph.store.progress import progress
 from myomorph.store.results import whole_folder
+from myomorph.study.inputs.emg_gains import SubjectGains, common_scale, rescaled, write_gains
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import PROVENANCE
-from myomorph.study.trial.emg_gains import SubjectGains, common_scale, rescaled, write_gains
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics

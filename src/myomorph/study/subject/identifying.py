@@ -27,6 +27,9 @@ from myomorph.report.trial.identified import identification_input
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.inputs.external_forces import NEAREST, NamedBodies, read_loads
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
 from myomorph.study.subject.subject_files import (
@@ -38,9 +41,6 @@ from myomorph.study.subject.subject_files import (
     recordings_provenance,
 )
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial import inputs
-from myomorph.study.trial.error_sizes import write_error_sizes
-from myomorph.study.trial.external_forces import NEAREST, NamedBodies, read_loads
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, load_tables
 
@@ -113,8 +113,8 @@ def open_motions(
         )
     result = []
     for motion_path, loads_path in zip(motions, loads, strict=True):
-        motion = inputs.read_motion(motion_path, model)
-        cut_to = inputs.cut_to(time, motion, motion_path)
+        motion = reading.read_motion(motion_path, model)
+        cut_to = reading.cut_to(time, motion, motion_path)
         wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates, options=forces)
         result.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return result
@@ -122,7 +122,7 @@ def open_motions(
 
 def check_mass(model: Model, mass: float | None) -> float:
     """The mass to use [kg]; raises `BadData` where it is none that a body has."""
-    inputs.has_mass(model, "identification")
+    reading.has_mass(model, "identification")
     if mass is None:
         return model.mass
     if not LIGHTEST <= mass <= HEAVIEST:

@@ -33,12 +33,12 @@ from myomorph.report.morph.morph_summary import morph_lines
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.error_sizes import write_error_sizes
 from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial import inputs
-from myomorph.study.trial.error_sizes import write_error_sizes
 from myomorph.study.trial.trial_files import Settings
 
 
@@ -78,9 +78,9 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     MyomorphError
         where a file cannot be read, or a bone or its landmarks cannot be what they say
     """
-    model = inputs.open_model(files.source) if model is None else model
+    model = reading.open_model(files.source) if model is None else model
     warnings = list(model.warnings)
-    with inputs.about(files.source):
+    with reading.about(files.source):
         ours = source_bones(model, files.geometry, warnings)
     theirs = read_bones(files.bones, model.body_names, files.unit, warnings)
     skin = None if files.skin is None else resized(read_mesh(files.skin), files.unit)
@@ -90,7 +90,7 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     bones = map_bones(model, ours, theirs, pairs, settings, files.together)
     if files.mirror:
         bones = with_mirrored_bones(model, bones, ours, files.together, files.across)
-    with inputs.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
+    with reading.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
         morph = morph_model(
             model,
             bones,
@@ -137,7 +137,7 @@ def map_bones(
         for body in wanted:
             source, target, points = ours.get(body), theirs.get(body), pairs.get(body)
             start = start_by_neighbors(model, body, found, poses) if together else None
-            with inputs.about(body):
+            with reading.about(body):
                 found[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
             advance(1.0)
     return {body: found[body] for body in model.body_names if body in found}
@@ -147,7 +147,7 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
     result: dict[str, FeaturePoints] = {}
     for body, points in read_landmark_pairs(path).items():
         if body not in model.body_names:
-            with inputs.about(path):
+            with reading.about(path):
                 raise UnknownName("body", body, model.body_names)
         result[body] = FeaturePoints(points.names, points.source, points.target)
     return result

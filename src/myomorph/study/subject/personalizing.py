@@ -24,12 +24,12 @@ from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, 
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.inputs.external_forces import NEAREST, NamedBodies
 from myomorph.study.subject.found_errors import personal_errors
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial import inputs
-from myomorph.study.trial.error_sizes import write_error_sizes
-from myomorph.study.trial.external_forces import NEAREST, NamedBodies
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -109,7 +109,7 @@ def personalize_files(
         where a file cannot be read, does not fit the model, or something is missing
     """
     files.check()
-    model = inputs.open_model(files.model) if model is None else model
+    model = reading.open_model(files.model) if model is None else model
     own = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
     options = with_settings(PersonalizeOptions(), {name: v for name, v in settings.items() if name not in own})
     cutoff = {name: v for name, v in settings.items() if name in own and v is not None}
@@ -132,8 +132,8 @@ def personalize_files(
         table = files.torques[index] if files.torques else None
         trials.append(_trial(trial, poses.recorded, motion.stem, table))
     trials += [read_passive(path, model) for path in files.passive]
-    generic = None if files.generic is None else inputs.open_model(files.generic)
-    with inputs.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
+    generic = None if files.generic is None else reading.open_model(files.generic)
+    with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         found = personalize(model, trials, options, generic=generic, advance=advance)
     used = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
     used |= {"emg_muscles": sorted(files.emg_muscles.items())} if files.emg_muscles else {}
@@ -151,7 +151,7 @@ def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None =
 
 def _torques(path: Path, motion: Motion) -> Series:
     """Torques of a table at a motion's times."""
-    with inputs.about(path):
+    with reading.about(path):
         read = read_sto(path)
         names = tuple(_coordinate(name) for name in read.names)
         start, stop = read.time[0], read.time[-1]
@@ -186,7 +186,7 @@ def read_passive(path: Path, model: Model) -> PersonalTrial:
     BadFile, BadData
         where the table cannot be read, or has no coordinate or no torque
     """
-    with inputs.about(path):
+    with reading.about(path):
         table = read_sto(path)
         poses = motion_from_table(table, model)
         missing = np.isnan(poses.values)
@@ -350,8 +350,8 @@ def _run(
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
     own = files.generic or (files.model if scaled else None)
-    generic = None if own is None else inputs.open_model(own)
-    with inputs.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
+    generic = None if own is None else reading.open_model(own)
+    with reading.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
         found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
     write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)
 

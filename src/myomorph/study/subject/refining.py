@@ -24,12 +24,12 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, file_source, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
+from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.error_sizes import write_error_sizes
-from myomorph.study.trial.inputs import open_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables

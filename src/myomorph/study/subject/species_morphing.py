@@ -47,10 +47,10 @@ from myomorph.morph.species.masses import (
 from myomorph.morph.species.table_rows import Attachment, Ray, RelativeBone
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
+from myomorph.study.inputs import reading
 from myomorph.study.subject.morph_files import Unit, resized, source_bones
 from myomorph.study.subject.morph_masses import with_skin_masses
 from myomorph.study.subject.morphing import Morphed, MorphSettings
-from myomorph.study.trial import inputs
 
 Table = Mapping[str, Any]
 KEYS = frozenset(
@@ -311,9 +311,9 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
     warnings = list(table.warnings)
     models, bones = [], []
     for path, folder in ((files.source, files.geometry), (files.target, files.target_geometry)):
-        models.append(inputs.open_model(path))
+        models.append(reading.open_model(path))
         warnings += models[-1].warnings
-        with inputs.about(path):
+        with reading.about(path):
             bones.append(source_bones(models[-1], folder, warnings))
     source, target = models
     target, replaced = with_possible_inertias(target, bones[1])

@@ -12,10 +12,10 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of, value_source
+from myomorph.study.inputs.error_sizes import TABLE as ERROR_SIZES
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import MorphFiles
-from myomorph.study.trial.error_sizes import TABLE as ERROR_SIZES
-from myomorph.study.trial.inputs import open_model
-from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.step import StepHead
 from myomorph.study.trial.trial_files import Settings, TrialFiles

@@ -15,8 +15,8 @@ from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings
+from myomorph.study.inputs.reading import open_model, read_motion
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.inputs import open_model, read_motion
 
 Rows = Sequence[Mapping[str, object]]
 

@@ -13,7 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, ResultWriter, read_result
-from myomorph.study.trial.inputs import read_motion
+from myomorph.study.inputs.reading import read_motion
 
 SAME = 1e-5
 """Coordinates of a table and of the result beside it differ by less: the table is rounded [rad or m]."""

@@ -24,17 +24,18 @@ from myomorph.store.settings import (
     plain_settings,
     with_settings,
 )
-from myomorph.study.trial import inputs
-from myomorph.study.trial.emg_files import open_emg
-from myomorph.study.trial.emg_gains import read_gains, rescaled
-from myomorph.study.trial.error_sizes import read_error_sizes, tables_beside
-from myomorph.study.trial.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.emg_files import open_emg
+from myomorph.study.inputs.emg_gains import read_gains, rescaled
+from myomorph.study.inputs.error_sizes import read_error_sizes, tables_beside
+from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs.torque_file import given_torques
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses, kinematics_options
-from myomorph.study.trial.torque_file import given_torques
 from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_sources, load_tables
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs, TrialNotes
+from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -57,22 +58,22 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
     if files.markers is None and files.motion is not None:
         trial, poses = open_motion_trial(files, settings, model)
         return replace(trial, motion=poses.recorded)
-    model = inputs.open_model(files.model) if model is None else model
+    model = reading.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
     if files.markers is None:
         return trial
-    inputs.check_labels(files.labels, model)
-    recorded = files.laboratory.trial(inputs.read_recording(files.markers))
-    recording = inputs.fitted_to(model, inputs.with_labels(recorded, files.labels))
+    reading.check_labels(files.labels, model)
+    recorded = files.laboratory.trial(reading.read_recording(files.markers))
+    recording = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
     assert recording.markers is not None
     trial = replace(
         trial,
         markers=recording.markers,
         events=recording.events,
-        time=inputs.cut_to(files.time, recording.markers, files.markers),
+        time=reading.cut_to(files.time, recording.markers, files.markers),
         warnings=(
             *trial.warnings,
-            *(f"{files.markers.name}: {text}" for text in inputs.cut_warning(files.time, recording.markers)),
+            *(f"{files.markers.name}: {text}" for text in reading.cut_warning(files.time, recording.markers)),
             *(f"{files.markers.name}: {text}" for text in recording.warnings),
             *_rate_warnings(trial, recording.markers.time),
             *_phase_warnings(files, recording.markers.time),
@@ -104,7 +105,7 @@ def _with_refined(trial: TrialInputs, files: TrialFiles) -> TrialInputs:
     if files.refined is None or not files.refined.is_file():
         return trial
     # Most trials start without: loaded where a trial has such input.
-    from myomorph.study.trial.refined_motion import filtered_loads, read_refined
+    from myomorph.study.inputs.refined_motion import filtered_loads, read_refined
 
     refined = read_refined(files.refined, files.refined_cutoff, trial.model)
     sources = (*trial.sources, file_source("refined motion", files.refined))
@@ -117,16 +118,16 @@ def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None
     assert files.motion is not None
     if files.loads is None and (files.plates or files.bodies):
         raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
-    model = inputs.open_model(files.model) if model is None else model
+    model = reading.open_model(files.model) if model is None else model
     trial = _common(files, settings, model)
-    recorded, lacking = inputs.whole_motion(inputs.read_motion(files.motion, model), model)
-    recorded, apart = inputs.coupled_motion(recorded, model)
+    recorded, lacking = reading.whole_motion(reading.read_motion(files.motion, model), model)
+    recorded, apart = reading.coupled_motion(recorded, model)
     warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
     warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
-    time = inputs.cut_to(files.time, recorded, files.motion)
-    warnings = (*(f"{files.motion.name}: {text}" for text in inputs.cut_warning(files.time, recorded)), *warnings)
+    time = reading.cut_to(files.time, recorded, files.motion)
+    warnings = (*(f"{files.motion.name}: {text}" for text in reading.cut_warning(files.time, recorded)), *warnings)
     return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial), files.assumed)), Poses(
         recorded
     )
@@ -138,7 +139,7 @@ def _old_names(files: TrialFiles) -> tuple[str, ...]:
     if not any(one.suffix.lower() == ".toml" for one in named):
         return ()
     # Brings pydantic: loaded only where it is needed.
-    from myomorph.study.trial.contact_file import old_names
+    from myomorph.study.inputs.contact_file import old_names
 
     return tuple(dict.fromkeys(text for one in named for text in old_names(one)))
 
@@ -272,7 +273,7 @@ def contact_plan(files: TrialFiles, model: Model) -> ContactPlan | None:
     if not files.contacts:
         return None
     # Most trials start without: loaded where a trial has such input.
-    from myomorph.study.trial.contact_file import read_contacts
+    from myomorph.study.inputs.contact_file import read_contacts
 
     return read_contacts(files.contacts, model, files.measured)
 
@@ -296,7 +297,7 @@ def _contact_points(files: TrialFiles, model: Model) -> JointPoints | None:
     if not files.contact_points:
         return None
     # Most trials start without: loaded where a trial has such input.
-    from myomorph.study.trial.contact_points import contact_points
+    from myomorph.study.inputs.contact_points_file import contact_points
 
     return contact_points(files.contact_points, model)
 
@@ -307,7 +308,7 @@ def _actuators(files: TrialFiles, model: Model) -> tuple[Actuator, ...] | None:
     # Most trials start without: loaded where a trial has such input.
     from myomorph.io.osim.actuators import read_actuators
 
-    with inputs.about(files.actuators):
+    with reading.about(files.actuators):
         return read_actuators(files.actuators, model)
 
 

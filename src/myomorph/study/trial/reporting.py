@@ -29,7 +29,7 @@ from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.trial_page import prepared_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_source, read_result
-from myomorph.study.trial.inputs import open_model
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.trial.step import large_variables, step_of
 from myomorph.study.trial.step_table import STEPS
 from myomorph.study.trial.together import object_model

@@ -18,9 +18,10 @@ from myomorph.model.provenance import Provenance
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import ResultWriter, Stored, provenance_of
 from myomorph.store.settings import ReportOptions, Setting, plain_settings, settings_of
-from myomorph.study.trial.inputs import about
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.reading import about
 from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_inputs import ByType, OptionSet, TrialInputs
+from myomorph.study.trial.trial_inputs import TrialInputs
 
 if TYPE_CHECKING:
     from myomorph.report.trial.given import ReportInput

@@ -21,7 +21,7 @@ from myomorph.motion.sync import resample_wrenches
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 from myomorph.study.trial.open_trial import contact_plan, options_of
 from myomorph.study.trial.step import step_head
 from myomorph.study.trial.steps.ik import Poses
@@ -135,7 +135,7 @@ def object_part(table: ObjectTable, path: Path) -> Part:
     model = object_model(description)
     sources = (file_source("motion", path), value_source("object", table.name, sorted(description.items())))
     return Part(
-        TrialInputs(table.name, table.name, model, sources=sources), inputs.read_motion(path, model), description
+        TrialInputs(table.name, table.name, model, sources=sources), reading.read_motion(path, model), description
     )
 
 

@@ -11,8 +11,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Source
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured, Side
-from myomorph.study.trial import inputs
-from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 
 Settings = Mapping[str, Mapping[str, Any]]
 """The settings of each step, by step and setting."""
@@ -84,7 +84,7 @@ class TrialFiles:
 def contact_sources(files: TrialFiles) -> list[Source]:
     """What tells of contacts, as inputs by their hashes."""
     # Most trials start without: loaded where a trial has such input.
-    from myomorph.study.trial.contact_file import AUTO, contact_files
+    from myomorph.study.inputs.contact_file import AUTO, contact_files
 
     source = value_source("contacts", files.contacts, files.contacts, files.measured)
     if files.contacts == AUTO:
@@ -96,7 +96,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.study.trial.contact_file import recording_of
+        from myomorph.study.inputs.contact_file import recording_of
 
         return [file_source("load table", one) for one in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
@@ -104,6 +104,6 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     # Brings SciPy: loaded only where loads are in an XML file.
     from myomorph.io.loads import read_load_entries
 
-    with inputs.about(path):
+    with reading.about(path):
         tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
     return [file_source("load table", table) for table in tables]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,53 +19,19 @@ from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
     from myomorph.tension.joint_contact import JointPoints
 
-Held = TypeVar("Held")
 IN_STRIDE = "in a stride"
 """With which quantities end that are the mean over strides of each stride's own."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
-
-
-class ByType:
-    """Values of different types, at most one of each, found by their type."""
-
-    def __init__(self, *values: object):
-        self._values = {type(value): value for value in values if value is not None}
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self._values.values())
-
-    def get(self, kind: type[Held]) -> Held | None:
-        """The value of a type, or None."""
-        return self._values.get(kind)  # type: ignore[return-value]
-
-    def __getitem__(self, kind: type[Held]) -> Held:
-        """The value of a type; raises `KeyError` where there is none."""
-        return self._values[kind]  # type: ignore[return-value]
-
-    def having(self, *values: object) -> Any:
-        """The same with other values; each takes the place of the one of its type."""
-        return type(self)(*self._values.values(), *values)
-
-    def only(self, *kinds: type) -> Any:
-        """Those values whose types are named."""
-        return type(self)(*(value for kind, value in self._values.items() if kind in kinds))
-
-
-class OptionSet(ByType):
-    """Options of the steps: values of their option dataclasses."""
-
-    def __getitem__(self, kind: type[Held]) -> Held:
-        """The options of a kind, its defaults where nothing was said."""
-        found = self.get(kind)
-        return kind() if found is None else found
 
 
 @dataclass(frozen=True)
@@ -82,20 +48,6 @@ class TrialNotes:
     assumed: tuple[str, ...] = ()
     simulated: tuple[str, ...] = ()
     root: str = ""
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class RefinedMotion:
-    """Coordinates that agree with markers and forces.
-
-    Attributes
-    ----------
-    cutoff : of the low-pass filter of the forces; the motion holds nothing much above it [Hz]
-    """
-
-    motion: Motion
-    cutoff: float
 
 
 @read_only

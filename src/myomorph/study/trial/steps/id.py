@@ -24,10 +24,11 @@ from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
-from myomorph.study.trial.inputs import has_mass
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.reading import has_mass
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides

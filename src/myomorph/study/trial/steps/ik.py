@@ -25,9 +25,10 @@ from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
-from myomorph.study.trial.inputs import about
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.reading import about
 from myomorph.study.trial.step import Step, StepOutput
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, Value
+from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
 
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
@@ -131,7 +132,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     notes = tuple(map(str, checked.findings))
     if trial.refined is not None:
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.study.trial.refined_motion import refined_fit
+        from myomorph.study.inputs.refined_motion import refined_fit
 
         write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")
         checked, more = refined_fit(trial.name, trial.model, trial.refined, checked)

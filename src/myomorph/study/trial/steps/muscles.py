@@ -22,10 +22,11 @@ from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
 from myomorph.store.settings import Differentiation
+from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, with_derivatives
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import EXTREMES, OptionSet, Signals, TrialInputs, all_drawn
+from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
 
 BLOCK = 512
 """Frames that are in memory at a time."""

@@ -26,6 +26,7 @@ from myomorph.store.emg_store import get_conflicts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
+from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
@@ -36,7 +37,7 @@ from myomorph.study.trial.joint_contact_step import (
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import OptionSet, Signals, TrialInputs, Value, all_drawn, statistics_of
+from myomorph.study.trial.trial_inputs import Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.passive_share import LARGE, contact_notes

@@ -20,6 +20,7 @@ from myomorph.report.trial.given import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
+from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_quantities import Quantity
@@ -28,7 +29,7 @@ from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
-from myomorph.study.trial.trial_inputs import OptionSet, TrialInputs
+from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, SourceSize, source_sizes

@@ -16,8 +16,8 @@ from myomorph.motion.marker_checks import CheckedFit
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.inputs import read_motion
-from myomorph.study.trial.trial_inputs import RefinedMotion
+from myomorph.study.inputs.reading import read_motion
+from myomorph.study.inputs.refined import RefinedMotion
 
 
 def read_refined(path: Path, cutoff: float, model: Model) -> RefinedMotion:

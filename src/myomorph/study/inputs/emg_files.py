@@ -16,8 +16,8 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
 from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, fast_share, noise_faults, raw_faults, without_faults
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
-from myomorph.study.trial.emg_names import muscles_of_channels
-from myomorph.study.trial.inputs import TABLE_FILES, about, read_recording
+from myomorph.study.inputs.emg_names import muscles_of_channels
+from myomorph.study.inputs.reading import TABLE_FILES, about, read_recording
 
 OTHER_SENSORS = re.compile(
     r"force|moment|torque|plate|cop|sync|trigger|pulse|speed|treadmill|gonio|acc|gyro|mag|load.?cell|imu|spare|channel"

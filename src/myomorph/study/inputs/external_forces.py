@@ -18,9 +18,9 @@ from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
 from myomorph.motion.sync import clock_shift
 from myomorph.store.settings import ForceOptions
-from myomorph.study.trial.inputs import PosesBy, about, faces_z, read_recording
-from myomorph.study.trial.laboratory import AS_RECORDED, Laboratory
-from myomorph.study.trial.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
+from myomorph.study.inputs.reading import PosesBy, about, faces_z, read_recording
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
@@ -196,7 +196,7 @@ def raw_loads(
     elif ending == ".toml":
         # As above.
         from myomorph.contact.feet_on_steps import stairs_wrenches
-        from myomorph.study.trial.contact_file import read_stairs
+        from myomorph.study.inputs.contact_file import read_stairs
 
         wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
     elif trial_format(path) is not None:

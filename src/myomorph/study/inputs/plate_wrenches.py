@@ -14,7 +14,7 @@ from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
-from myomorph.study.trial.inputs import PosesBy
+from myomorph.study.inputs.reading import PosesBy
 
 MARGIN = 1.0
 """Time before and after a motion that its forces keep, for filters [s]."""

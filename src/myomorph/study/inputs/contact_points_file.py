@@ -12,7 +12,7 @@ from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.store.study_file import Strict, checked, is_file, is_folder, read_toml, refuse
-from myomorph.study.trial.contact_file import AUTO, Vector
+from myomorph.study.inputs.contact_file import AUTO, Vector
 from myomorph.tension.joint_contact import ContactPoint, JointPoints
 from myomorph.tension.knee_points import knee_points
 

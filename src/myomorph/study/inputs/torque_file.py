@@ -10,7 +10,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Series
-from myomorph.study.trial import inputs
+from myomorph.study.inputs import reading
 
 MOMENT, FORCE = "_moment", "_force"
 
@@ -27,9 +27,9 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
     BadData : a column's name tells another unit than its coordinate has, one comes twice, or a value is missing
     UnknownName : a coordinate that is free has no column
     """
-    if path.suffix.lower() not in inputs.TABLE_FILES:
+    if path.suffix.lower() not in reading.TABLE_FILES:
         raise BadFile(path, f"is no table of torques: its name ends in '{path.suffix}'", "expected .sto or .mot")
-    with inputs.about(path):
+    with reading.about(path):
         table = read_sto(path)
     columns: dict[str, int] = {}
     unused: list[str] = []
