@@ -1,15 +1,13 @@
-"""Mutation run: how many small wrong changes of the science rooms their own tests notice.
+"""Mutation run: how many small wrong changes of the science rooms their own tests notice, with cosmic-ray.
 
-`python -m benchmarks mutants [--rooms morph ...] [--count N] [--seed S] [--work DIR] [--json FILE]`. Each mutant is one
-change of one line in a copy of the tree; then the tests of its room run, those nearest to the changed module first,
-until one fails; `benchmarks/mutant_tests.py` says how they are chosen. A mutant that no test notices has survived and
-is named. Takes an hour or more for a hundred, one process on one core: not for CI, and not for Windows.
+`python -m benchmarks mutants --work FOLDER [--count N] [--seed S] [--rooms morph ...] [--csv FILE]`. Each mutant is one
+change of one line in a copy of the tree; then the test files of its room run that import the changed module, nearest
+first, as many as take `--budget` seconds without a change. FOLDER keeps the copy, its compiled kernels, the seconds of
+test files and cosmic-ray's session: a run that was stopped goes on there. An hour for forty on one core; not for
+Windows. Needs the extra `mutants`.
 
-Not taken, as no test could or should tell them: docstrings, texts and f-strings, annotations, what is raised or
-asserted, decorators, defaults of parameters and fields, constants of modules (a limit is a choice, its second digit
-no law), the `axis` and shape arguments of array functions (they only crash). Of comparisons `<` becomes `>=`, not
-`<=`, which differs only where two numbers of a measurement are equal. No factor on all that `argmax` and the like
-compare: it changes nothing.
+Not drawn, as no test should tell them: constants of modules, defaults, annotations, decorators, texts, and what is
+raised or asserted. `<` becomes `>=`, not `<=`, which differs only where two numbers of a measurement are equal.
 """
 
 from __future__ import annotations
@@ -17,407 +15,152 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import os
 import random
-import re
-import tempfile
-import time
-from dataclasses import asdict, dataclass
-from itertools import accumulate
+import resource
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import chdir
+from itertools import pairwise
 from pathlib import Path
-from xml.etree import ElementTree
 
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress
+import grimp
+from cosmic_ray.ast import ast_nodes, get_ast_from_path
+from cosmic_ray.mutating import mutate_and_test
+from cosmic_ray.plugins import get_operator
+from cosmic_ray.testing import run_tests
+from cosmic_ray.work_db import WorkDB, use_db
+from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkItem
 
-from benchmarks.mutant_tests import Copy
+from benchmarks.cases import data_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
-KINDS = ("sign", "comparison", "factor", "off by one", "and/or")
-RANKING = {"argmax", "argmin", "argsort", "nanargmax", "nanargmin", "sign", "isfinite", "isnan"}
-EQUAL = {
-    ("src/myomorph/contact/carried.py", "@ x[8:12]"): "x has 11 entries",
-    ("src/myomorph/identify/body/center_fit.py", "np.round((1.02 * (turn / (0.5 * np.pi))))"): (
-        "near a quarter turn, where it is used, both round alike"
-    ),
-    ("src/myomorph/muscles/ellipsoid.py", "(1.02 * (v * v)) / b2 >= 1.0:"): "Newton comes to the same root from both",
+KINDS = {
+    "sign": [f"ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add")] + ["ReplaceUnaryOperator_USub_UAdd"],
+    "factor": [f"ReplaceBinaryOperator_{pair}" for pair in ("Mul_Div", "Div_Mul")],
+    "comparison": [
+        f"ReplaceComparisonOperator_{pair}"
+        for pair in ("Lt_GtE", "GtE_Lt", "Gt_LtE", "LtE_Gt", "Eq_NotEq", "NotEq_Eq", "Is_IsNot", "IsNot_Is")
+    ],
+    "number": ["NumberReplacer"],
+    "and/or": ["ReplaceAndWithOr", "ReplaceOrWithAnd"],
+    "loop": ["ZeroIterationForLoop", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak"],
 }
-"""Mutants that compute the same, by file and end of the changed line: why. They are counted apart."""
-KERNELS = {"kernel", "inner", "in_place"}
-MARKS = ("<!-- mutants -->", "<!-- end of mutants -->")
-
-OPPOSITE = {
-    ast.Lt: ("<", ">="), ast.GtE: (">=", "<"), ast.Gt: (">", "<="), ast.LtE: ("<=", ">"), ast.Eq: ("==", "!="),
-    ast.NotEq: ("!=", "=="), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"), ast.In: ("in", "not in"),
-    ast.NotIn: ("not in", "in"),
-}  # fmt: skip
-SIGNS = {ast.Add: ("+", "-"), ast.Sub: ("-", "+")}
-TEXTS = (ast.JoinedStr, ast.Tuple, ast.List, ast.ListComp)
-SHAPING = {"axis", "ndmin", "dtype", "shape"}
-SHAPED = {"reshape", "zeros", "ones", "empty", "full", "eye", "swapaxes", "transpose", "moveaxis"}
-
-
-@dataclass(frozen=True)
-class Mutation:
-    """One change of a source text.
-
-    Attributes
-    ----------
-    kind : of `KINDS`
-    line : number, from 1
-    start, end : offsets in the text's UTF-8 bytes
-    new : what stands there instead
-    """
-
-    kind: str
-    line: int
-    start: int
-    end: int
-    new: str
-
-    def applied(self, text: str) -> str:
-        """The changed text."""
-        raw = text.encode()
-        return (raw[: self.start] + self.new.encode() + raw[self.end :]).decode()
-
-    def compiles(self, text: str) -> bool:
-        """Whether the changed text is still Python."""
-        try:
-            compile(self.applied(text), "mutant", "exec")
-        except SyntaxError:
-            return False
-        return True
-
-    def described(self, text: str) -> str:
-        """The changed line, before and after."""
-        before = text.splitlines()[self.line - 1].strip()
-        after = self.applied(text).splitlines()[self.line - 1].strip()
-        return f"{before}  ->  {after}"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a mutant; `by` names the test that noticed it, "" where none did."""
-
-    room: str
-    file: str
-    line: int
-    kind: str
-    change: str
-    by: str
-    seconds: float
-
-    @property
-    def equal(self) -> str:
-        """Why the mutant computes the same, "" where it does not."""
-        return next((why for (file, end), why in EQUAL.items() if file == self.file and self.change.endswith(end)), "")
+PASSED_OVER = {"raise_stmt", "assert_stmt", "fstring", "param", "decorator", "annassign", "lambdef"}
+COPIED = ("src", "tests", "benchmarks", "docs", "docs_build", "pyproject.toml", "README.md", "mkdocs.yml")
+PATIENCE = 240
+"""A mutant whose tests take so much longer than without it, kernels that are compiled anew included, hangs [s]."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), metavar="ROOM")
-    parser.add_argument("--count", type=int, default=100, help="mutants of all rooms together, by lines")
+    parser.add_argument("--count", type=int, default=40, help="mutants of all rooms together")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--under", default="", help="only files whose path holds this text")
-    parser.add_argument("--at", nargs="+", default=[], metavar="FILE:LINE", help="all mutants of these lines instead")
-    parser.add_argument(
-        "--kept",
-        action="store_true",
-        help="those of the folder's results whose line still stands, whatever is drawn now",
-    )
-    parser.add_argument("--again", action="store_true", help="run only those that have survived, once more")
-    parser.add_argument("--long", action="store_true", help="run tests marked long too")
-    parser.add_argument(
-        "--budget", type=float, default=30.0, help="processor seconds of tests for a mutant, nearest first"
-    )
-    parser.add_argument("--times", type=Path, metavar="XML", help="pytest's --junit-xml of a run, to know quick tests")
-    parser.add_argument("--until", metavar="HH:MM", help="begin no mutant after this time of the day")
-    parser.add_argument("--table", type=Path, help="write the results as a table into this page")
-    parser.add_argument(
-        "--work", type=Path, help="folder of the copy, kept with kernels and results: a later run goes on there"
-    )
+    parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests for a mutant, nearest first")
+    parser.add_argument("--work", type=Path, required=True, help="folder of the copy and of the session")
 
 
-def run(
-    rooms: list[str] | None = None,
-    count: int = 100,
-    seed: int = 0,
-    under: str = "",
-    at: list[str] | None = None,
-    kept: bool = False,
-    again: bool = False,
-    long: bool = False,
-    budget: float = 30.0,
-    times: Path | None = None,
-    until: str | None = None,
-    table: Path | None = None,
-    work: Path | None = None,
-) -> list[dict[str, object]]:
-    """One row a room, then one row a survivor."""
-    rooms = rooms or list(ROOMS)
-    if kept and work is None:
-        raise SystemExit("--kept takes the results of an earlier run: name its folder with --work")
-    wanted = places(at) if at else standing(work) if kept and work else sample(rooms, count, seed, under)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Copy(work or Path(folder), times=_seconds(times) if times else None)
-        outcomes = _tried(copy, wanted, again, long, budget, until)
-        failing = copy.failing(sorted({one.by for one in outcomes if "::" in one.by}))
-    if failing:
-        raise SystemExit(f"fail without a mutant: {', '.join(failing)}")
-    if table:
-        write_table(table, outcomes, wanted, "drawn earlier" if kept else f"seed {seed}", budget)
-    rows: list[dict[str, object]] = []
-    for room in dict.fromkeys(room for room, _, _ in wanted):
-        own = [one for one in outcomes if one.room == room]
-        killed, seconds = sum(bool(one.by) for one in own), sum(one.seconds for one in own)
-        rows.append({"room": room, "mutants": len(own), "killed": killed, "seconds": seconds})
-    for one in outcomes:
-        if not one.by:
-            rows.append(
-                {"equal" if one.equal else "survived": f"{one.file}:{one.line}", "kind": one.kind, "change": one.change}
-            )
-    return rows
+def run(rooms: list[str], count: int, seed: int, budget: float, work: Path) -> list[dict[str, object]]:
+    """One row a mutant, and one for all."""
+    tree, kernels = work.resolve() / "tree", work.resolve() / "kernels"
+    for name in () if tree.exists() else COPIED:
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
+        tree.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / name, tree / name)
+    os.environ |= {"PYTHONPATH": f"{tree / 'src'}:{tree}", "MYOMORPH_DATA": str(data_folder())}
+    with chdir(tree), use_db(str(work.resolve() / "session.sqlite"), WorkDB.Mode.create) as session:
+        if not session.num_work_items:
+            session.add_work_items(sample(rooms, count, seed))
+        graph = grimp.build_graph("myomorph", cache_dir=None)
+        for item in list(session.pending_work_items):
+            files, seconds = chosen_tests(graph, item.mutations[0].module_path, budget, work.resolve())
+            shutil.rmtree(changed := kernels.with_name("changed"), ignore_errors=True)
+            shutil.copytree(kernels, changed, copy_function=os.link)
+            os.environ["NUMBA_CACHE_DIR"] = str(changed)
+            session.set_result(item.job_id, mutate_and_test(item.mutations, pytest_of(*files), seconds + PATIENCE))
+            print(f"{len(list(session.completed_work_items))} of {count}", file=sys.stderr, flush=True)
+        rows = [_row(item, result) for item, result in session.completed_work_items]
+    killed = sum(row["noticed by"] != "" for row in rows)
+    return [*rows, {"file": "all", "kind": f"{len(rows)} mutants", "noticed by": f"{killed} noticed"}]
 
 
-def _seconds(report: Path) -> dict[str, float]:
-    """By the last part of its name, the seconds of a test file in a report of pytest."""
-    found: dict[str, float] = {}
-    for one in ElementTree.parse(report).iter("testcase"):
-        name = next((part for part in one.get("classname", "").split(".") if part.startswith("test_")), "")
-        found[name] = found.get(name, 0.0) + float(one.get("time", 0.0))
-    return found
+def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
+    """Random mutants of rooms of the tree stood in: first the kind, then the place; no two on one line."""
+    sites: dict[str, list[MutationSpec]] = {kind: [] for kind in KINDS}
+    for path in sorted(path for room in rooms for path in Path("src/myomorph", room).rglob("*.py")):
+        nodes = list(ast_nodes(get_ast_from_path(path)))
+        for kind, operators in KINDS.items():
+            for operator in (f"core/{name}" for name in operators):
+                places = ((node, *at) for node in nodes for at in get_operator(operator)().mutation_positions(node))
+                for occurrence, (node, start, end) in enumerate(places):
+                    if _is_drawn(node):
+                        sites[kind].append(MutationSpec(path, operator, occurrence, start, end, {}))
+    chance, lines = random.Random(seed), set()
+    for specs in sites.values():
+        chance.shuffle(specs)
+    while len(lines) < count:
+        spec = sites[chance.choice([kind for kind in KINDS if sites[kind]])].pop()
+        if (place := (spec.module_path, spec.start_pos[0])) not in lines:
+            lines.add(place)
+            yield WorkItem.single(f"{len(lines):03d}", spec)
 
 
-def _tried(
-    copy: Copy, wanted: list[tuple[str, Path, Mutation]], again: bool, long: bool, budget: float, until: str | None
-) -> list[Outcome]:
-    """What became of the mutants, kept in `outcomes.jsonl`; those with an outcome do not run again."""
-    store = copy.folder / "outcomes.jsonl"
-    known = {(one.file, one.change): one for one in recorded(copy.folder)}
-    outcomes = []
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("mutants", total=len(wanted))
-        for room, path, mutation in wanted:
-            text = (copy.root / path).read_text("utf-8")
-            change = mutation.described(text)
-            one = known.get((path.as_posix(), change))
-            due = again and not one.by and not one.equal if one else not again
-            if due and (until is None or time.strftime("%H:%M") < until):
-                lines = statement(text, mutation.line)
-                by, seconds = copy.tried(room, path, mutation.applied(text), lines, budget, long, newest=again)
-                one = Outcome(room, path.as_posix(), mutation.line, mutation.kind, change, by, seconds)
-                with store.open("a", encoding="utf-8") as out:
-                    out.write(json.dumps(asdict(one)) + "\n")
-                where = f"{one.file}:{one.line} ({one.kind}): {one.change}"
-                bar.console.print(f"{where}: {by or 'SURVIVED'}, {seconds:.0f} s", markup=False, highlight=False)
-            outcomes += [one] if one else []
-            bar.advance(task)
-    return outcomes
+def _is_drawn(node: object) -> bool:
+    """Whether a place lies in the body of a function, and not in what is passed over."""
+    kinds = []
+    while node := node.parent:
+        kinds.append(node.type)
+    return PASSED_OVER.isdisjoint(kinds) and ("suite", "funcdef") in pairwise(kinds)
 
 
-def write_table(
-    page: Path, outcomes: list[Outcome], wanted: list[tuple[str, Path, Mutation]], origin: str, budget: float
-) -> None:
-    """Results between the two marks of a page; `origin` says where the mutants come from."""
-    counted, left = [one for one in outcomes if not one.equal], len(wanted) - len(outcomes)
-    killed = sum(bool(one.by) for one in counted)
-    run_of = f"{origin}, {len(outcomes)} of {len(wanted)} run" if left else origin
-    lines = [
-        f"{killed} of {len(counted)} mutants killed ({run_of}, {budget:g} s of tests each).",
-        "",
-        "| room | drawn | run | killed |",
-        "|---|---|---|---|",
-    ]
-    for room in ROOMS:
-        own = [one for one in counted if one.room == room]
-        drawn_here = sum(one == room for one, _, _ in wanted)
-        lines.append(f"| `{room}` | {drawn_here} | {len(own)} | {sum(bool(one.by) for one in own)} |")
-    survived = [one for one in outcomes if not one.by]
-    if survived:
-        lines += ["", "| survived | kind | change | |", "|---|---|---|---|"]
-    for one in survived:
-        change, why = one.change.replace("|", "\\|"), f"computes the same: {one.equal}" if one.equal else ""
-        lines.append(f"| `{one.file.removeprefix('src/myomorph/')}:{one.line}` | {one.kind} | `{change}` | {why} |")
-    before, rest = page.read_text("utf-8").split(MARKS[0])
-    after = rest.split(MARKS[1])[1]
-    page.write_text("\n".join([before + MARKS[0], "", *lines, "", MARKS[1] + after]), "utf-8", newline="\n")
+def chosen_tests(graph: grimp.ImportGraph, path: Path, budget: float, work: Path) -> tuple[list[str], float]:
+    """Test files of a module's room that lead to it, nearest first, and the seconds they take without a change."""
+    module, steps = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__"), {}
+    for file in sorted(Path("tests", path.parts[2]).rglob("test_*.py")):
+        names = _imported(file, graph.modules)
+        chains = [graph.find_shortest_chain(name, module) or () for name in names - {module}]
+        if counts := [len(chain) for chain in chains if chain] + [1] * (module in names):
+            steps[str(file)] = (path.stem not in file.stem, min(counts))
+    store, files, seconds = work / "seconds.json", [], 0.0
+    known = json.loads(store.read_text()) if store.exists() else {}
+    for file in sorted(steps, key=steps.get):
+        if file not in known:
+            os.environ["NUMBA_CACHE_DIR"] = str(work / "kernels")
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            outcome, _ = run_tests(pytest_of(file), 10 * PATIENCE)
+            taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+            known[file] = taken if outcome == TestOutcome.SURVIVED else None
+            store.write_text(json.dumps(known))
+        if known[file] is not None and seconds + known[file] <= budget:
+            files, seconds = [*files, file], seconds + known[file]
+    return files, seconds
 
 
-def sample(rooms: list[str], count: int, seed: int, under: str = "") -> list[tuple[str, Path, Mutation]]:
-    """Random mutants of rooms, in each so many as its share of the lines.
-
-    The rooms are mixed, so that a part is a sample too; but compiled kernels, which cost the most, come last.
-    """
-    sizes = [sum(len(one.read_text("utf-8").splitlines()) for one in _files(room)) for room in rooms]
-    shares = [count * one / sum(sizes) for one in sizes]
-    counts = [int(one) for one in shares]
-    for k in sorted(range(len(rooms)), key=lambda k: counts[k] - shares[k])[: count - sum(counts)]:
-        counts[k] += 1
-    placed = []
-    for room, wanted in zip(rooms, counts, strict=True):
-        for k, (path, mutation) in enumerate(drawn(room, wanted, seed, under)):
-            compiled = in_kernel((ROOT / path).read_text("utf-8"), mutation.line)
-            placed.append((compiled, (k + 0.5) / wanted, room, path, mutation))
-    return [one[2:] for one in sorted(placed, key=lambda one: one[:3])]
+def _imported(file: Path, modules: set[str]) -> set[str]:
+    """Modules of the package that a test file imports."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names & modules
 
 
-def in_kernel(text: str, line: int) -> bool:
-    """Whether a line lies in a compiled function."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0):
-            named = [_name(one.func if isinstance(one, ast.Call) else one) for one in node.decorator_list]
-            if not KERNELS.isdisjoint(named):
-                return True
-    return False
+def pytest_of(*files: str) -> str:
+    """The command that runs test files until one fails."""
+    return f"{sys.executable} -m pytest -x -q --tb=no -p no:cacheprovider -m 'not long' {' '.join(files)}"
 
 
-def recorded(folder: Path) -> list[Outcome]:
-    """The results in a folder, in the order of their runs."""
-    store = folder / "outcomes.jsonl"
-    lines = store.read_text("utf-8").splitlines() if store.exists() else []
-    return [Outcome(**json.loads(line)) for line in lines]
-
-
-def standing(folder: Path) -> list[tuple[str, Path, Mutation]]:
-    """Mutants of a folder's results whose line the source still has: a sample changes with every line of a room."""
-    found = []
-    for file, change, room in dict.fromkeys((one.file, one.change, one.room) for one in recorded(folder)):
-        text = (ROOT / file).read_text("utf-8") if (ROOT / file).exists() else ""
-        before = change.partition("  ->  ")[0]
-        if any(line.strip() == before for line in text.splitlines()):
-            found += [(room, Path(file), one) for one in mutations(text) if one.described(text) == change][:1]
-    return found
-
-
-def places(at: list[str]) -> list[tuple[str, Path, Mutation]]:
-    """All mutants of the lines named, as `src/myomorph/motion/ties.py:235`."""
-    found = []
-    for name in at:
-        path, number = Path(name.rpartition(":")[0]), int(name.rpartition(":")[2])
-        for one in mutations((ROOT / path).read_text("utf-8")):
-            if one.line == number:
-                found.append((path.parts[2], path, one))
-    return found
-
-
-def _files(room: str) -> list[Path]:
-    return sorted((ROOT / "src" / "myomorph" / room).rglob("*.py"))
-
-
-def drawn(room: str, count: int, seed: int, under: str = "") -> list[tuple[Path, Mutation]]:
-    """Random mutants of a room, first the kind, then the place; no two on one line."""
-    sites: dict[str, list[tuple[Path, Mutation]]] = {kind: [] for kind in KINDS}
-    sources: dict[Path, tuple[str, _Sites]] = {}
-    for file in _files(room):
-        if under in file.as_posix():
-            path, text = file.relative_to(ROOT), file.read_text("utf-8")
-            sources[path] = text, _Sites(text)
-            for one in sources[path][1].found:
-                sites[one.kind].append((path, one))
-    rng = random.Random(f"{seed} {room}")
-    for sites_of_kind in sites.values():
-        rng.shuffle(sites_of_kind)
-    found: dict[tuple[Path, int], Mutation] = {}
-    while len(found) < count and any(sites.values()):
-        path, one = sites[rng.choice([kind for kind in KINDS if sites[kind]])].pop()
-        text, known = sources[path]
-        if one.compiles(text) and (one.start, one.end) not in known.ranked:
-            found.setdefault((path, one.line), one)
-    return [(path, one) for (path, _), one in found.items()]
-
-
-def statement(text: str, line: int) -> range:
-    """Lines of the innermost statement that holds a line; of one with a body, those before the body."""
-    spans = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or 0):
-            body = getattr(node, "body", None)
-            end = body[0].lineno - 1 if body and line < body[0].lineno else node.end_lineno or 0
-            spans.append(range(node.lineno, max(end, node.lineno) + 1))
-    return min(spans, key=len)
-
-
-def mutations(text: str) -> list[Mutation]:
-    """All mutants of a source text that still compile."""
-    sites = _Sites(text)
-    return [one for one in sites.found if one.compiles(text) and (one.start, one.end) not in sites.ranked]
-
-
-class _Sites(ast.NodeVisitor):
-    """Finds what may be changed inside functions; `ranked` are factors of what is only compared with itself."""
-
-    def __init__(self, text: str):
-        self.found: list[Mutation] = []
-        self.raw = text.encode()
-        self.begins = [0, *accumulate(len(line) for line in self.raw.splitlines(keepends=True))]
-        self.ranked: set[tuple[int, int]] = set()
-        self.inside = 0
-        self.visit(ast.parse(text))
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        self.inside += 1
-        for one in node.body:
-            self.visit(one)
-        self.inside -= 1
-
-    def generic_visit(self, node: ast.AST) -> None:
-        if isinstance(node, ast.Raise | ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom):
-            return
-        if isinstance(node, ast.AnnAssign):
-            if node.value is not None:
-                self.visit(node.value)
-            return
-        if self.inside:
-            self._sites_of(node)
-        if isinstance(node, ast.Call) and _name(node.func) in RANKING:
-            self.ranked |= {self._span(one) for one in node.args if isinstance(one, ast.BinOp)}
-        for child in ast.iter_child_nodes(node):
-            shaping = isinstance(child, ast.keyword) and child.arg in SHAPING
-            shaped = isinstance(node, ast.Call) and _name(node.func) in SHAPED and child is not node.func
-            if not shaping and not shaped:
-                self.visit(child)
-
-    def _sites_of(self, node: ast.AST) -> None:
-        if isinstance(node, ast.BinOp) and not any(_is_text(one) for one in (node.left, node.right)):
-            if type(node.op) in SIGNS:
-                self._swap("sign", node.left, node.right, SIGNS[type(node.op)])
-            elif isinstance(node.op, ast.Mult | ast.Div | ast.MatMult):
-                start, end = self._span(node)
-                whole = self.raw[start:end].decode()
-                self.found.append(Mutation("factor", node.lineno, start, end, f"(1.02 * ({whole}))"))
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            start, _ = self._span(node)
-            self.found.append(Mutation("sign", node.lineno, start, start + 1, "+"))
-        elif isinstance(node, ast.Compare):
-            for op, left, right in zip(node.ops, [node.left, *node.comparators], node.comparators, strict=False):
-                self._swap("comparison", left, right, OPPOSITE[type(op)])
-        elif isinstance(node, ast.BoolOp):
-            signs = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-            for left, right in zip(node.values, node.values[1:], strict=False):
-                self._swap("and/or", left, right, signs)
-        elif isinstance(node, ast.Constant) and type(node.value) is int:
-            start, end = self._span(node)
-            self.found.append(Mutation("off by one", node.lineno, start, end, str(node.value + 1)))
-
-    def _swap(self, kind: str, left: ast.expr, right: ast.expr, signs: tuple[str, str]) -> None:
-        """Another sign between two operands."""
-        first, last = self._span(left)[1], self._span(right)[0]
-        word = r"\b" if signs[0].isalpha() else ""
-        sign = re.search(word + re.escape(signs[0]).replace(r"\ ", r"\s+") + word, self.raw[first:last].decode())
-        if sign:
-            line = self.raw[: first + sign.start()].count(b"\n") + 1
-            self.found.append(Mutation(kind, line, first + sign.start(), first + sign.end(), signs[1]))
-
-    def _span(self, node: ast.expr) -> tuple[int, int]:
-        assert node.end_lineno is not None
-        assert node.end_col_offset is not None
-        return self.begins[node.lineno - 1] + node.col_offset, self.begins[node.end_lineno - 1] + node.end_col_offset
-
-
-def _name(node: ast.expr) -> str:
-    return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, TEXTS) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
+def _row(item: WorkItem, result: object) -> dict[str, object]:
+    spec = item.mutations[0]
+    lines = [line for line in result.diff.splitlines() if line[:1] in "+-" and line[:3] not in ("---", "+++")]
+    failed = [line for line in result.output.splitlines() if line.startswith(("FAILED", "ERROR", "timeout"))]
+    killed = result.test_outcome == TestOutcome.KILLED
+    return {
+        "file": f"{spec.module_path}:{spec.start_pos[0]}",
+        "kind": spec.operator_name.removeprefix("core/"),
+        "change": "  ->  ".join(line[1:].strip() for line in lines),
+        "noticed by": (failed or ["it does not run"])[0].split(" - ")[0] if killed else "",
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks.fuzz_readers import SEEDS
+from fuzz_readers import SEEDS
 
 from myomorph.model.errors import BadFile
 from myomorph.store.study_file import MAX_PROBLEMS

@@ -1,85 +1,160 @@
-"""Give every reader wrong files, in a process of its own: `python wrong_files.py EXAMPLES FOLDER`.
+"""Give readers wrong files, in a process of its own: `python wrong_files.py FOLDER (--examples N | --seconds S)`.
 
-Prints the reader before it begins with it, and afterwards `reader: what came out` where that is no `MyomorphError`.
-The process ends where an input takes longer than 20 s.
+With `--examples` every reader that needs no process for each file gets so many, the same ones every time; with
+`--seconds` one `--reader` gets files for so long, guided by the code that they reach where the package atheris is
+installed. Printed are `begins with READER`, the number of files and the slowest now and then, and each finding once:
+whatever came out but a `MyomorphError` of one line. The process ends where a file takes longer than `LIMIT`.
 """
 
 from __future__ import annotations
 
+import argparse
 import faulthandler
-import random
+import json
 import shutil
 import sys
+import time
 import traceback
 import warnings
-from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 
 import psutil
-from benchmarks.fuzz_child import LIMIT, MEMORY, is_line
-from benchmarks.fuzz_mutations import mutate
-from benchmarks.fuzz_readers import READERS, SEEDS, Reader
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
+from fuzz_readers import READERS, SEEDS, Reader, recordings
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from wrong_bytes import MAX_BYTES, wrong_files
 
 from myomorph.io.parsing.guard import limit_memory
 from myomorph.model.errors import MyomorphError
 
+LIMIT = 20.0
+"""Most seconds that a file may take."""
+MEMORY = 1.5
+"""Most memory that reading may take beyond what the program has at the start [GiB]."""
+LONGEST_MESSAGE = 21_000
+"""Characters of an error."""
+QUIET = {"deadline": None, "database": None, "phases": (Phase.generate,), "suppress_health_check": list(HealthCheck)}
 
-def wrong(reader: Reader, path: Path, examples: int) -> Callable[[], None]:
-    """A property: whatever is done to a file, the reader reads it or says what is wrong with it."""
-    seeds = reader.seeds()
 
-    @settings(
-        max_examples=examples,
-        deadline=None,
-        derandomize=True,
-        database=None,
-        phases=(Phase.generate,),
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(st.integers(0, 2**40))
-    def holds(number: int) -> None:
-        chance = random.Random(number)
-        path.write_bytes(mutate(chance.choice(seeds), seeds, chance))
+class Attempts:
+    """Files that a reader was given, and what came of them."""
+
+    def __init__(self, reader: Reader, folder: Path):
+        self.reader, self.files, self.slowest, self.begun = reader, 0, 0.0, time.monotonic()
+        self.path = folder / f"zz wrong{reader.ending}"
+        self.findings: set[str] = set()
+        self.told = self.begun
+
+    def __call__(self, data: bytes) -> None:
+        """Read one file."""
+        self.path.write_bytes(data)
         faulthandler.dump_traceback_later(LIMIT, exit=True)
+        start = time.monotonic()
         try:
-            reader.read(path)
+            self.reader.read(self.path)
         except MyomorphError as error:
-            if not is_line(str(error)):
-                raise ValueError(f"the message is no line for a terminal: {str(error)[:200]!r}") from None
+            text = str(error)
+            if len(text) > LONGEST_MESSAGE or len(text.splitlines()) != 1 or {"\0", "\x1b"} & set(text):
+                self._found("message", error, data)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self._found("memory" if isinstance(error, MemoryError) else "crash", error, data)
         finally:
             faulthandler.cancel_dump_traceback_later()
+        now = time.monotonic()
+        self.files, self.slowest = self.files + 1, max(self.slowest, now - start)
+        if now > self.told + 0.2:
+            self.tell()
 
-    return holds
+    def tell(self) -> None:
+        """Print how far it is."""
+        self.told = time.monotonic()
+        _print({"inputs": self.files, "slowest": self.slowest, "seconds": self.told - self.begun})
+
+    def _found(self, kind: str, error: BaseException, data: bytes) -> None:
+        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "myomorph" in frame.filename]
+        place = f"{Path(frames[-1].filename).name}:{frames[-1].lineno} {frames[-1].name}" if frames else ""
+        what = f"{kind}: {type(error).__name__} {place}"
+        if what not in self.findings:
+            self.findings.add(what)
+            kept = self.path.parent.parent / f"found {self.reader.name} {len(self.findings)}{self.reader.ending}"
+            kept.write_bytes(data)
+            _print({"reader": self.reader.name, "found": what, "message": str(error)[:300], "file": kept.name})
+
+
+def _print(facts: dict[str, object]) -> None:
+    print(json.dumps(facts), flush=True)
+
+
+def some(attempts: Attempts, examples: int) -> None:
+    """The first files of a reader, the same every time."""
+    settings(max_examples=examples, derandomize=True, **QUIET)(
+        given(wrong_files(attempts.reader.seeds()))(attempts.__call__)
+    )()
+
+
+def for_long(attempts: Attempts, seconds: float, start: int) -> None:
+    """Random files for so long."""
+    files = attempts.reader.seeds(recordings())
+    for data in files:
+        attempts(data)
+    test = settings(max_examples=200, **QUIET)(given(wrong_files(files))(attempts.__call__))
+    if not attempts.reader.guarded and _guided(test, seconds, start):
+        return
+    while time.monotonic() < attempts.begun + seconds:
+        start += 1
+        seed(start)(test)()
+
+
+def _guided(test: object, seconds: float, start: int) -> bool:
+    """Let atheris choose what Hypothesis draws; False where it is not installed."""
+    try:
+        import atheris
+    except ImportError:
+        return False
+    # Instrumented while they are imported, modules would keep Numba from finding what it compiled before.
+    for module in [
+        module for name, module in sys.modules.items() if name.startswith(("myomorph.io", "myomorph.study"))
+    ]:
+        for owner in (module, *(value for value in vars(module).values() if isinstance(value, type))):
+            for function in vars(owner).values():
+                if isinstance(function, FunctionType) and function.__module__ == module.__name__:
+                    atheris.instrument_func(function)
+    limits = [f"-max_total_time={max(int(seconds), 1)}", f"-seed={start}", "-timeout=3600", "-rss_limit_mb=0"]
+    atheris.Setup(["fuzz", *limits, f"-max_len={MAX_BYTES}", "-verbosity=0"], test.hypothesis.fuzz_one_input)
+    atheris.Fuzz()
+    return True
 
 
 def main() -> int:
-    """Try all readers that need no process for each file."""
-    examples, folder = int(sys.argv[1]), Path(sys.argv[2]) / "wrong files"
+    """Try the readers that the command line names; 1 where something was found."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--examples", type=int)
+    parser.add_argument("--seconds", type=float)
+    parser.add_argument("--start", type=int, default=0)
+    parser.add_argument("--reader", choices=[reader.name for reader in READERS])
+    options = parser.parse_args()
     warnings.simplefilter("ignore")
+    folder = options.folder / "wrong files"
+    shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(SEEDS, folder)
-    limited = failed = 0
-    for reader in READERS:
-        if reader.guarded:
-            continue
+    findings = 0
+    chosen = [reader for reader in READERS if reader.name == options.reader or not (options.reader or reader.guarded)]
+    for number, reader in enumerate(chosen):
         print(f"begins with {reader.name}", flush=True)
-        path = folder / f"zz given{reader.ending}"
-        path.write_bytes(reader.seeds()[0])
-        reader.read(path)
-        if not limited:
+        attempts = Attempts(reader, folder)
+        attempts(reader.seeds()[0])
+        if number == 0:
             limit_memory(psutil.Process().memory_info().vms / 2**30 + MEMORY)
-            limited = 1
-        try:
-            wrong(reader, path, examples)()
-        except Exception as error:
-            failed += 1
-            own = [one for one in traceback.extract_tb(error.__traceback__) if "myomorph" in one.filename]
-            print(
-                f"{reader.name}: {type(error).__name__} {error!s:.300} {own[-1:]} {path.read_bytes()[:300]!r}",
-                flush=True,
-            )
-    return int(failed > 0)
+        if options.examples:
+            some(attempts, options.examples)
+        else:
+            for_long(attempts, options.seconds, options.start)
+        attempts.tell()
+        findings += len(attempts.findings)
+    return int(findings > 0)
 
 
 if __name__ == "__main__":

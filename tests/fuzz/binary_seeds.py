@@ -1,4 +1,4 @@
-"""Small binary files of every kind, made here; those of text lie in `fuzz_seeds`."""
+"""Small binary files of every kind, made here; those of text lie in `seeds`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers, PlateRecording
 from myomorph.store.results import new_result
 
-SEEDS = Path(__file__).with_name("fuzz_seeds")
+SEEDS = Path(__file__).with_name("seeds")
 TIME = np.arange(6) / 100.0
 
 

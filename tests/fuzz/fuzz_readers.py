@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from benchmarks.fuzz_made import SEEDS, binary_seeds
+from binary_seeds import SEEDS, binary_seeds
+
 from myomorph.io.c3d import read as c3d
 from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
@@ -55,7 +56,7 @@ class Reader:
     name : of the kind of file
     ending : that the file must have
     read : takes the path
-    files : seeds among `fuzz_seeds`; binary ones are made
+    files : seeds among `seeds`; binary ones are made
     recorded : pattern of real files, where there are any
     guarded : it starts a process for each file, so that few inputs a second are tried
     """
