@@ -62,12 +62,12 @@ def plain_words(name: str) -> str:
     return name.replace("lower_arm", "forearm").replace("_", " ")
 
 
-Panel = Literal["score", "center", "phases", "contact forces", "relations"]
+Panel = Literal["score", "center", "phases", "contact forces", "correlations"]
 Cut = Literal["events", "contacts", "cycles", "parts"]
 
-PANELS: tuple[Panel, ...] = ("score", "center", "phases", "contact forces", "relations")
+PANELS: tuple[Panel, ...] = ("score", "center", "phases", "contact forces", "correlations")
 """Every panel, in the order of the page: pictures, height, contacts and muscles on one time axis; the center of
-gravity; phases; contact forces; what goes with what."""
+gravity; phases; contact forces; correlations with it."""
 
 CUTS: tuple[Cut, ...] = ("events", "contacts", "cycles", "parts")
 """Every way to cut a motion: between events, where the contact state changes, by the period of the center of gravity,

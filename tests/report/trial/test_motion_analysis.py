@@ -112,7 +112,7 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
 def test_presets_make_pages_of_well_formed_drawings() -> None:
     for name in ("taichi", "tap", "motion"):
         sections = analysis_sections(prepare(having(everything(), preset=name)))
-        assert [one.key for one in sections] == ["analysis", "center-of-gravity", "phases", "relations"]
+        assert [one.key for one in sections] == ["analysis", "center-of-gravity", "phases", "correlations"]
         for drawing in (one for section in sections for figure in section.figures for one in _drawings(figure.svg)):
             assert (
                 etree.fromstring(drawing).get("aria-label") or etree.fromstring(drawing).get("role") == "presentation"

@@ -41,7 +41,7 @@ def test_it_needs_nothing_else(page: html.HtmlElement) -> None:
 
 
 def test_all_parts_have_their_section(page: html.HtmlElement) -> None:
-    analysis = {"analysis", "center-of-gravity", "phases", "relations"}
+    analysis = {"analysis", "center-of-gravity", "phases", "correlations"}
     chain = {"markers", "forces", "joints", "activations", "tensions"}
     assert keys(page) == {"verdict", "body", "made"} | analysis | chain
     assert all(link[1:] in keys(page) for link in page.xpath("//nav/a/@href"))

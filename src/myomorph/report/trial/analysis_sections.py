@@ -31,7 +31,7 @@ from myomorph.report.trial.motion_analysis import (
 )
 from myomorph.report.trial.muscle_sections import emg_of
 from myomorph.report.trial.prepared import Prepared
-from myomorph.report.trial.relation_tables import cut_words, phase_section, relation_section
+from myomorph.report.trial.relation_tables import correlation_section, cut_words, phase_section
 
 MUSCLE_ROW = 31
 TOPS = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
@@ -164,7 +164,7 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
         "center": lambda: center_section(prepared, analysis, behind),
         "phases": lambda: phase_section(analysis),
         "contact forces": lambda: contact_force_section(prepared, behind, analysis.who),
-        "relations": lambda: relation_section(analysis),
+        "correlations": lambda: correlation_section(analysis),
     }
     found = [made[panel]() for panel in analysis.preset.panels]
     return [one for one in found if one is not None]

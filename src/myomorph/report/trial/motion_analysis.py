@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.contact_states import Limb, limb_states, measured_contacts, solved_contacts
+from myomorph.analysis.correlations import Correlations, correlate
 from myomorph.analysis.cycles import NONE, Periodicity, find_period
-from myomorph.analysis.lagged import Correlations, Locking, correlate, lock
 from myomorph.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
 from myomorph.analysis.presets import Preset, fitting_preset, named_muscles, preset_of
 from myomorph.analysis.selection import Pair, Subject, centroids, lowest_joint, standing_height, subjects
@@ -61,9 +61,7 @@ class MotionAnalysis:
     limbs, touching : what can touch, and (frames, limbs) whether it does, at `time`
     activations : (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
     measures : of every stage, of the first person
-    relations : rows contacts and muscles, columns `axes`, of the first person
-    rhythm : the axis with the clearest of the longest periods of the first person, -1 where none repeats
-    locking : contacts and muscles against that period, None where it comes too seldom
+    correlations : rows contacts and muscles, columns `axes`, of the first person
     """
 
     preset: Preset
@@ -78,9 +76,7 @@ class MotionAnalysis:
     cutting: Cutting
     activations: Series | None
     measures: tuple[StageMeasures, ...]
-    relations: Correlations | None
-    rhythm: int
-    locking: Locking | None
+    correlations: Correlations | None
 
     @property
     def who(self) -> tuple[Subject, ...]:
@@ -106,8 +102,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         else fitting_preset(walks, sources, people, len(who) > people > 0)
     )
     persons = _persons(prepared, who, preset)
-    rhythm = _rhythm(persons)
-    period = persons[0].periods[rhythm].period if rhythm >= 0 else float("nan")
+    period = _period(persons)
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
     cutting = cut(
         Cuttable(prepared.span, clock, prepared.events, tuple(limb.label for limb in limbs), touching, nothing, period),
@@ -118,14 +113,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     center = persons[0].center if persons else None
     own = _of_first(activations, persons)
     measures = tuple(measure(stage, center, own, clock, touching) for stage in cutting.stages)
-    relations, locking = None, None
     rows = _rows(own, clock, limbs, touching)
-    if center is not None and rows is not None and len(rows) > 1:
-        moved = leveled(center)
-        relations = correlate(rows, moved)
-        if rhythm >= 0:
-            axis = Series(moved.time, moved.names[rhythm : rhythm + 1], moved.values[:, [rhythm]])
-            locking = lock(rows, axis, period)
     return MotionAnalysis(
         preset,
         bool(given.analysis.preset),
@@ -139,9 +127,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         cutting,
         activations,
         measures,
-        relations,
-        rhythm,
-        locking,
+        correlate(rows, leveled(center)) if center is not None and rows is not None and len(rows) > 1 else None,
     )
 
 
@@ -208,12 +194,12 @@ def _still(center: Series) -> float:
     return float(part[:, 0].mean()) if moved < least else float("nan")
 
 
-def _rhythm(persons: tuple[Person, ...]) -> int:
-    """Of the axes of the first person's center of gravity with the longest periods the clearest; -1 for none."""
-    periods = [period.period if period.periodic else 0.0 for period in persons[0].periods] if persons else [0.0]
-    longest = [period > NEARLY * max(periods) > 0.0 for period in periods]
-    alike = [period.likeness for period in persons[0].periods] if persons else []
-    return int(np.argmax(np.where(longest, alike, -1.0))) if any(longest) else -1
+def _period(persons: tuple[Person, ...]) -> float:
+    """The clearest of the longest periods of the first person's center of gravity [s]; NaN for none."""
+    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
+    longest = max((period.period for period in periodic), default=0.0)
+    alike = [period for period in periodic if period.period > NEARLY * longest]
+    return max(alike, key=lambda period: period.likeness).period if alike else float("nan")
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:

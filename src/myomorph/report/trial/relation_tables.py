@@ -1,4 +1,4 @@
-"""Phases and relations of a motion: tables of what each phase is like and of what goes with what."""
+"""Phases of a motion in tables, and what correlates with the center of gravity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Set
 
 import numpy as np
 
-from myomorph.analysis.lagged import Correlations, Locking
+from myomorph.analysis.correlations import Correlations
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.cells import Cell, sided_table
 from myomorph.report.page.parts import Figure, Grid, Section
@@ -133,52 +133,32 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
     return sided_table(title, "darker: more active", [one.name for one in stages], table)
 
 
-def relation_section(analysis: MotionAnalysis) -> Section | None:
-    """What contacts and muscles have to do with the center of gravity."""
-    found = analysis.relations
-    if found is None or not np.isfinite(found.values).any():
+def correlation_section(analysis: MotionAnalysis) -> Section | None:
+    """Correlations of contacts and muscles with the center of gravity."""
+    correlations = analysis.correlations
+    if correlations is None or not np.isfinite(correlations.values).any():
         return None
     rows: dict[str, dict[str, int]] = {}
-    for i, name in enumerate(found.rows):
+    for index, name in enumerate(correlations.rows):
         label, side = _split(name, {limb.label for limb in analysis.limbs})
-        rows.setdefault(label, {})[side] = i
-    locking, columns = analysis.locking, list(found.columns)
-    if locking is not None:
-        period = analysis.persons[0].periods[analysis.rhythm].period
-        columns.append(f"rhythm of {analysis.axes[analysis.rhythm]}, {number(period)} s")
+        rows.setdefault(label, {})[side] = index
     table = []
     for label, sides in rows.items():
         order = ("right", "left") if set(sides) & {"right", "left"} else ("",)
         cells = [
-            tuple(_cell(found, sides[side], j) if side in sides else None for side in order)
-            for j in range(len(found.columns))
+            tuple(_cell(correlations, sides[side], column) if side in sides else None for side in order)
+            for column in range(len(correlations.columns))
         ]
-        if locking is not None:
-            cells.append(tuple(_step(locking, found.rows[sides[side]]) if side in sides else None for side in order))
         table.append((label, tuple(cells)))
-    drawing = sided_table("Correlation", "r · lag", columns, table)
-    return Section("relations", "Correlations", _relation_lead(analysis, found), (), (Figure(drawing, "full"),))
-
-
-def _relation_lead(analysis: MotionAnalysis, correlations: Correlations) -> str:
-    count, total = int(correlations.related.sum()), int(np.isfinite(correlations.values).sum())
-    printed = [
-        "Correlation of contacts and activations with the detrended center of gravity at the lag "
-        "where it is strongest. Positive lag: the contact or muscle follows the center of gravity.",
+    count, total = int(correlations.significant.sum()), int(np.isfinite(correlations.values).sum())
+    lead = "Correlation of contacts and activations with the detrended center of gravity. " + (
         f"{count} of {total} pairs are significant and colored: autocorrelated samples are not counted as "
         "independent, and the false discovery rate is 5 %."
         if count
-        else f"None of {total} pairs is significant: the recording is too short or too slow.",
-    ]
-    if analysis.locking is not None:
-        locking = analysis.locking
-        printed.append(
-            f"Last column: phase locking to the rhythm of the center of gravity over {locking.cycles} periods (1: "
-            "at the same point of every period) and the delay within the period; "
-            f"{int(locking.locked.sum())} of {len(locking.names)} are locked. "
-            "A common rhythm does not imply cause and effect."
-        )
-    return " ".join(printed)
+        else f"None of {total} pairs is significant: the recording is too short or too slow."
+    )
+    figure = Figure(sided_table("Correlation", "r", correlations.columns, table), "full")
+    return Section("correlations", "Correlations", lead, figures=(figure,))
 
 
 def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
@@ -192,22 +172,11 @@ def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
     return f"{printed[:1].upper() + printed[1:]} contact", side
 
 
-def _cell(correlations: Correlations, i: int, j: int) -> Cell:
-    value, lag = float(correlations.values[i, j]), float(correlations.lags[i, j])
-    printed = (
-        f"{correlations.rows[i]} and {correlations.columns[j]}: r = {number(value)} at {number(lag, 0.01)} s, "
-        f"{number(float(correlations.freedom[i, j]))} independent samples, chance "
-        f"{number(float(correlations.chance[i, j]))}"
+def _cell(correlations: Correlations, row: int, column: int) -> Cell:
+    value = float(correlations.values[row, column])
+    under = (
+        f"{correlations.rows[row]} and {correlations.columns[column]}: r = {number(value)}, "
+        f"{number(float(correlations.freedom[row, column]))} independent samples, "
+        f"p = {number(float(correlations.chance[row, column]))}"
     )
-    if not correlations.related[i, j]:
-        return Cell(float("nan"), number(value, 0.01), printed)
-    return Cell(value, f"{number(value, 0.01)} · {number(lag, 0.01)} s", printed)
-
-
-def _step(locking: Locking, name: str) -> Cell:
-    k = locking.names.index(name)
-    strength, delay = float(locking.strength[k]), float(locking.delay[k])
-    printed = f"{name}: {number(strength)} over {locking.cycles} periods, chance {number(float(locking.chance[k]))}"
-    if not locking.locked[k]:
-        return Cell(float("nan"), number(strength, 0.01), printed)
-    return Cell(strength, f"{number(strength, 0.01)} · {100 * delay:.0f} %", printed)
+    return Cell(value if correlations.significant[row, column] else float("nan"), number(value, 0.01), under)
