@@ -96,7 +96,7 @@ class TrialResult:
             where xarray is not installed
         """
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
-        xarray = from_extra("xarray", "xarray")
+        xarray, _ = from_extra("xarray", "xarray"), from_extra("xarray", "h5netcdf")
         return xarray.load_dataset(self.path, engine="h5netcdf")
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -105,12 +105,10 @@ class TrialResult:
         Raises
         ------
         MissingPackage
-            where xarray, which brings pandas, is not installed
+            where xarray and pandas are not installed
         """
         dataset = self.to_xarray()
-        # Brings pandas: loaded only where it is needed.
-        import pandas
-
+        pandas = from_extra("xarray", "pandas")
         parts = {
             str(name): variable.to_pandas() if variable.ndim == 2 else variable.to_pandas().to_frame("")
             for name, variable in dataset.data_vars.items()
