@@ -24,6 +24,7 @@ from myomorph.io.sto import read_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
+from myomorph.model.segments import joint_labels
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import common_time, cut, resample_wrenches
@@ -208,10 +209,10 @@ def _truth(model: Model, body: Model, motion: Motion, wrenches: Wrenches, draw: 
     volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
     options = TensionOptions(exponent=3.0 if cubed else 2.0, weights="volume" if volume else "equal")
     tension = solve_tension(body, moved, torques, options)
-    loads = joint_reactions(body, moved, tension, wrenches).table(magnitudes=True)
+    loads = joint_reactions(body, moved, tension, wrenches).table(joint_labels(body))
     free = [name for name in model.coordinate_names if not model.coordinate(name).locked]
     free = [name for name in free if name not in {one.dependent for one in model.couplers}]
-    sizes = [name for name in loads.names if name.endswith("_f")]
+    sizes = [name for name in loads.names if name.endswith("_force")]
     return Truth(
         motion.time,
         {
@@ -275,7 +276,9 @@ def _ratios(
     table: str, sampled: dict[tuple[str, str], float], linear: dict[tuple[str, str], float]
 ) -> dict[str, object]:
     """How the standard deviations of a table's columns compare, of those that are not nearly 0."""
-    names = [name for name in sampled if name[0] == table and (table != "joint_reactions" or name[1].endswith("_f"))]
+    names = [
+        name for name in sampled if name[0] == table and (table != "joint_reactions" or name[1].endswith("_force"))
+    ]
     largest = max(sampled[name] for name in names)
     ratios = {one[1]: linear[one] / sampled[one] for one in names if sampled[one] > 0.01 * largest}
     values = np.array(list(ratios.values()))

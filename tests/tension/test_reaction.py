@@ -14,6 +14,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import GROUND, Actuator
 from myomorph.model.paths import Bushing
+from myomorph.model.segments import joint_labels
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
@@ -159,6 +160,26 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
             )
             work = (own - parents) @ np.concatenate([found.moments[frame, k], found.forces[frame, k]])
             np.testing.assert_allclose(work, given[frame], atol=1e-5 + lost[frame])
+
+
+def test_the_table_has_one_column_a_joint_with_a_plain_name(walk):
+    model, motion, wrenches, tension = walk
+    loads = joint_reactions(model, motion, tension, wrenches)
+    plain, labelled = loads.table(), loads.table(joint_labels(model))
+    for side in ("r", "l"):
+        joint = next(name for name in loads.joints if name in (f"knee_{side}", f"walker_knee_{side}"))
+        np.testing.assert_allclose(labelled[f"knee_{side}_force"], np.linalg.norm(loads.of(joint), axis=1))
+    assert labelled.names[len(loads.joints) :] == plain.names
+    assert len(set(labelled.names)) == len(labelled.names)
+
+
+def test_joints_without_a_word_are_named_after_coordinates_or_bodies(walk):
+    model, *_ = walk
+    joints = [replace(joint, name=f"j{index}") for index, joint in enumerate(model.joints)]
+    labels = joint_labels(replace(model, joints=tuple(joints)))
+    assert {"hip_r", "knee_r", "ankle_l"} <= set(labels.values())
+    assert labels["j0"] == model.joints[0].child
+    assert len(set(labels.values())) == len(labels)
 
 
 def test_forces_and_motion_agree_on_the_reactions_of_a_balanced_motion(walk):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -28,6 +29,13 @@ _PATTERNS = (
     ("lower_trunk", r"pelvis|sacrum|lumbar|abd(omen)?(_|$)|hips?$|ilium|coccyx|^l[1-5]$|full.body"),
     ("upper_trunk", r"torso|trunk|thora|rib|sternum|clav|scap|chest|spine|back|shoulder|^t(1[0-2]?|[2-9])$"),
 )  # fmt: skip
+
+JOINT_WORDS = (
+    "hip", "knee", "ankle", "subtalar", "mtp", "patellofemoral", "tibiofemoral", "talocrural", "midtarsal", "lumbar",
+    "back", "neck", "shoulder", "glenohumeral", "acromial", "acromioclavicular", "sternoclavicular", "scapulothoracic",
+    "elbow", "humeroulnar", "radioulnar", "wrist", "radiocarpal",
+)  # fmt: skip
+"""Words for joints that names of joints, coordinates and bodies hold."""
 
 
 @dataclass(frozen=True)
@@ -90,3 +98,24 @@ def _by_name(body: str) -> Segment | None:
             trunk = segment in ("head", "upper_trunk", "lower_trunk")
             return Segment(segment, "" if trunk else side)
     return None
+
+
+def joint_labels(model: Model) -> Mapping[str, str]:
+    """A plain name for every joint: `knee_r` for `walker_knee_r` and for `tibia_r` that turns by `knee_angle_r`.
+
+    The word for the joint in its name, else in that of a coordinate of its own, with its side; else its child body.
+    Joints that would share a name keep the model's.
+    """
+    labels = {}
+    for joint in model.joints:
+        words = (_joint_word(name) for name in (joint.name, *joint.coordinates))
+        labels[joint.name] = next((word for word in words if word), joint.child)
+    shared = Counter(labels.values())
+    return FrozenMap({name: label if shared[label] == 1 else name for name, label in labels.items()})
+
+
+def _joint_word(name: str) -> str:
+    base, side = split_side(name)
+    words = base.lower().split("_")
+    word = next((word for word in words if word in JOINT_WORDS), "")
+    return f"{word}_{side[0]}" if word and side else word

@@ -75,23 +75,26 @@ class JointReactions:
         """Force in one joint (frames, 3) [N]; raises `UnknownName`."""
         return self.forces[:, index_of("joint", joint, self.joints, "the reactions")]
 
-    def table(self, magnitudes: bool = False) -> Table:
+    def table(self, labels: Mapping[str, str] | None = None) -> Table:
         """The loads as OpenSim's JointReaction writes them: `<joint>_on_<body>_in_<frame>_fx` ... `_pz`.
 
         Parameters
         ----------
-        magnitudes : with `..._f`, the size of the force [N], after its three parts
+        labels : plain names by joint; with them the magnitude of each force comes first, `<label>_force` [N]
         """
         frames = len(self.time)
-        sizes = [np.linalg.norm(self.forces, axis=2)[..., None]] if magnitudes else []
-        parts = np.concatenate([self.forces, *sizes, self.moments, self.points], axis=2)
-        endings = ("fx", "fy", "fz", *(("f",) if magnitudes else ()), "mx", "my", "mz", "px", "py", "pz")
+        parts = np.concatenate([self.forces, self.moments, self.points], axis=2)
+        endings = ("fx", "fy", "fz", "mx", "my", "mz", "px", "py", "pz")
         roots = [
             f"{joint}_on_{body}_in_{frame}"
             for joint, body, frame in zip(self.joints, self.bodies, self.frames, strict=True)
         ]
-        names = tuple(f"{root}_{ending}" for root in roots for ending in endings)
-        return Table(self.time, names, parts.reshape(frames, -1), facts=FrozenMap({"name": "Joint Reaction Loads"}))
+        names = [f"{root}_{ending}" for root in roots for ending in endings]
+        values = parts.reshape(frames, -1)
+        if labels is not None:
+            names = [*(f"{labels[joint]}_force" for joint in self.joints), *names]
+            values = np.hstack([np.linalg.norm(self.forces, axis=2), values])
+        return Table(self.time, tuple(names), values, facts=FrozenMap({"name": "Joint Reaction Loads"}))
 
 
 def joint_reactions(

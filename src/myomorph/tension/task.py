@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
+from myomorph.model.segments import joint_labels
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -177,7 +178,7 @@ class TensionTask:
     def reactions(self, tension: Tension, frame: str) -> Table:
         """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
         own = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(magnitudes=True)
+        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(joint_labels(self.model))
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Forces at contact points of joints."""

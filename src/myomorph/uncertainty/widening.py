@@ -25,7 +25,7 @@ FACTORS: Mapping[str, float] = FrozenMap(
 """By table; found on simulated motions and held against others, as docs/validation/uncertainty.md says. Of a table
 that is not named nothing is known: its limits stay as drawn."""
 NOT_NEGATIVE = ("activations", "forces")
-"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`) are not."""
+"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are not."""
 
 
 def widened(name: str, spread: Spread, factor: float) -> Spread:
@@ -39,7 +39,7 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
         return spread
     middle, half = 0.5 * (spread.low + spread.high), 0.5 * factor * (spread.high - spread.low)
     low, high = middle - half, middle + half
-    positive = [name in NOT_NEGATIVE or one.endswith("_f") for one in spread.names]
+    positive = [name in NOT_NEGATIVE or one.endswith(("_f", "_force")) for one in spread.names]
     low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
     if name == "activations":
         high = np.minimum(high, np.maximum(spread.high, 1.0))

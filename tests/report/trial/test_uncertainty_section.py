@@ -23,7 +23,7 @@ def test_units_are_those_of_each_column() -> None:
     units = {
         ("coordinates", "hip_flexion_r"): "°", ("coordinates", "pelvis_tx"): "m", ("torques", "knee_angle_r"): "N·m",
         ("torques", "pelvis_ty"): "N", ("forces", "recfem_r"): "N", ("activations", "recfem_r"): "",
-        ("joint_reactions", "hip_r_on_femur_r_in_femur_r_f"): "N",
+        ("joint_reactions", "hip_r_force"): "N",
         ("joint_reactions", "hip_r_on_femur_r_in_femur_r_mx"): "N·m",
         ("joint_reactions", "hip_r_on_femur_r_in_femur_r_pz"): "m",
     }  # fmt: skip
