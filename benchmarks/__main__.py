@@ -1,4 +1,7 @@
-"""`python -m benchmarks NAME [--csv FILE] [--json FILE]`: run one comparison and print its medians and ratios."""
+"""`python -m benchmarks NAME [--save] [--csv FILE] [--json FILE]`: run one comparison and print its medians and ratios.
+
+With `--save` its rows become the table of docs/results/performance that docs/performance.md shows.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ import csv
 import importlib
 import json
 from pathlib import Path
+
+from benchmarks.results import save
 
 COMPARISONS = {
     "opensim": ("benchmarks.speed.opensim", "speed of every step against OpenSim 4.6, both in one run"),
@@ -53,6 +58,7 @@ def main() -> None:
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
     parser.add_argument("--csv", type=Path, help="write the rows to this table too")
+    parser.add_argument("--save", action="store_true", help="write the rows to docs/results/performance")
     options, rest = parser.parse_known_args()
     comparison = importlib.import_module(COMPARISONS[options.name][0])
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks {options.name}", add_help=False)
@@ -64,6 +70,9 @@ def main() -> None:
         options.json.write_text(json.dumps(rows, indent=1, default=float))
     if options.csv:
         write_csv(options.csv, rows)
+    if options.save:
+        words = " ".join([options.name, *rest])
+        save(f"performance/{'-'.join(words.replace('--', '').split())}", rows, f"python -m benchmarks {words} --save")
 
 
 def print_rows(rows: list[dict[str, object]]) -> None:

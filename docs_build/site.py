@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: equations as MathML, a reference page for every module, the changelog as a page."""
+"""Hooks of mkdocs: navigation, tables of results, equations as MathML, a reference of every module, the changelog."""
 
 from __future__ import annotations
 
@@ -14,6 +14,14 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
+# mkdocs runs this file by its path alone: its own folder is no package there.
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from docs_build.navigation import navigation, with_listed  # noqa: E402
+from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
+from docs_build.tables import rendered  # noqa: E402
+
 PACKAGE = ROOT / "src" / "myomorph"
 # From the top of the map in docs/architecture.md downwards.
 ROOMS = (
@@ -44,24 +52,16 @@ TEX = {r"\arg": r"\operatorname{arg}"}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Complete the navigation: the reference before the pages on development, and all decisions among these."""
+    """Make the navigation: the groups of the index, with the reference before the pages on development."""
     rooms = [{room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]} for room in ROOMS]
-    last = next(i for i, entry in enumerate(config.nav or []) if "Development" in entry)
-    decisions = [
-        path.relative_to(config.docs_dir).as_posix() for path in Path(config.docs_dir, "decisions").glob("*.md")
-    ]
-    config.nav[last]["Development"].append({"Decisions": sorted(decisions)})
-    config.nav = [*config.nav[:last], {"Reference": ["reference/index.md", *rooms]}, *config.nav[last:]]
+    groups = navigation()
+    at = next(i for i, group in enumerate(groups) if "Development" in group)
+    config.nav = [*groups[:at], {"Reference": ["reference/index.md", *rooms]}, *groups[at:]]
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Pages that are made of the package and of files beside `docs/`, and the notebooks of tutorials."""
-    # mkdocs runs this file by its path alone: its own folder is no package there.
-    if str(ROOT) not in sys.path:
-        sys.path.insert(0, str(ROOT))
-    from docs_build.notebooks import notebook_text, tutorials
-
     made = {
         "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "reference/index.md": reference_index(),
@@ -76,8 +76,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Tutorials name the notebook that is made of them, under their heading."""
+    """Put tables and numbers of results in place; tutorials name the notebook that is made of them."""
     source = Path(page.file.src_uri)
+    markdown = with_listed(rendered(markdown, page.file.src_uri), page.file.src_uri)
+    # The index has the changelog beside docs/; in the site it is a page like others.
+    markdown = markdown.replace("](../CHANGELOG.md)", "](changelog.md)")
     if source.parts[0] != "tutorials" or source.stem == "index":
         return markdown
     heading, _, rest = markdown.partition("\n")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -96,12 +95,3 @@ def test_descriptions_of_fields_stand_below_their_names():
         "Length.\n\nParameters\n----------\nl : of the tendon, see x[i](t) [m]\n\nReturns\n-------\n(n,) [m]\n"
     )
     assert told.splitlines()[4:] == ["l", r"    of the tendon, see x[i\](t) [m]", "", "**Returns**", "", "(n,) [m]"]
-
-
-def test_every_page_is_in_the_navigation():
-    """A page that cannot be found by clicking is not read."""
-    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    named = set(re.findall(r"([\w/-]+\.md)", text)) | {
-        path.relative_to(DOCS).as_posix() for path in (DOCS / "decisions").glob("*")
-    }
-    assert {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} <= named

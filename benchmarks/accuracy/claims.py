@@ -1,18 +1,16 @@
-"""The front page of docs/validation: for each claim the number, the target, the comparison and where its table is.
+"""What the front page of docs/validation claims: for each claim the number, the target, the comparison and its table.
 
-Every number is computed from the tables of the other pages; none is typed.
+Every number is computed from the other tables of results; none is typed.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-Table = Sequence[Mapping[str, str]]
-"""Rows of a printed table: column to cell."""
+from benchmarks.results import Row, Table, load
 
-MISSING = "not measured"
 LIKE_OURS = "OpenSim 4.6, coordinates and loads filtered as by our default"
 
 
@@ -23,14 +21,14 @@ class Claim:
     Attributes
     ----------
     text : what is claimed
-    section : whose table has the rows
+    table : of results that has the rows
     number : from the rows to what is printed
     target : "" where none was set
     against : what it is compared with
     """
 
     text: str
-    section: str
+    table: str
     number: Callable[[Table], str]
     target: str
     against: str
@@ -246,30 +244,18 @@ def _of_known_truths() -> tuple[Claim, ...]:
     )
 
 
-def front_table(tables: Mapping[str, str], pages: Mapping[str, str]) -> str:
-    """The claims as a Markdown table.
-
-    Parameters
-    ----------
-    tables : printed table of each section
-    pages : file of the page that holds each section
-    """
-    lines = ["| claim | measured | target | compared with | command |", "| --- | --- | --- | --- | --- |"]
-    for claim in claims():
-        rows = parsed(tables.get(claim.section, ""))
-        number = claim.number(rows) if rows else MISSING
-        command = f"`python -m benchmarks.validation {claim.section}`"
-        text = f"[{claim.text}]({pages[claim.section]})"
-        lines.append(f"| {text} | {number} | {claim.target} | {claim.against} | {command} |")
-    return "\n".join(lines) + "\n"
-
-
-def parsed(table: str) -> list[dict[str, str]]:
-    """Rows of a Markdown table, column to cell."""
-    lines = [
-        [cell.strip() for cell in line.strip().strip("|").split("|")] for line in table.splitlines() if "|" in line
+def claim_rows() -> list[Row]:
+    """The claims with their numbers, from the tables as they are on disk."""
+    return [
+        {
+            "claim": claim.text,
+            "measured": claim.number(load(f"validation/{claim.table}")),
+            "target": claim.target,
+            "compared with": claim.against,
+            "table": claim.table,
+        }
+        for claim in claims()
     ]
-    return [dict(zip(lines[0], line, strict=True)) for line in lines[2:]] if len(lines) > 2 else []
 
 
 def _number(cell: str) -> float:

@@ -40,7 +40,12 @@ def marker_rmse(
     return float(np.sqrt((shares * np.nan_to_num(squares)).sum() / shares.sum()))
 
 
-def measure_inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
+def measure_inverse_kinematics(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a recording."""
+    return (_inverse_kinematics(folder, case) for case in MARKER_CASES)
+
+
+def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     """Marker RMSE of both programs with the same weights, and their milliseconds a frame."""
     model = read_model(folder / case.model)
     markers = read_trc(folder / case.markers).markers
@@ -106,7 +111,12 @@ def written_whole(model: Model, motion: Motion, folder: Path) -> tuple[Motion, P
     return whole, path
 
 
-def measure_inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
+def measure_inverse_dynamics(folder: Path) -> Iterator[dict[str, object]]:
+    """A row a recording."""
+    return (_inverse_dynamics(folder, case) for case in FORCE_CASES)
+
+
+def _inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
     """Largest RMS difference of a coordinate relative to its range, and milliseconds a frame."""
     model = read_model(folder / case.model)
     given = motion_from_table(read_sto(folder / case.motion), model)
@@ -146,11 +156,3 @@ def measure_inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]
         "ours [ms/frame]": 1e3 * seconds / len(ours),
         "OpenSim [ms/frame]": 1e3 * theirs.seconds / len(theirs.time),
     }
-
-
-def measure(folder: Path) -> Iterator[tuple[str, dict[str, object]]]:
-    """Rows of both tables, ("ik", row) and ("id", row)."""
-    for case in MARKER_CASES:
-        yield "ik", measure_inverse_kinematics(folder, case)
-    for force_case in FORCE_CASES:
-        yield "id", measure_inverse_dynamics(folder, force_case)

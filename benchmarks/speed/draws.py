@@ -43,7 +43,7 @@ def run(draws: int) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for name, words in ways.items():
         wall, processor, memory = _measured(words)
-        row: dict[str, object] = {"": name, "time [s]": wall, "processor time [s]": processor, "memory [MB]": memory}
+        row: dict[str, object] = {"way": name, "time [s]": wall, "processor time [s]": processor, "memory [MB]": memory}
         first = rows[0] if rows else row
         row["time over that without draws"] = wall / float(str(first["time [s]"]))
         row["memory above [MB]"] = memory - float(str(first["memory [MB]"]))

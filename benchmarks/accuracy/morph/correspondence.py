@@ -186,6 +186,21 @@ def in_flesh(found: list[tuple[np.ndarray, ...]]) -> Row:
     }
 
 
+def measure_affine() -> Iterator[Row]:
+    """Bones that are only stretched and sheared."""
+    return measure("affine", range(20, 23))
+
+
+def measure_smooth() -> Iterator[Row]:
+    """Bones that are bent too."""
+    return measure("smooth")
+
+
+def measure_landmarks() -> Iterator[Row]:
+    """Bent bones with three landmarks."""
+    return measure("landmarks", range(20, 25))
+
+
 def measure_persons() -> Iterator[Row]:
     """A row a bone and method: the mean of the 25 others of LLP26 in the bone of a person, held-out persons alone."""
     for name in leg_shapes():

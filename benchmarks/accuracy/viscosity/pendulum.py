@@ -26,6 +26,7 @@ Numbers = Mapping[str, tuple[float, float]]
 
 def measure_decay(folder: Path) -> Iterator[Row]:
     """Laws of damping fitted to the recorded swing of a fork."""
+    folder = folder / "pendulum-swing-inertia"
     if not folder.exists():
         return
     time, signal = _recording(folder)
@@ -46,6 +47,7 @@ def measure_decay(folder: Path) -> Iterator[Row]:
 
 def measure_periods(folder: Path) -> Iterator[Row]:
     """Period, damping and inertia of the fork from the recording, beside what the authors print."""
+    folder = folder / "pendulum-swing-inertia"
     if not folder.exists():
         return
     measured, printed = (_numbers(folder / f"Browser{kind}.txt") for kind in ("Measured", "Benchmark"))
@@ -72,6 +74,7 @@ def measure_periods(folder: Path) -> Iterator[Row]:
 
 def measure_inertias(folder: Path) -> Iterator[Row]:
     """Geometry, mass centers and inertias from the authors' measured periods and lengths, by our formulas."""
+    folder = folder / "pendulum-swing-inertia"
     for bicycle in BICYCLES if folder.exists() else ():
         measured, printed = (_numbers(folder / f"{bicycle}{kind}.txt") for kind in ("Measured", "Benchmark"))
         for kind, names in (
