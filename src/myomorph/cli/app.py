@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from myomorph import __version__
+from myomorph.cli.panels import PanelHelp
 from myomorph.study.trial.step_table import STEPS
+
+PANELS = {
+    "Main job": ("demo", "analyze", "run", "report", "view"),
+    "The body": ("calibrate", "morph", "refine", "identify", "transfer", "personalize", "viscosity"),
+    "The movement and its forces": ("ik", "id", "muscles", "tension", "uncertainty", "live"),
+    "Files": ("info", "convert", "run-tool"),
+}
+"""Panels of commands in the program's help."""
 
 
 class Command(NamedTuple):
@@ -76,6 +85,11 @@ COMMANDS = {
         "Muscle tensions that make the joint torques with the least effort.",
         "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
     ),
+    "uncertainty": Command(
+        "step_command",
+        "How far errors in markers, plates, model and muscles move the results.",
+        "myomorph uncertainty --model subject.osim --motion walk1.mot --loads walk1_grf.xml --draws 200 --out walk1",
+    ),
     "live": Command(
         "live",
         "Joint angles, torques and muscle activations while frames arrive, from streams or a recording.",
@@ -118,7 +132,7 @@ COMMANDS = {
 HELP = """From markers, force plates and EMG to the forces inside one body.
 
 Start with `myomorph demo`. Exit status: 0 done, 2 bad input, 1 a fault of Myomorph. `--debug` with any command shows
-where an error came from.
+where an error came from. `--help` with a command shows what most users need, `--help-all` every option.
 """
 
 
@@ -127,8 +141,13 @@ def command_names() -> tuple[str, ...]:
     return (*COMMANDS, *(step for step in STEPS if step not in COMMANDS))
 
 
-def new_app() -> App:
-    """The program with all its commands."""
+def new_app(everything: bool = False) -> App:
+    """The program with all its commands.
+
+    Parameters
+    ----------
+    everything : help names every option, with its whole text
+    """
     app = App(
         name="myomorph",
         help=HELP,
@@ -137,13 +156,22 @@ def new_app() -> App:
         help_format="markdown",
         default_parameter=Parameter(negative_iterable=(), negative_none=()),
     )
+    panels = {title: Group.create_ordered(title) for title in PANELS}
+    groups = {name: panels[title] for title, names in PANELS.items() for name in names}
     for name, command in COMMANDS.items():
         app.command(
             f"myomorph.cli.{command.module}:{name.replace('-', '_')}_command",
             name=name,
+            group=groups.get(name),
             help=command.help,
             help_epilogue=f"Example: `{command.example}`",
+            help_formatter=PanelHelp(name, everything),
         )
     for name in command_names()[len(COMMANDS) :]:
-        app.command(f"myomorph.cli.step_command:{name}_command", name=name)
+        app.command(
+            f"myomorph.cli.step_command:{name}_command",
+            name=name,
+            group=groups.get(name),
+            help_formatter=PanelHelp(name, everything),
+        )
     return app

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from myomorph.model.errors import MyomorphError, UnknownName, one_line
+
+if TYPE_CHECKING:
+    from cyclopts import App
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -63,6 +68,7 @@ def _run(given: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
     from myomorph.cli.app import command_names, new_app
+    from myomorph.cli.panels import ALL_FLAG
     from myomorph.model.deprecated import current_options
 
     command = given[0] if given and not given[0].startswith("-") else ""
@@ -71,12 +77,26 @@ def _run(given: list[str]) -> int:
     given, notices = current_options(command, given)
     for text in notices:
         _say(f"warning: {text}", DONE)
+    app = new_app(ALL_FLAG in given)
+    given = ["--help" if word == ALL_FLAG else word for word in given]
     try:
-        status = new_app()(given, exit_on_error=False, print_error=False, result_action="return_value")
+        status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
+        if command:
+            _check_options(app[command], command, given[1:])
         where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
     return status if isinstance(status, int) else DONE
+
+
+def _check_options(app: App, command: str, words: Sequence[str]) -> None:
+    """Raise `UnknownName` for the first word that looks like an option and is none of the command's."""
+    names = [name for argument in app.assemble_argument_collection() for name in argument.names]
+    options = [name for name in names if name.startswith("--")]
+    for word in words:
+        name = word.partition("=")[0]
+        if re.fullmatch(r"--[a-z][\w-]*", name) and name not in (*options, "--help", "--version"):
+            raise UnknownName("option", name, options, f"myomorph {command}")
 
 
 def _say(text: str, status: int, debug: bool = False) -> int:

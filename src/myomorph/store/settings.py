@@ -121,8 +121,8 @@ class TensionTables:
 
     Attributes
     ----------
-    reactions : joint_reactions.sto, the loads that joints transmit to their child bodies, in the axes of the child, the
-        parent or the ground (OpenSim's default)
+    reactions : loads that joints transmit to their child bodies, in the axes of the child, the parent or the ground
+        (OpenSim's default); written as joint_reactions.sto
     intervals : at how many instants, evenly spaced, to ask what the data leave open of estimated contact forces
         (contact_intervals.sto); 0 for none
     """

@@ -36,12 +36,14 @@ class TensionOptions:
 
     Attributes
     ----------
-    recruitment : "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of activations a and controls u; "minmax": the
-        least greatest activation, and of all that have it the least sum_m w_m a_m^2 (see docs/recruitment.md)
+    recruitment : how muscles share the load; "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of activations a and
+        controls u; "minmax": the least greatest activation, and of all that have it the least sum_m w_m a_m^2
+        (see docs/recruitment.md)
     exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its square besides
-    weights : "equal": w = 1; "volume": w_m in proportion to F0 L0, "strength": to F0, with mean 1
-    min_activation : "zero": activations from 0; "model": from each muscle's minimum in the model (in OpenSim's
-        models usually 0.01, for the sake of simulations with activation dynamics)
+    weights : of muscles in the effort; "equal": w = 1; "volume": w_m in proportion to F0 L0, "strength": to F0,
+        with mean 1
+    min_activation : lower bound of activations; "zero": activations from 0; "model": from each muscle's minimum
+        in the model (in OpenSim's models usually 0.01, for the sake of simulations with activation dynamics)
     passive : whether the muscles' passive elastic forces take part. With rigid tendons they come out too large, as
         tendon slack lengths belong to tendons that stretch (docs/decisions/0019-tension-defaults.md); passive torques
         and bushings of the model's joints always take part
@@ -53,8 +55,8 @@ class TensionOptions:
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N]; by default 1 on a
         body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
-    tendons : "rigid": every frame by itself; "elastic": tendons stretch by the curves of each muscle's class, and
-        forces of all frames are found together (see docs/elastic-tendons.md)
+    tendons : whether tendons stretch; "rigid": every frame by itself; "elastic": tendons stretch by the curves of each
+        muscle's class, and forces of all frames are found together (see docs/elastic-tendons.md)
     activation_dynamics : with elastic tendons, whether activation changes no faster than excitations between 0 and 1
         let it, by the time constants of the model
     second_start : with elastic tendons, whether the problem is solved from another start too, as the problem is not

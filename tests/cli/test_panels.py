@@ -1,0 +1,80 @@
+"""Help in panels: what most users need first, everything by `--help-all`; misspelt names are answered by near ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from myomorph.cli.app import PANELS as COMMAND_PANELS
+from myomorph.cli.app import command_names, new_app
+from myomorph.cli.panels import ALL_FLAG, FIRST, METHOD, PANELS, first_sentence, option_panel
+
+SCREEN = 40
+"""Lines of a terminal, at 80 columns."""
+
+
+def options_of(command: str) -> set[str]:
+    names = [name for argument in new_app()[command].assemble_argument_collection() for name in argument.names]
+    return {name.removeprefix("--") for name in names if not name.startswith(("--no-", "--empty-"))}
+
+
+def test_tension_fits_two_screens(command):
+    assert len(command("tension", "--help").out.splitlines()) <= 2 * SCREEN
+
+
+@pytest.mark.parametrize("name", command_names())
+def test_all_options_are_in_the_long_help(name, command):
+    text = command(name, ALL_FLAG).out
+    assert {option for option in options_of(name) if option.islower() and f"--{option}" not in text} == set()
+
+
+@pytest.mark.parametrize("name", FIRST)
+def test_the_short_help_shows_what_it_promises(name, command):
+    known, text = options_of(name), command(name, "--help").out
+    assert set(FIRST[name]) <= known
+    assert all(f"--{option} " in text for option in FIRST[name])
+    hidden = len(known) - sum(f"--{option} " in text for option in known)
+    assert hidden == 0 or ALL_FLAG in text
+
+
+def test_panels_name_options_that_exist():
+    known = {option.lower() for name in command_names() for option in options_of(name)}
+    assert {option for options in PANELS.values() for option in options} - known == set()
+
+
+def test_every_command_is_in_a_panel():
+    assert sorted(name for names in COMMAND_PANELS.values() for name in names) == sorted(command_names())
+
+
+def test_where_an_option_stands():
+    assert (option_panel("emg-side"), option_panel("joint-load"), option_panel("iterations")) == (
+        "EMG",
+        "Muscles",
+        METHOD,
+    )
+
+
+def test_first_sentence():
+    assert first_sentence("Low-pass filter [Hz]; 0 for none, e.g. always. More.") == "Low-pass filter [Hz]."
+    assert first_sentence("Files (.mot, .sto) of forces.") == "Files (.mot, .sto) of forces."
+
+
+MISSPELT = {
+    "--recruitmnt": "--recruitment",
+    "--exponet": "--exponent",
+    "--joint-loads": "--joint-load",
+    "--cocontraction": "--co-contraction",
+    "--emg-mode-": "--emg-mode",
+    "--emgweight": "--emg-weight",
+    "--contact-point": "--contact-points",
+    "--reaction": "--reactions",
+    "--min-activations": "--min-activation",
+    "--cutof": "--cutoff",
+}
+
+
+@pytest.mark.parametrize("option", MISSPELT)
+def test_a_misspelt_option_is_answered_by_near_ones(option, command):
+    said = command("tension", option, "1")
+    assert said.status == 2
+    assert option in said.err
+    assert f"'{MISSPELT[option]}'" in said.err.split(" has ")[1].split(",")[0]
