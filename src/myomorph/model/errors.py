@@ -1,15 +1,21 @@
-"""The errors a user can meet: what was given, what exists, what to try."""
+"""The errors a user can meet: what is wrong, what exists, what to try."""
 
 from __future__ import annotations
 
 import difflib
 import importlib
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from typing import Any
 
 LONGEST, LAST = 20_000, 2_000
-"""Letters of a message at most, and how many of them are its end."""
+"""Characters of a message at most, and how many of them are its end."""
+
+MAX_NAMES = 5
+"""Names that a message lists at most."""
+
+NEAR, MIN_PART = 0.6, 3
+"""Share of common characters from which two names are alike; characters from which a part of a name is like it."""
 
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
@@ -17,7 +23,7 @@ CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 class MyomorphError(Exception):
     """Base of every error that is the input's fault; the command line exits 2 on it.
 
-    Its message is one line without control signs, whatever a file holds that it tells of.
+    Its message is one line without control characters, whatever the file holds that it quotes.
     """
 
     def __str__(self) -> str:
@@ -32,7 +38,7 @@ class UnknownName(MyomorphError, KeyError):
         super().__init__(kind, name, self.existing, where)
 
     def __str__(self) -> str:
-        return one_line(f"unknown {self.kind} '{self.name}': {self.where} has {listing(self.name, self.existing)}")
+        return one_line(unknown(self.kind, self.name, self.existing, self.where))
 
 
 class BadFile(MyomorphError):
@@ -86,25 +92,64 @@ def from_extra(extra: str, module: str, package: str = "") -> Any:
 
 
 def one_line(text: str) -> str:
-    """A text for a terminal: control signs as blanks, and of a very long one the beginning and the end."""
+    """A text for a terminal: control characters as blanks, and of a very long one the beginning and the end."""
     text = CONTROL.sub(" ", text)
     if len(text) <= LONGEST:
         return text
-    return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} letters) ... {text[-LAST:]}"
+    return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} characters) ... {text[-LAST:]}"
 
 
-def quoted(names: Iterable[str], most: int = 6) -> str:
-    """Names in quotes, cut to `most`."""
-    given = tuple(names)
-    return ", ".join(f"'{name}'" for name in given[:most]) + (", ..." if len(given) > most else "")
+def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
+    """Names in quotes, at most so many of them, and how many there are in all where some are left out."""
+    names = tuple(names)
+    text = ", ".join(f"'{name}'" for name in names[:most])
+    return text + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
-def listing(name: str, existing: Sequence[str], most: int = 6) -> str:
-    """Names that exist, those nearest to `name` first, cut to `most`."""
-    if not existing:
-        return "none"
-    near = difflib.get_close_matches(name, existing, n=most, cutoff=0.5)
-    rest = [other for other in existing if other not in near]
-    shown = (near + rest)[:most]
-    text = ", ".join(f"'{one}'" for one in shown)
-    return text + (f", ... ({len(existing)} in all)" if len(existing) > most else "")
+def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[str, ...]:
+    """Names that are spelt like `name`, nearest first; capitals and what joins words (`-`, `_`, a blank) do not count.
+
+    Two names are alike by the share of characters that they have in common in the same order
+    (`difflib.SequenceMatcher`), or where one is a part of the other.
+    """
+    plain = _plain(name)
+    if not plain:
+        return ()
+    matcher = difflib.SequenceMatcher(b=plain, autojunk=False)
+    scores: dict[str, float] = {}
+    for other in existing:
+        spelling = _plain(other)
+        matcher.set_seq1(spelling)
+        if min(matcher.real_quick_ratio(), matcher.quick_ratio()) >= NEAR:
+            scores[other] = matcher.ratio()
+        shorter, longer = sorted((plain, spelling), key=len)
+        if len(shorter) >= MIN_PART and shorter in longer:
+            scores[other] = max(scores.get(other, 0.0), NEAR)
+    near = [other for other, score in scores.items() if score >= NEAR]
+    return tuple(sorted(near, key=lambda other: -scores[other])[:most])
+
+
+def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
+    """Names that exist: those nearest to `name`, else the first ones; and their number where some are left out."""
+    existing = tuple(dict.fromkeys(existing))
+    near = nearest(name, existing, most)
+    if len(existing) <= most:
+        near = (*near, *(other for other in existing if other not in near))
+    text = ", ".join(f"'{other}'" for other in near or existing[:most])
+    return (text or "none") + (f", ... ({len(existing)} in all)" if len(existing) > most else "")
+
+
+def unknown(kind: str, name: str, existing: Iterable[str], where: str = "") -> str:
+    """The line that answers an unknown name: the nearest that exist, and how many do.
+
+    Parameters
+    ----------
+    kind : of name: marker, body, key, option, file
+    existing : the names that there are
+    where : what has them; "" says "there are"
+    """
+    return f"unknown {kind} '{name}': {f'{where} has' if where else 'there are'} {listing(name, existing)}"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[-_.\s]+", "", name).casefold()

@@ -121,7 +121,7 @@ def _columns(headings: list[str], where: str, problems: list[str], remarks: list
         factor = 1.0
         if name not in COLUMNS:
             if name in ("weight", "bodymass", "body mass") or difflib.get_close_matches(name, COLUMNS, 1, 0.75):
-                problems.append(f"{where}: unknown column '{heading.strip()}': there are {listing(name, COLUMNS, 8)}")
+                problems.append(f"{where}: unknown column '{heading.strip()}': there are {listing(name, COLUMNS)}")
             elif name:
                 unused.append(heading.strip())
             name = ""
@@ -131,11 +131,11 @@ def _columns(headings: list[str], where: str, problems: list[str], remarks: list
         elif unit is not None and name in UNITS and unit.lower() in UNITS[name]:
             factor = UNITS[name][unit.lower()]
         elif unit is not None:
-            units = listing(unit, tuple(UNITS.get(name, ())), 8)
+            units = listing(unit, UNITS.get(name, ()))
             problems.append(f"{where}: column '{heading.strip()}': '{unit}' is no unit of {name}: there are {units}")
         columns.append((name, factor))
     if "subject" not in {name for name, _ in columns}:
-        problems.append(f"{where}: has no column 'subject': there are {listing('subject', headings, 8)}")
+        problems.append(f"{where}: has no column 'subject': there are {listing('subject', headings)}")
     if unused:
         remarks.append(f"{where}: not used: {', '.join(unused)}")
     return columns
