@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from myomorph.io.sto import read_sto
-from myomorph.model.deprecated import QUANTITIES
 from myomorph.model.errors import BadFile
 from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput, specimen_report
@@ -104,16 +103,6 @@ def test_the_page_is_made_again_from_the_store(reports, tmp_path):
     assert viscosity_page(again) == viscosity_page(read_store(tmp_path))
     first, second = (page.count("<svg") for page in (viscosity_page(given), viscosity_page(again)))
     assert first == second > 60
-
-
-def test_a_store_of_the_version_before_is_read(reports, tmp_path):
-    write_store(ViscosityInput("shoulder", reports), tmp_path)
-    text = (tmp_path / STORE).read_text()
-    for old, new in QUANTITIES.items():
-        assert f'"{new}"' in text
-        text = text.replace(f'"{new}"', f'"{old}"')
-    (tmp_path / STORE).write_text(text)
-    assert read_store(tmp_path).specimens[0].row == reports[0].row
 
 
 def test_a_store_that_is_none_is_refused(tmp_path):

@@ -69,14 +69,10 @@ def _run(given: list[str]) -> int:
 
     from myomorph.cli.app import command_names, new_app
     from myomorph.cli.panels import ALL_FLAG
-    from myomorph.model.deprecated import current_options
 
     command = given[0] if given and not given[0].startswith("-") else ""
     if command and command not in command_names():
         raise UnknownName("command", command, command_names(), "myomorph")
-    given, notices = current_options(command, given)
-    for text in notices:
-        _say(f"warning: {text}", DONE)
     app = new_app(ALL_FLAG in given)
     given = ["--help" if word == ALL_FLAG else word for word in given]
     try:

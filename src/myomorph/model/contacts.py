@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only, unit_vector
-from myomorph.model.deprecated import renamed_fields
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
@@ -110,7 +109,6 @@ class Touch:
             raise BadData(f"confidence {self.confidence:g} of a contact of '{self.site}': expected 0 to 1")
 
 
-@renamed_fields
 @dataclass(frozen=True)
 class Contacts:
     """Which site touches what, from when to when, and how sure: the same whatever tells it.

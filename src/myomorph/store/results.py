@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +21,6 @@ import numpy as np
 from myomorph import __version__
 from myomorph.io.formats import is_composed
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.deprecated import DIMENSIONS, FACTS, VARIABLES, current_settings
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
@@ -194,16 +193,15 @@ class ResultWriter:
         """The same from a file that is open, or held in memory."""
         for variable in other.variables():
             made_by = as_text(variable.told.get(STEP, ""))
-            if VARIABLES.get(variable.name, variable.name) not in self._file and (not made_by or made_by in steps):
+            if variable.name not in self._file and (not made_by or made_by in steps):
                 self._copy_variable(variable, other.dimensions_of(variable))
         for name, value in other.attributes.items():
             marked = any(name.startswith(one) and name[len(one) :] not in steps for one in (PROVENANCE, REMARKS))
-            if FACTS.get(name, name) not in self._file.attributes and not marked:
-                self.fact(FACTS.get(name, name), value)
+            if name not in self._file.attributes and not marked:
+                self.fact(name, value)
 
     def _copy_variable(self, variable: NetcdfVariable, dimensions: tuple[str, ...]) -> None:
-        name, values = VARIABLES.get(variable.name, variable.name), variable.values
-        dimensions = tuple(DIMENSIONS.get(one, one) for one in dimensions)
+        name, values = variable.name, variable.values
         for dimension, size in zip(dimensions, values.shape, strict=True):
             known = self._file.dimensions.setdefault(dimension, size)
             if known != size:
@@ -307,8 +305,7 @@ def stored_values(
     only : variables that are wanted, () for all
     """
     values, names = {}, {}
-    for written, variable in file.data([*only, *(old for old, new in VARIABLES.items() if new in only)]):
-        name = VARIABLES.get(written, written)
+    for name, variable in file.data(only):
         if name in leave_out:
             continue
         if variable.dtype.kind in "OSU":
@@ -316,15 +313,14 @@ def stored_values(
         else:
             values[name] = variable[...]
     attributes = dict(file.attributes)
-    facts = {FACTS.get(name, name): text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
+    facts = {name: text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
     return Stored(Path(path), values, names, made_from(attributes), facts)
 
 
 def made_from(attributes: Mapping[str, str]) -> dict[str, Provenance]:
     """Provenance by step, from the texts about a whole file."""
     marked = {name: text for name, text in attributes.items() if name.startswith(PROVENANCE)}
-    found = {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
-    return {step: replace(one, options=current_settings(one.options)) for step, one in found.items()}
+    return {name[len(PROVENANCE) :]: Provenance.from_json(text) for name, text in marked.items()}
 
 
 def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:

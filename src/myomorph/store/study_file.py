@@ -11,7 +11,6 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-from myomorph.model.deprecated import current_keys
 from myomorph.model.errors import BadFile, listing
 from myomorph.store.settings import Setting
 
@@ -61,21 +60,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         # Not only of `tomllib`: a whole number of thousands of digits is refused by `int`.
         raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
-
-
-def read_tables(path: Path, kind: str) -> tuple[dict[str, Any], list[str], list[str]]:
-    """The tables of a TOML file with its keys by their new names, notices of old ones, and what is wrong with these.
-
-    Parameters
-    ----------
-    kind : of file, a key of `myomorph.model.deprecated.KEYS`
-
-    Raises
-    ------
-    BadFile
-        as `read_toml`
-    """
-    return current_keys(kind, read_toml(path), path.name)
 
 
 def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:

@@ -194,7 +194,6 @@ class SpeciesTable:
     markers : tables of labels of recordings of the target, see `MarkerTable`
     unlike : where muscles of other orders attach, 90 % lie within this share of the bone's length; 0 where nothing is
         known of that
-    warnings : of its file, one line each
     """
 
     name: str
@@ -214,7 +213,6 @@ class SpeciesTable:
     relatives: tuple[RelativeBone, ...] = ()
     straight: tuple[str, ...] = ()
     unlike: float = 0.0
-    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.unlike <= 1.0:

@@ -26,7 +26,7 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Z_UP_TO_Y_UP
 from myomorph.model.spatial import Transform
 from myomorph.store.settings import Measured
-from myomorph.store.study_file import Strict, checked, existing, read_tables, read_toml, refuse
+from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
 
 AUTO = "auto"
 Vector: TypeAlias = tuple[float, float, float]
@@ -147,9 +147,7 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         return ContactPlan(reported=read_events(path), measured=measured or "exact")
     if path.suffix.lower() != ".toml":
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
-    raw, _, twice = read_tables(path, "contact file")
-    found, problems = checked(_ContactFile, raw)
-    problems = [*twice, *problems]
+    found, problems = checked(_ContactFile, read_toml(path))
     table = None if found is None else existing(path.parent, found.intervals, "intervals", problems)
     steps = None if found is None else existing(path.parent, found.stairs, "stairs", problems)
     sound = None if found is None else _sound(found, path.parent, model.up, problems)
@@ -196,7 +194,7 @@ def contact_files(path: Path) -> tuple[Path, ...]:
         raise BadFile(path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}")
     if path.suffix.lower() != ".toml":
         return (path,)
-    raw = read_tables(path, "contact file")[0]
+    raw = read_toml(path)
     sound = raw.get("sound")
     named = (raw.get("intervals"), sound.get("file") if isinstance(sound, dict) else None)
     files = [path.parent / one for one in named if isinstance(one, str)]
@@ -204,21 +202,6 @@ def contact_files(path: Path) -> tuple[Path, ...]:
         steps = path.parent / raw["stairs"]
         files += (steps, *recording_of(steps)) if steps.is_file() else ()
     return (path, *(file for file in files if file.is_file()))
-
-
-def old_names(path: Path) -> list[str]:
-    """Notices of the old names in a file of contacts or stairs and in the files that it names; () for other kinds."""
-    if path.suffix.lower() != ".toml" or not path.is_file():
-        return []
-    try:
-        raw, notices, _ = read_tables(path, "contact file")
-        stairs = raw.get("stairs")
-        if isinstance(stairs, str):
-            return [*notices, *old_names(path.parent / stairs)]
-        return read_tables(path, "stairs file")[1] if isinstance(stairs, dict) or "step" in raw else notices
-    except BadFile:
-        # It is refused where it is used.
-        return []
 
 
 def _sound(contact_file: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
@@ -317,9 +300,7 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     BadFile : with a list of all that is wrong
     """
     path = Path(path)
-    raw, _, twice = read_tables(path, "stairs file")
-    found, problems = checked(_StairsFile, raw)
-    problems = [*twice, *problems]
+    found, problems = checked(_StairsFile, read_toml(path))
     steps: list[Step] = []
     paws: list[Site] = []
     for one in () if found is None else found.step:

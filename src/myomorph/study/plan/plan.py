@@ -12,7 +12,7 @@ from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
-from myomorph.store.study_file import checked, existing, read_tables, refuse
+from myomorph.store.study_file import checked, existing, read_toml, refuse
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
@@ -131,15 +131,15 @@ def read_plan(path: str | Path) -> Plan:
     ('reaching', ['s01'], ('ik', 'id', 'muscles', 'tension'))
     """
     path = Path(path)
-    raw, notices, twice = read_tables(path, "study file")
+    raw = read_toml(path)
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
     found, problems = checked(study_tables(), with_uncertainty(raw, usual_steps()))
     absent = [one for one in lacking(raw) if one not in problems]
-    problems = [*twice, *problems, *absent]
+    problems = [*problems, *absent]
     if found is None or absent:
         refuse(path, problems)
-    notes = Notes(problems, notices)
+    notes = Notes(problems)
     plan = _plan(found, path, notes)
     refuse(path, list(dict.fromkeys(notes.problems)))
     return plan
@@ -209,7 +209,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         tuple(trials),
         tuple(found.steps),
         FrozenMap(settings),
-        tuple(dict.fromkeys((*notes.notices, *notes.remarks, *notes.found))),
+        tuple(dict.fromkeys((*notes.remarks, *notes.found))),
         found.subjects,
         together,
         groups,

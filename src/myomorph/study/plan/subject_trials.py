@@ -68,13 +68,11 @@ class Notes:
     Attributes
     ----------
     problems : all of them make the file be refused
-    notices : old names in the study file and the files that it names
     remarks : what is not used, or not as one might think
     found : files that were found by the rule of names
     """
 
     problems: list[str] = field(default_factory=list)
-    notices: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     found: list[str] = field(default_factory=list)
 
@@ -265,8 +263,6 @@ def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> 
         notes.found.pop()
         notes.remarks.append(f"{whole.subject}/{loads.name} is not used: no columns of forces are found in it")
         loads = None
-    if loads is not None:
-        notes.notices += old_names(loads)
     check_time(trial.time, f"{where}: time", problems)
     for name, span in trial.phases.items():
         check_time(span, f"{where}: phase '{name}'", problems)
@@ -318,7 +314,6 @@ def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
     found = existing(folder, given, f"{where}: contacts", notes.problems)
     if found is None:
         return ""
-    notes.notices += old_names(found)
     return str(found)
 
 

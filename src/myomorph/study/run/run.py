@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from myomorph.model.deprecated import renamed_arguments
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.locks import study_lock
@@ -182,7 +181,6 @@ class _Loop:
                 self.ready.append(key)
 
 
-@renamed_arguments
 def run_study(
     plan: Plan,
     out: Path,

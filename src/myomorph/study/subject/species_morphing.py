@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from myomorph.io.mesh import read_mesh
-from myomorph.model.deprecated import current_keys
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
@@ -110,10 +109,7 @@ def read_species(table: str | Path) -> SpeciesTable:
     if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
         raise BadFile(table, "no such species table", f"there are {', '.join(known)}, or give a .toml file of your own")
     try:
-        raw, notices, problems = current_keys("species file", tomllib.loads(path.read_text("utf-8")), path.name)
-        if problems:
-            raise BadData("; ".join(problems))
-        return replace(_table(raw, "" if own else Path(table).stem), warnings=tuple(notices))
+        return _table(tomllib.loads(path.read_text("utf-8")), "" if own else Path(table).stem)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadFile(table, f"not TOML: {error}") from None
     except BadData as error:
@@ -308,7 +304,7 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
     if files.target.suffix.lower() not in (".xml", ".mjcf", ".osim"):
         raise BadFile(files.target, "is no model", "give the skeleton of the other species as .osim or .xml")
     table = read_species(files.species)
-    warnings = list(table.warnings)
+    warnings: list[str] = []
     models, bones = [], []
     for path, folder in ((files.source, files.geometry), (files.target, files.target_geometry)):
         models.append(reading.open_model(path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from myomorph.analysis.presets import preset_of
@@ -122,7 +121,7 @@ def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None
     trial = _common(files, settings, model)
     recorded, lacking = reading.whole_motion(reading.read_motion(files.motion, model), model)
     recorded, apart = reading.coupled_motion(recorded, model)
-    warnings = (*_old_names(files), *trial.warnings, *_rate_warnings(trial, recorded.time))
+    warnings = (*trial.warnings, *_rate_warnings(trial, recorded.time))
     warnings = (*warnings, *(f"{files.motion.name}: {text}" for text in apart))
     if lacking:
         warnings = (*warnings, f"{files.motion.name}: lacks {', '.join(lacking)}: they rest at their defaults")
@@ -131,17 +130,6 @@ def open_motion_trial(files: TrialFiles, settings: Settings, model: Model | None
     return replace(trial, time=time, warnings=warnings, notes=TrialNotes(_real(files, trial), files.assumed)), Poses(
         recorded
     )
-
-
-def _old_names(files: TrialFiles) -> tuple[str, ...]:
-    """Notices of the old names in files of contacts and stairs; a study tells them when its plan is read."""
-    named = (*((files.loads,) if files.loads else ()), *((Path(files.contacts),) if files.contacts else ()))
-    if not any(one.suffix.lower() == ".toml" for one in named):
-        return ()
-    # Brings pydantic: loaded only where it is needed.
-    from myomorph.study.inputs.contact_file import old_names
-
-    return tuple(dict.fromkeys(text for one in named for text in old_names(one)))
 
 
 def _phase_warnings(files: TrialFiles, time: Array) -> tuple[str, ...]:

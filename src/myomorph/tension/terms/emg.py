@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.deprecated import notice
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Series
@@ -48,9 +46,6 @@ class EmgTarget(Term):
     def __post_init__(self) -> None:
         object.__setattr__(self, "muscles", tuple(self.muscles))
         object.__setattr__(self, "activations", frozen_array(self.activations, (-1, len(self.muscles))))
-        if self.mode == "equality":  # type: ignore[comparison-overlap]
-            warnings.warn(notice("EMG", "equality", "driven"), FutureWarning, stacklevel=4)
-            object.__setattr__(self, "mode", "driven")
         if self.mode not in ("soft", "driven"):
             raise BadData(f"unknown use of EMG '{self.mode}': there are 'soft', 'driven'")
         if not (self.weight > 0.0 and self.slack >= 0.0):

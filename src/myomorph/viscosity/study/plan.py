@@ -21,7 +21,7 @@ from myomorph.store.study_file import (
     existing,
     matching,
     options_table,
-    read_tables,
+    read_toml,
     refuse,
 )
 from myomorph.study.plan.subject_trials import companion, plain_stem
@@ -206,11 +206,10 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         wrong kind, files that do not exist, a specimen without any recording
     """
     path = Path(path)
-    raw, remarks, twice = read_tables(path, "viscosity study")
+    raw, remarks = read_toml(path), list[str]()
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
     found, problems = checked(viscosity_tables(), raw)
-    problems = [*twice, *problems]
     specimens: list[SpecimenFiles] = []
     if found is not None:
         for one in found.specimen:
@@ -245,7 +244,7 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         for name in getattr(specimen, table):
             names = [one.name for one in QUANTITIES]
             if name not in names:
-                problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names, 9)}")
+                problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names)}")
     without, intact = (
         tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
         for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)

@@ -14,7 +14,6 @@ import numpy as np
 
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
-from myomorph.model.deprecated import QUANTITIES as QUANTITIES_BEFORE
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
@@ -243,11 +242,7 @@ def _plain(value: object) -> Any:
 def _value(found: dict[str, Any]) -> Any:
     kind = found.pop(KIND, None)
     if kind is None:
-        return (
-            FrozenMap({QUANTITIES_BEFORE.get(key, key): one for key, one in found["of"].items()})
-            if set(found) == {"of"}
-            else found
-        )
+        return FrozenMap(found["of"]) if set(found) == {"of"} else found
     if kind == ARRAY:
         if found.get("whole"):
             return np.array(found["values"])
