@@ -1,4 +1,4 @@
-"""The main chain as on another system: spawned processes, cp1252, open files that stay, no ezc3d, an odd path.
+"""The main chain as on another system: spawned processes, cp1252, open files that stay, an odd path.
 
 All of it on Linux at once, in child processes that `tests/elsewhere/sitecustomize.py` changes.
 """
@@ -93,7 +93,7 @@ def test_it_is_another_system(elsewhere, there):
         "    except PermissionError as error:\n"
         "        print(error.filename2, Path('é').read_bytes())\n"
         "print(multiprocessing.get_start_method(), sys.stdout.encoding)\n"
-        "print(importlib.util.find_spec('ezc3d'), hasattr(os, 'fork'))\n"
+        "print(importlib.util.find_spec('fcntl'), hasattr(os, 'fork'))\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(ELSEWHERE), "PYTHONUTF8": "0", "PYTHONIOENCODING": "cp1252"}
     ended = subprocess.run(

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from packaging.requirements import Requirement
 
 import myomorph
 
@@ -197,21 +196,3 @@ def test_the_runners_do_what_the_readme_says():
     assert [step["run"] for step in jobs["readme"]["steps"] if "run" in step] == commands
     assert len(commands) == 3
     assert jobs["everything"]["steps"][-1]["run"] == ".ci/run"
-
-
-@pytest.mark.parametrize(
-    ("system", "machine", "wanted"),
-    [
-        ("win32", "ARM64", False),
-        ("win32", "AMD64", True),
-        ("darwin", "arm64", True),
-        ("linux", "aarch64", False),
-        ("linux", "x86_64", True),
-    ],
-)
-def test_ezc3d_is_wanted_where_it_has_wheels(system, machine, wanted):
-    """There is none for Windows and Linux on ARM, where pip would try to build it."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    (ezc3d,) = (one for one in map(Requirement, project["dependencies"]) if one.name == "ezc3d")
-    assert ezc3d.marker is not None
-    assert ezc3d.marker.evaluate({"sys_platform": system, "platform_machine": machine}) is wanted

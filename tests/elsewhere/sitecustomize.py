@@ -4,7 +4,7 @@
 - A file that is opened without an encoding is cp1252, as on Windows; PYTHONIOENCODING does the same for the terminal.
 - A file that is open cannot be replaced, renamed or deleted, as on Windows: neither by the process that has it open
   nor while the process HOLDER has.
-- ezc3d (Windows and Linux on ARM) and fcntl (Windows) are not there.
+- fcntl (Windows) is not there.
 """
 
 import builtins
@@ -16,8 +16,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-for absent in ("ezc3d", "fcntl"):
-    sys.modules[absent] = None  # type: ignore[assignment]
+sys.modules["fcntl"] = None  # type: ignore[assignment]
 
 multiprocessing.set_start_method("spawn")
 del os.fork

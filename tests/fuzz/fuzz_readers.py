@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from binary_seeds import SEEDS, binary_seeds
 
-from myomorph.io.c3d import read as c3d
 from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
@@ -83,12 +81,6 @@ def arm() -> Model:
     return read_osim(SEEDS / "arm.osim")
 
 
-def _own_c3d(path: Path) -> Any:
-    """A C3D file by our own reader, as where ezc3d refuses it, its plates as forces."""
-    with patch.object(c3d, "read_c3d_ezc3d", lambda _: "refused"):
-        return read_recording(path)
-
-
 def _written_again(path: Path) -> Any:
     """A model that is read, told of, and written."""
     inspect(path)
@@ -108,8 +100,7 @@ READERS = (
     Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
     Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
     Reader("MOT as coordinates", ".mot", lambda path: read_motion(path, arm()), ("motion.mot",)),
-    Reader("C3D", ".c3d", c3d.read_c3d, (), "**/*.c3d", guarded=True),
-    Reader("C3D by our own reader", ".c3d", _own_c3d, (), "**/*.c3d"),
+    Reader("C3D", ".c3d", read_recording, (), "**/*.c3d"),
     Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),
     Reader("touches, CSV", ".csv", lambda path: read_events(path, 100.0), TABLES),
     Reader("landmarks, CSV", ".csv", read_body_landmarks, ("landmarks.csv", "landmarks_semicolons.csv")),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.c3d.plain import BLOCK, KEY, claimed_frames
+from myomorph.io.c3d.raw import BLOCK, KEY, claimed_frames
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 

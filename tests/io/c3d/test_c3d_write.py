@@ -1,11 +1,11 @@
-"""What is written as C3D is read again, by ezc3d and by our own reader."""
+"""What is written as C3D is read again, by ezc3d and by Myomorph."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.plain import read_c3d_plain
+from myomorph.io.c3d.raw import read_raw_c3d
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.c3d.write import write_c3d, write_trial
 from myomorph.model.errors import BadData, BadFile
@@ -71,7 +71,7 @@ def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_p
     plates = {label for one in trial.plate_recordings for label in one.channel_names}
     for label in set(trial.analog.names) - plates:
         np.testing.assert_allclose(again.analog[label], trial.analog[label], rtol=1e-6, atol=1e-9)
-    own = read_c3d_plain(tmp_path / "again.c3d")
+    own = read_raw_c3d(tmp_path / "again.c3d")
     np.testing.assert_allclose(own.points / 1000.0, again.markers.values, atol=1e-9)
 
 

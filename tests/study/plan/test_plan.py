@@ -101,7 +101,7 @@ def test_everything_wrong_is_told_at_once(folder):
         (SMALLEST + "[options.tension]\nweights = 'heavy'\n", ("options.tension.weights", "'volume'")),
         (SMALLEST.replace('"ik", ', ""), ("lack 'ik'",)),
         (SMALLEST.replace('["walk*.trc"]', "[]"), ("has no trials",)),
-        (SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'), ("trials.1.marker'", "'markers', 'motion'")),
+        (SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'), ("trials.1.marker'", "'markers'")),
         (SMALLEST.replace('["walk*.trc"]', '[{name = "a"}]'), ("one of 'markers' and 'motion'",)),
         (SMALLEST.replace("mass = 72.6", "height = 1.8"), ("'height' and 'chest'", "'chest' is missing")),
         (SMALLEST.replace("mass = 72.6", "time = [2, 1]"), ("start before an end",)),

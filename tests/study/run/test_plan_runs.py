@@ -84,7 +84,7 @@ def test_models_in_a_circle_are_refused(study):
 @pytest.mark.parametrize(
     ("told", "words"),
     [
-        ('labels = {R = "UA9"}', "labels: unknown marker 'UA9': arm.osim has 'UA2', 'UA1'"),
+        ('labels = {R = "UA9"}', "labels: unknown marker 'UA9': arm.osim has 'UA1', 'UA2'"),
         ('emg_muscles = {CH1 = ["flexr"]}', "emg_muscles: unknown muscle 'flexr': arm.osim has 'flexor'"),
         (
             'trials = [{markers = "reach.trc", plates = ["", "fore_r"]}]',

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from myomorph.io.c3d.plain import RawC3d
+from myomorph.io.c3d.raw import RawC3d
 from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
 

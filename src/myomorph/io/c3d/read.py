@@ -6,15 +6,13 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.c3d.ezc3d import has_ezc3d, read_c3d_ezc3d
-from myomorph.io.c3d.plain import BLOCK, KEY, RawC3d, read_c3d_plain
 from myomorph.io.c3d.plates import plate_recordings
-from myomorph.io.parsing.text import readable, unique_names, without_far_away
+from myomorph.io.c3d.raw import RawC3d, read_raw_c3d
+from myomorph.io.parsing.text import unique_names, without_far_away
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
@@ -38,20 +36,19 @@ NOT_EMG = re.compile(
 def read_c3d(path: str | os.PathLike[str]) -> Trial:
     """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1.
 
-    ezc3d reads it in a child process with a time limit; what ezc3d refuses, hangs on or reads only in
-    part goes to our own reader. Points that a program computed (angles, moments, powers, forces) are in
+    Points that a program computed (angles, moments, powers, forces) are in
     `other_points`; computed positions stay among the markers, as OpenSim has it. Force plates are
     `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see `emg_channels`.
 
     Raises
     ------
-    BadFile : neither reader can make sense of the file
+    BadFile : it is no C3D file, or holds nothing that can be used
     """
     path = Path(path)
-    raw = _read_raw(path)
+    raw = read_raw_c3d(path)
     if not 0.0 < raw.point_rate < 1e6:
         raise BadFile(path, f"states a frame rate of {raw.point_rate:g} Hz", HINT)
-    found = [*raw.remarks, *_cut_off(raw, path)]
+    found = list(raw.remarks)
     facts = _facts(raw)
     meters = _meters(raw, found)
     start = (max(raw.first_frame, 1) - 1) / raw.point_rate
@@ -70,39 +67,6 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
         warnings=tuple(found),
         source=str(path),
     )
-
-
-def _read_raw(path: Path) -> RawC3d:
-    with readable(path), path.open("rb") as stream:
-        head = stream.read(BLOCK)
-    if len(head) < BLOCK or head[1] != KEY or not has_ezc3d():
-        return read_c3d_plain(path)  # which says what is wrong with a file that is no C3D file
-    raw = read_c3d_ezc3d(path)
-    if isinstance(raw, RawC3d) and _whole(raw, head):
-        return raw
-    reason = raw if isinstance(raw, str) else "it left out what the header announces"
-    plain = read_c3d_plain(path)
-    remark = f"ezc3d could not read it ({re.split('[,.]', reason)[0]}): our own reader did"
-    return replace(plain, remarks=(remark, *plain.remarks))
-
-
-def _whole(raw: RawC3d, head: bytes) -> bool:
-    """Whether a little-endian header announces no more than ezc3d found."""
-    words = np.frombuffer(head, dtype="<u2")
-    announced, analog = int(words[1]), int(words[2])
-    return raw.points.shape[1] >= announced and len(raw.points) > 0 and (analog == 0 or raw.analog.size > 0)
-
-
-def _cut_off(raw: RawC3d, path: Path) -> list[str]:
-    """A warning if ezc3d, which does not tell, met the end of the file before the last frame."""
-    if not raw.reader.startswith("ezc3d"):
-        return []
-    with path.open("rb") as stream:
-        first, last = np.frombuffer(stream.read(10)[6:], dtype="<u2").astype(int)
-    announced = last - first + 1
-    if last == 65535 or len(raw.points) >= announced:
-        return []
-    return [f"the file ends early: it holds {len(raw.points)} frames of {announced}"]
 
 
 def _meters(raw: RawC3d, found: list[str]) -> float:
@@ -222,7 +186,7 @@ def _events(raw: RawC3d, found: list[str]) -> tuple[Event, ...]:
 
 def _facts(raw: RawC3d) -> dict[str, str]:
     """What the file says of itself, in words."""
-    facts = {"reader": raw.reader, "point rate": f"{raw.point_rate:g} Hz", "first frame": str(raw.first_frame)}
+    facts = {"point rate": f"{raw.point_rate:g} Hz", "first frame": str(raw.first_frame)}
     if raw.analog.size:
         facts["analog rate"] = f"{raw.analog_rate:g} Hz"
     company, software, version = (

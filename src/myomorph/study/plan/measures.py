@@ -120,8 +120,9 @@ def _columns(headings: list[str], where: str, problems: list[str], remarks: list
         name, unit = (parts["name"].lower(), parts["unit"]) if parts else (heading.strip().lower(), None)
         factor = 1.0
         if name not in COLUMNS:
-            if name in ("weight", "bodymass", "body mass") or difflib.get_close_matches(name, COLUMNS, 1, 0.75):
-                problems.append(f"{where}: unknown column '{heading.strip()}': there are {listing(name, COLUMNS)}")
+            meant = "mass" if name in ("weight", "bodymass", "body mass") else name
+            if difflib.get_close_matches(meant, COLUMNS, 1, 0.75):
+                problems.append(f"{where}: unknown column '{heading.strip()}': there are {listing(meant, COLUMNS)}")
             elif name:
                 unused.append(heading.strip())
             name = ""

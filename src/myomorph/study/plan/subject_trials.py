@@ -12,7 +12,7 @@ from myomorph.io.labels import read_labels
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import check_time, existing, is_folder, matching
-from myomorph.study.inputs.contact_file import AUTO, old_names
+from myomorph.study.inputs.contact_file import AUTO
 from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps

@@ -1,4 +1,4 @@
-"""A C3D reader of our own, for files that ezc3d refuses: three byte orders, integers and reals.
+"""Parameters and samples of C3D files with NumPy alone: three byte orders, integers and reals.
 
 Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of linked
 records, and frames of points and analog samples. It believes the header where header and parameters
@@ -28,7 +28,7 @@ BLOCK, KEY = 512, 0x50
 
 PC, DEC, SGI = 84, 85, 86
 EVENT_KEY = 12345
-MOST_DIMENSIONS = 7
+MAX_DIMENSIONS = 7
 
 
 @read_only
@@ -45,8 +45,7 @@ class RawC3d:
     residuals : (frames, points), negative where invalid
     analog : (samples, channels), offset and scale applied
     events : (label, time [s]) of the header's own list
-    reader : which reader it was
-    remarks : what that reader had to mend or leave out
+    remarks : what had to be mended or left out
     """
 
     groups: Mapping[str, Mapping[str, Value]]
@@ -57,7 +56,6 @@ class RawC3d:
     residuals: Array
     analog: Array
     events: tuple[tuple[str, float], ...] = ()
-    reader: str = ""
     remarks: tuple[str, ...] = ()
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
@@ -85,7 +83,7 @@ class RawC3d:
         return () if value is None or isinstance(value, tuple) else np.shape(value)
 
 
-def read_c3d_plain(path: str | os.PathLike[str]) -> RawC3d:
+def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
     """Read a C3D file with NumPy alone.
 
     Raises
@@ -228,7 +226,7 @@ def _signed(byte: int) -> int:
 
 def _value(data: bytes, at: int, order: _Order) -> Value | None:
     """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
-    if at + 2 > len(data) or data[at + 1] > MOST_DIMENSIONS:
+    if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
         return None
     kind, rank = _signed(data[at]), data[at + 1]
     shape = tuple(data[at + 2 : at + 2 + rank])
@@ -303,7 +301,6 @@ def _samples(
         residuals=residuals,
         analog=_scaled(about, analog.reshape(frames * per_frame, channels), unsigned, real),
         events=header.events,
-        reader="Myomorph's own reader",
         remarks=tuple(remarks),
     )
 
