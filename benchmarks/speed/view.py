@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tests.browser import Browser, browser_program
 
-from myomorph.demo.jump import demo_model
+from myomorph.demo.demos import demo_model
 from myomorph.study.trial.viewing import open_replay
 from myomorph.viewer.replay import Replay
 
@@ -47,7 +47,7 @@ def run() -> list[Row]:
     """Rows of what was waited for, and of what plays."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "demo"
-        command = [sys.executable, "-m", "myomorph.cli", "demo", "--out", str(result)]
+        command = [sys.executable, "-m", "myomorph.cli", "demo", "--study", "jump", "--out", str(result)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         program = browser_program()
         if program is None:

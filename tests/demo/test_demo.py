@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
 import pytest
 
 from myomorph.analysis.columns import compared
-from myomorph.demo.jump import demo_model, demo_trial, run_demo
+from myomorph.demo.demos import demo_model, demo_trial, run_demo
 from myomorph.model.errors import UnknownName
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -112,6 +113,10 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     outcome = run_demo("simulated", tmp_path)
     assert outcome.error == ""
     assert outcome.done == ("ik", "id", "muscles", "tension", "report")
+    with (tmp_path / "quality.csv").open(encoding="utf-8") as table:
+        checks = {row["quantity"]: row["state"] for row in csv.DictReader(table)}
+    assert len(checks) >= 11
+    assert set(checks.values()) == {"ok"}
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "nobody was measured" in page
     found = read_result(tmp_path / "squat.nc", leave_out=("moment_arm",))

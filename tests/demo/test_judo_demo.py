@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from myomorph.demo import judo as judo_demo
+from myomorph.demo.demos import demo_model
 from myomorph.demo.judo import ERRORS, run_judo_demo, touches_of
-from myomorph.demo.jump import demo_model
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.simulate.bout import FEET, GRIPS

@@ -108,7 +108,7 @@ def view_command(
 
 def _demo_model(name: str) -> Model:
     # Only results of a demo need it: others are shown sooner without.
-    from myomorph.demo.jump import demo_model
+    from myomorph.demo.demos import demo_model
 
     return demo_model(name)
 

@@ -26,13 +26,13 @@ def demo_command(
     *,
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
     study: Annotated[
-        Literal["jump", "simulated", "shoulder", "judo", "morph"],
+        Literal["simulated", "jump", "shoulder", "judo", "morph"],
         Parameter(
-            help="A recorded countermovement jump, a simulated full-body squat with known truth, six virtual "
-            "shoulders that swing on a force plate, two simulated fighters whose contact forces are found, or a leg's "
-            "muscles carried into bones whose deformation is known."
+            help="A simulated full-body squat with known truth, a recorded countermovement jump with markers on one "
+            "leg, six virtual shoulders that swing on a force plate, two simulated fighters whose contact forces are "
+            "found, or a leg's muscles transferred to bones whose deformation is known."
         ),
-    ] = "jump",
+    ] = "simulated",
     threads: Threads = None,
 ) -> int:
     """The main job on data that come with the installation, from markers to a report."""
@@ -51,7 +51,7 @@ def demo_command(
             said(line)
         said(f"report: {found.report.resolve()}")
         return 0
-    from myomorph.demo.jump import run_demo
+    from myomorph.demo.demos import run_demo
     from myomorph.study.trial.reporting import REPORT
 
     outcome = run_demo(study, out)

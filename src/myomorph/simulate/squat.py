@@ -17,11 +17,12 @@ import numpy as np
 from myomorph.io.mjcf.composed import composed_model
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Marker, Model
+from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
@@ -67,8 +68,8 @@ class SimulationOptions:
     seed : of the noise
     """
 
-    duration: float = 4.0
-    squats: int = 2
+    duration: float = 2.0
+    squats: int = 1
     rate: float = 100.0
     force_rate: float = 1000.0
     marker_noise: float = 0.0005
@@ -97,6 +98,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     noisy = replace(
         wrenches, forces=wrenches.forces + options.force_noise * random.standard_normal(wrenches.forces.shape)
     )
+    times = "once" if options.squats == 1 else f"{options.squats} times"
     used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
     names = tuple(model.coordinate_names[i] for i in used)
     known = {
@@ -120,8 +122,8 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
                 "right.",
             ),
             simulated=(
-                f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats "
-                f"{options.squats} times in {options.duration:g} s with raised arms; nobody was measured.",
+                f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats {times} in "
+                f"{options.duration:g} s with raised arms; nobody was measured.",
                 f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
                 f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
                 f"{options.seed}.",
@@ -205,24 +207,15 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
 def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
     """Forces on both feet, half each, that leave nothing at the root.
 
-    The force that the root would need is moved to the feet: its center of pressure on the floor lies
+    The force that the whole body needs is moved to the feet: its center of pressure on the floor lies
     midway between two points that are as far apart as the feet.
     """
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    root = next(joint for joint in tree.model.joints if joint.parent == GROUND and len(joint.coordinates) == 6)
-    columns = [tree.model.coordinate_names.index(name) for name in root.coordinates]
-    needed = inverse_dynamics(tree.model, motion).values[:, columns]
-    body = tree.body_index[root.child]
-    feet = [poses.origins[:, tree.body_index[name]] for name in FEET]
+    arrays = motion_arrays(tree, motion)
+    whole = joint_wrenches(tree, *arrays, np.zeros((len(motion), len(tree.arrays.parent), 6)))
+    force, moment = whole.forces[:, 0], whole.moments[:, 0]
+    feet = [whole.origins[:, tree.body_index[name]] for name in FEET]
     up = -tree.model.gravity / np.linalg.norm(tree.model.gravity)
     floor = float(np.min([foot @ up for foot in feet])) - SOLE
-    force, moment = np.empty((len(motion), 3)), np.empty((len(motion), 3))
-    for frame in range(len(motion)):
-        origin = poses.origins[frame, body]
-        jacobian = poses.jacobian(frame, body, origin)[:, columns]
-        wrench = np.linalg.solve(jacobian.T, needed[frame])
-        force[frame] = wrench[3:]
-        moment[frame] = wrench[:3] + np.cross(origin, wrench[3:])
     vertical = force @ up
     # Of all points of the line of action, the one on the floor; what moment remains is vertical.
     center = np.cross(up, moment - floor * np.cross(up, force)) / vertical[:, None] + floor * up
