@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.viscosity.identified_model import along_axes, joint_jacobian, share
@@ -61,7 +60,9 @@ class CoordinateStiffness:
     residual: float
 
 
-def coordinate_damping(model: Model, base: str, first: str, viscosity: ArrayLike, motion: Motion) -> CoordinateDamping:
+def coordinate_damping(
+    model: mm.Model, base: str, first: str, viscosity: ArrayLike, motion: mm.Motion
+) -> CoordinateDamping:
     """Dampers of coordinates nearest to the damping of the joint between two bodies, over a motion.
 
         min over d_k >= 0 of sum over frames of |E^T D E qdot - diag(d) qdot|^2
@@ -101,7 +102,7 @@ def coordinate_damping(model: Model, base: str, first: str, viscosity: ArrayLike
 
 
 def coordinate_stiffness(
-    model: Model, base: str, first: str, stiffness: ArrayLike, rest: Mapping[str, float], motion: Motion
+    model: mm.Model, base: str, first: str, stiffness: ArrayLike, rest: Mapping[str, float], motion: mm.Motion
 ) -> CoordinateStiffness:
     """Springs of coordinates nearest to the stiffness of the joint between two bodies, over a motion.
 
@@ -124,7 +125,7 @@ def coordinate_stiffness(
     """
     K = along_axes("stiffness", stiffness)
     tree = compile_tree(model)
-    at_rest = Motion(np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1))
+    at_rest = mm.Motion(np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1))
     _, R_rest, _ = joint_jacobian(tree, base, first, tree.coordinates_of(at_rest))
     coordinates = tree.coordinates_of(motion)
     E, R, moving = joint_jacobian(tree, base, first, coordinates)

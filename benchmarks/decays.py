@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
+import myomorph as mm
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
 from myomorph.viscosity.swings.samples import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")
@@ -125,11 +125,11 @@ def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), b
     """
     for term in terms:
         if term not in DAMPINGS:
-            raise UnknownName("term", term, DAMPINGS, "the decay of a pendulum")
+            raise mm.UnknownName("term", term, DAMPINGS, "the decay of a pendulum")
     since = time - time[0]
     start, period = _start(since, signal)
     if not since[-1] > 3.0 * period:
-        raise BadData(f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}")
+        raise mm.BadData(f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}")
     free = [True, True, True, True, *(name in terms for name in DAMPINGS), bend]
     chosen = np.flatnonzero(free)
     size = float(np.std(signal))

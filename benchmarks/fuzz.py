@@ -28,7 +28,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(seconds: float = 30.0, reader: list[str] | None = None, keep: Path | None = None) -> list[dict[str, object]]:
     """One row a reader, for `seconds` each."""
-    sys.path.insert(0, str(FOLDER))
     from fuzz_readers import READERS
 
     names = [known.name for known in READERS if not reader or known.name in reader]

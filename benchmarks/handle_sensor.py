@@ -18,10 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+import myomorph as mm
 from myomorph.contact.plate_pose import rotation_vector
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
 from myomorph.motion.filters import lowpass, natural_spline
 
@@ -93,7 +92,7 @@ class HandleFit:
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-def object_motion(markers: Markers, names: tuple[str, ...], cutoff: float, reference: int = 0) -> ObjectMotion:
+def object_motion(markers: mm.Markers, names: tuple[str, ...], cutoff: float, reference: int = 0) -> ObjectMotion:
     """Rigid motion of an object by its markers (Kabsch 1976 in every frame), low-pass filtered.
 
     Parameters
@@ -109,9 +108,9 @@ def object_motion(markers: Markers, names: tuple[str, ...], cutoff: float, refer
     seen: np.ndarray = np.isfinite(values[:, :, 0])
     if not seen[reference].all():
         hidden = names[int(np.argmin(seen[reference]))]
-        raise BadData(f"marker '{hidden}' of the object is not seen in frame {reference}: choose another reference")
+        raise mm.BadData(f"marker '{hidden}' of the object is not seen in frame {reference}: choose another reference")
     if seen.sum(axis=1).min() < 3:
-        raise BadData(f"fewer than three markers of the object are seen in frame {int(np.argmin(seen.sum(axis=1)))}")
+        raise mm.BadData(f"fewer than three markers of the object are seen in frame {int(np.argmin(seen.sum(axis=1)))}")
     shape = values[reference] - values[reference].mean(axis=0)
     rotations, places, residual = np.empty((len(values), 3, 3)), np.empty((len(values), 3)), np.empty(len(values))
     for k, (row, there) in enumerate(zip(values, seen, strict=True)):
@@ -159,13 +158,13 @@ def fit_handle(
     """
     held = np.asarray(held, dtype=bool)
     if held.sum() < 20:
-        raise BadData(f"the object is held in {int(held.sum())} frames: too few")
+        raise mm.BadData(f"the object is held in {int(held.sum())} frames: too few")
     time = motion.time[held]
     back = np.swapaxes(motion.rotations[held], 1, 2)
     pull = np.einsum("nij,nj->ni", back, motion.accelerations[held] - gravity)
     size = float(np.linalg.norm(gravity))
     if float(np.linalg.norm(pull - pull.mean(axis=0), axis=1).max()) < LEAST_TURN * size:
-        raise BadData(
+        raise mm.BadData(
             "the object neither turns nor is accelerated while it is held: its handle's orientation about the vertical "
             "does not show; tilt it"
         )
@@ -231,7 +230,7 @@ class _Held:
             if found.x[3] > 0 and (best is None or found.cost < best.cost):
                 best = found
         if best is None:
-            raise BadData(
+            raise mm.BadData(
                 "the handle's force fits the object's motion only with a negative mass: is its sign reversed?"
             )
         x, covariance = best.x, self._covariance(best.jac, best.fun)

@@ -8,18 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.hands_markers import with_plug_in_gait
 from myomorph.contact.held_objects import needed_wrench
 from myomorph.io.c3d.read import read_c3d
-from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import free_object
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Motion
+from myomorph.model.model import Actuator
+from myomorph.model.series import Z_UP_TO_Y_UP
 from myomorph.model.sides import split_side
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import KinematicsFit, inverse_kinematics
+from myomorph.motion.calibrate import Calibration
+from myomorph.motion.ik import KinematicsFit
 from myomorph.muscles.scaling import default_path_lengths
 
 FOLDER = "lifting-box-15kg"
@@ -58,7 +57,7 @@ class Recorded:
     bottom_up, top_down : (frames, 3) moments at L5/S1 by the laboratory [N m]
     """
 
-    markers: Markers
+    markers: mm.Markers
     plate: Array
     plate_point: Array
     unloaded: Array
@@ -83,7 +82,7 @@ def recorded(folder: Path, lift: str) -> Recorded:
     )
 
 
-def _markers(path: Path) -> Markers:
+def _markers(path: Path) -> mm.Markers:
     trial = read_c3d(path).rotated(Z_UP_TO_Y_UP)
     assert trial.markers is not None
     return trial.markers
@@ -92,19 +91,21 @@ def _markers(path: Path) -> Markers:
 @lru_cache(maxsize=2)
 def lifter(folder: Path) -> Calibration:
     """The Rajagopal model with Plug-in Gait's markers, calibrated on standing and both lifts, of the man's mass."""
-    generic = with_plug_in_gait(read_model(folder / GENERIC))
+    generic = with_plug_in_gait(mm.read_model(folder / GENERIC))
     trials = [recorded(folder, lift).markers for lift in LIFTS]
     static = _markers(folder / FOLDER / "neutral.c3d")
-    return calibrate(generic, trials, CalibrationOptions(static=static, mass=MASS), path_lengths=default_path_lengths)
+    return mm.calibrate(
+        generic, trials, mm.CalibrationOptions(static=static, mass=MASS), path_lengths=default_path_lengths
+    )
 
 
 @lru_cache(maxsize=4)
 def tracked(folder: Path, lift: str) -> KinematicsFit:
     """Inverse kinematics of one lift."""
-    return inverse_kinematics(lifter(folder).model, recorded(folder, lift).markers)
+    return mm.inverse_kinematics(lifter(folder).model, recorded(folder, lift).markers)
 
 
-def with_joint_torques(model: Model) -> Model:
+def with_joint_torques(model: mm.Model) -> mm.Model:
     """The model with torques of `JOINT_TORQUES` in place of its own actuators."""
     torques = {one.name: JOINT_TORQUES.get(split_side(one.name)[0]) for one in model.coordinates}
     return replace(
@@ -117,18 +118,20 @@ def with_joint_torques(model: Model) -> Model:
     )
 
 
-def man(folder: Path, lift: str) -> tuple[Model, Motion]:
+def man(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     """The man's model and his motion with derivatives."""
-    return with_joint_torques(lifter(folder).model), differentiate(tracked(folder, lift).motion, CUTOFF)
+    return with_joint_torques(lifter(folder).model), mm.differentiate(tracked(folder, lift).motion, CUTOFF)
 
 
-def box(folder: Path, lift: str) -> tuple[Model, Motion]:
+def box(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     """The box and its motion: recorded in the plane of the lift, at rest across it."""
     forward, up, pitch = recorded(folder, lift).box.T
     model = free_object("body", BOX_MASS, BOX_SIZE, gravity=lifter(folder).model.gravity)
     values = np.zeros((len(up), 6))
     values[:, 0], values[:, 1], values[:, 2], values[:, 5] = forward, up, BOX_ACROSS, -pitch
-    return model, differentiate(Motion(recorded(folder, lift).markers.time, model.coordinate_names, values), CUTOFF)
+    return model, mm.differentiate(
+        mm.Motion(recorded(folder, lift).markers.time, model.coordinate_names, values), CUTOFF
+    )
 
 
 def hands_measured(folder: Path, lift: str) -> Array:

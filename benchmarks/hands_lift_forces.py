@@ -9,27 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import (
-    ContactStateOptions,
-    StrengthOptions,
-    find_contacts,
-    preferred_directions,
-    strengths,
-)
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, preferred_directions, strengths
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals
 from myomorph.tension.problem import tension_problem
-from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
@@ -61,15 +52,15 @@ class Lift:
     tension: Tension | None
 
 
-def both(folder: Path, lift: str) -> tuple[Model, Motion]:
+def both(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     """Man and box as one model, and its motion."""
     (body, motion), (thing, thing_motion) = man(folder, lift), box(folder, lift)
     return join_models({"man": body, "box": thing}), join_motions({"man": motion, "box": thing_motion})
 
 
-def plate_on_feet(record: Recorded, time: Array) -> Wrenches:
+def plate_on_feet(record: Recorded, time: Array) -> mm.Wrenches:
     """The plate's force, given to one foot: what it does to the rest of the body is the same."""
-    return Wrenches(
+    return mm.Wrenches(
         time, ("plate",), ("calcn_r",), record.plate[:, None], record.plate_point[:, None], np.zeros((len(time), 1, 3))
     )
 
@@ -93,9 +84,9 @@ def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
 class Task:
     """What `solve_tension` takes."""
 
-    model: Model
-    motion: Motion
-    torques: Series
+    model: mm.Model
+    motion: mm.Motion
+    torques: mm.Series
     contacts: ContactTask
 
 
@@ -120,16 +111,16 @@ def task(folder: Path, lift: str, way: str) -> Task:
         ready = np.hstack([held, standing, raised_contacts(model, moving, floor, feet)[1][:, None]])
     ways = np.zeros((*ready.shape, 3))
     ways[:, 2 : 2 + len(feet)] = lean
-    ready_at = Series(motion.time, tuple(one.name for one in sites), ready)
+    ready_at = mm.Series(motion.time, tuple(one.name for one in sites), ready)
     options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
     contacts = ContactTask(sites, ready_at, () if way in ("hidden", "first") else plate, options, ways)
-    return Task(model, moving, inverse_dynamics(model, moving), contacts)
+    return Task(model, moving, mm.inverse_dynamics(model, moving), contacts)
 
 
-def soles_of(model: Model, motion: Motion) -> tuple[tuple[Site, ...], Array, Array]:
+def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Array, Array]:
     """Sites under the feet, how ready each is (frames, sites), and which way its force leans (frames, sites, 3)."""
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
-    touches = find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
+    touches = mm.find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
     ready = strengths(model, motion, feet, touches, StrengthOptions(floor=floor.height))
     return feet, np.array(ready.values), preferred_directions(model, motion, feet)
 
@@ -143,7 +134,7 @@ def found(folder: Path, lift: str, way: str) -> Lift:
         left = needed_wrench(body, motion, "pelvis", plate_on_feet(recorded(folder, lift), motion.time))
         return Lift(-left.forces[:, 0], plate, None)
     asked = task(folder, lift, way)
-    tension = solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    tension = mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
     assert tension.contacts is not None
     forces = tension.contacts.forces
     feet = [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.model import Marker, Model
+import myomorph as mm
+from myomorph.model.model import Marker
 from myomorph.model.sides import split_side
 
 PLUG_IN_GAIT: tuple[tuple[str, str, tuple[float, float, float], str], ...] = (
@@ -37,7 +38,7 @@ Head markers are left out: the head is one with the trunk in this model.
 """
 
 
-def with_plug_in_gait(model: Model) -> Model:
+def with_plug_in_gait(model: mm.Model) -> mm.Model:
     """A model in Rajagopal's frames with these markers alone, the left as the right mirrored."""
     markers: list[Marker] = []
     for name, body, place, _ in PLUG_IN_GAIT:

@@ -8,25 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.hands_lift_forces import Task, soles_of
+from benchmarks.recordings import read_markers
 from myomorph.contact.assign import assign_bodies
 from myomorph.contact.held_objects import needed_wrench, raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.contact.states import hysteresis
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.trc import read_trc
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Site
-from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
@@ -51,9 +44,9 @@ class Chair:
     newton : (frames, 3) force that is left for the seat, and `moment` (frames, 3) about `places` [N], [N m]
     """
 
-    model: Model
-    motion: Motion
-    feet: Wrenches
+    model: mm.Model
+    motion: mm.Motion
+    feet: mm.Wrenches
     seat: Site
     soles: tuple[Site, ...]
     places: Array
@@ -72,13 +65,12 @@ class Chair:
 def chair(folder: Path) -> Chair:
     """The trial STS1 on the expert's model, its mass that of standing on the plates."""
     here = folder / FOLDER
-    given = read_model(here / "models" / "manually_scaled.osim")
+    given = mm.read_model(here / "models" / "manually_scaled.osim")
     standing = read_external_loads(here / "grf" / "static1_external_forces.xml").forces[:, :, 1].sum(axis=1)
     mass = float(np.median(standing) / np.linalg.norm(given.gravity))
     model = scale(given, {}, mass, preserve_mass_distribution=True)
-    markers = read_trc(here / "markers" / "STS1.trc").markers
-    assert markers is not None
-    motion = differentiate(inverse_kinematics(model, markers).motion, CUTOFF)
+    markers = read_markers(here / "markers" / "STS1.trc")
+    motion = mm.differentiate(mm.inverse_kinematics(model, markers).motion, CUTOFF)
     plates = read_external_loads(here / "grf" / "STS1_external_forces.xml")
     soles, standing, lean = soles_of(model, motion)
     at = site_motion(model, motion, soles).places
@@ -86,10 +78,10 @@ def chair(folder: Path) -> Chair:
         body: at[:, [k for k, one in enumerate(soles) if one.group == group]]
         for body, group in (("calcn_r", "foot_r"), ("calcn_l", "foot_l"))
     }
-    loads = resample_wrenches(plates, motion.time, CUTOFF)
+    loads = mm.resample_wrenches(plates, motion.time, CUTOFF)
     # The third plate lies idle.
     used = [k for k in range(len(loads.names)) if np.abs(loads.forces[:, k]).max() > 0.0]
-    unknown = Wrenches(
+    unknown = mm.Wrenches(
         loads.time,
         tuple(loads.names[k] for k in used),
         ("",) * len(used),
@@ -112,8 +104,8 @@ def task(folder: Path, plates: bool, first: bool = False) -> Task:
     """
     one = chair(folder)
     sites = (one.seat,) if plates else (one.seat, *one.soles)
-    ready = Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
-    torques = inverse_dynamics(one.model, one.motion, one.feet if plates else None)
+    ready = mm.Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
+    torques = mm.inverse_dynamics(one.model, one.motion, one.feet if plates else None)
     lean = np.concatenate([np.zeros((len(one.motion), 1, 3)), one.lean], axis=1)[:, : len(sites)]
     options = ContactOptions(formulation="sequential" if first else "simultaneous")
     return Task(one.model, one.motion, torques, ContactTask(sites, ready, (), options, lean))
@@ -123,7 +115,7 @@ def task(folder: Path, plates: bool, first: bool = False) -> Task:
 def solved(folder: Path, plates: bool, first: bool = False) -> Tension:
     """Tensions with the seat's force."""
     asked = task(folder, plates, first)
-    return solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    return mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.hands_lift import Recorded, lifter, man, recorded
 from benchmarks.hands_lift_forces import Lift, plate_on_feet
 from myomorph.contact.held_objects import needed_wrench
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -41,7 +40,7 @@ class Spine:
     from_above: Array
 
 
-def regressed_point(model: Model) -> Array:
+def regressed_point(model: mm.Model) -> Array:
     """L5/S1 (3,) in the pelvis's frame, by the places of the pelvis's markers on the calibrated model [m]."""
     right, left, *back = (model.marker(name).location for name in ("RASI", "LASI", "RPSI", "LPSI"))
     middle, rear = 0.5 * (right + left), 0.5 * (back[0] + back[1])
@@ -103,7 +102,7 @@ def of_laboratory(record: Recorded) -> tuple[Array, Array]:
     return record.bottom_up, -record.top_down
 
 
-def _moment(wrench: Wrenches, at: Array) -> Array:
+def _moment(wrench: mm.Wrenches, at: Array) -> Array:
     moment: Array = wrench.torques[:, 0] + np.cross(wrench.points[:, 0] - at, wrench.forces[:, 0])
     return moment
 

@@ -6,42 +6,26 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import (
-    ContactStateOptions,
-    StrengthOptions,
-    find_contacts,
-    preferred_directions,
-    steady,
-    strengths,
-)
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, preferred_directions, steady, strengths
 from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.contacts import Contacts, SharedWrench, Site
+from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.sync import cut
 from myomorph.study.inputs.external_forces import force_table
-from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
-OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
-GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
 TABLES = (
     {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"},
     {"l_ground_force_": "calcn_l", "ground_force_": "calcn_r"},
@@ -79,29 +63,23 @@ class HiddenCase:
     span: tuple[float, float] = (-np.inf, np.inf)
 
 
+def _case(name: str, recording: str, mass: float | None = None, **more: Any) -> HiddenCase:
+    files = RECORDINGS[recording]
+    markers = files.motion if more.get("tracked") else files.markers
+    return HiddenCase(name, files.model, markers, files.loads, mass or files.mass, **more)
+
+
 CASES = (
-    HiddenCase("walk, Rajagopal", f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/markers_walk.trc",
-               f"{RAJAGOPAL}/grf_walk.xml", 85.27),
-    HiddenCase("walk, treadmill, gait2354", f"{GAIT}/ref_scale/std_subject01_simbody.osim",
-               f"{GAIT}/experiment/subject01_walk1.trc", f"{GAIT}/experiment/subject01_walk1_grf.xml", 72.6,
-               f"{GAIT}/ref_ik/gait2354_IK_Tasks.xml"),
-    *(
-        HiddenCase(name, f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/markers/{trial}.trc",
-                   f"{OPENCAP}/grf/{trial}_external_forces.xml", 62.6, seated=trial == "STS1")
-        for name, trial in (("walk, OpenCap", "walking1"), ("sit to stand, OpenCap", "STS1"),
-                            ("drop jump, OpenCap", "DJ1"))
-    ),
-    *(
-        HiddenCase(f"run, {speed} m/s", f"{RUN}/unscaled_generic.osim", f"{RUN}/{trial}/markers.trc",
-                   f"{RUN}/{trial}/grf.mot", 82.0, calibrated=True)
-        for speed, trial in ((2, "run200"), (5, "run500"))
-    ),
-    HiddenCase("walk, treadmill, no arms", "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
-               "walk-so-jointload-emg/results_ik.sto", "walk-so-jointload-emg/walking_baseline1_forces.mot", 86.04,
-               tracked=True, span=(10.0, 14.0)),
-    HiddenCase("walk, treadmill, gait2392", "ceinms-emg-walk/model/gait2392.osim", "ceinms-emg-walk/walk36/ik.sto",
-               "ceinms-emg-walk/walk36/XLD.mot", 58.0, tracked=True, span=(10.0, 14.0)),
-)  # fmt: skip
+    _case("walk, Rajagopal", "rajagopal"),
+    _case("walk, treadmill, gait2354", "gait2354", tasks=RECORDINGS["gait2354"].tasks),
+    _case("walk, OpenCap", "opencap-walk"),
+    _case("sit to stand, OpenCap", "opencap-rise", seated=True),
+    _case("drop jump, OpenCap", "opencap-jump"),
+    _case("run, 2 m/s", "run-2", calibrated=True),
+    _case("run, 5 m/s", "run-5", calibrated=True),
+    _case("walk, treadmill, no arms", "treadmill", tracked=True, span=(10.0, 14.0)),
+    _case("walk, treadmill, gait2392", "gait2392", 58.0, tracked=True, span=(10.0, 14.0)),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +97,13 @@ class Hidden:
     """
 
     case: HiddenCase
-    model: Model
-    motion: Motion
+    model: mm.Model
+    motion: mm.Motion
     sites: tuple[Site, ...]
-    contacts: Contacts
-    strengths: Series
-    measured: Wrenches
-    raw: Wrenches
+    contacts: mm.Contacts
+    strengths: mm.Series
+    measured: mm.Wrenches
+    raw: mm.Wrenches
     use: np.ndarray
     cutoff: float
     floor: float
@@ -136,26 +114,19 @@ class Hidden:
         return self.model.mass * float(np.linalg.norm(self.model.gravity))
 
 
-def markers_of(folder: Path, name: str) -> Markers:
-    """The markers of a TRC file."""
-    markers = read_trc(folder / name).markers
-    assert markers is not None
-    return markers
-
-
 @cache
-def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) -> Model:
+def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) -> mm.Model:
     """The model at the subject's mass; a generic one calibrated on all recordings that use it."""
-    model = read_model(folder / case_model)
+    model = mm.read_model(folder / case_model)
     if calibrated:
-        trials = [markers_of(folder, one.markers) for one in CASES if one.model == case_model]
-        model = calibrate(model, trials, CalibrationOptions(mass=mass)).model
+        trials = [read_markers(folder / one.markers) for one in CASES if one.model == case_model]
+        model = mm.calibrate(model, trials, mm.CalibrationOptions(mass=mass)).model
     return with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
 
 
-def cutoff_of(model: Model, motion: Motion) -> float:
+def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
     """The rule for the low-pass filter: `QUICK` where the center of mass falls freely for 50 ms, else `CALM`."""
-    carried = site_motion(model, differentiate(motion, CALM), foot_sites(model)).carried
+    carried = site_motion(model, mm.differentiate(motion, CALM), foot_sites(model)).carried
     flies = steady(carried < ContactStateOptions().carried, motion.time, 0.05)
     return QUICK if flies[1:-1].any() else CALM
 
@@ -167,32 +138,32 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     tracked = _tracked(folder, case, model)
     raw = _forces(folder / case.forces)
     cutoff = cutoff_of(model, tracked)
-    whole = differentiate(tracked, cutoff)
+    whole = mm.differentiate(tracked, cutoff)
     feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
-    contacts = find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
+    contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
     ready = strengths(model, whole, feet, contacts, StrengthOptions(floor=floor.height))
     sites: tuple[Site, ...] = feet
     if case.seated:
         seat = body_sites(model, ("seat",))
-        sitting = find_contacts(model, whole, seat)
+        sitting = mm.find_contacts(model, whole, seat)
         also = strengths(model, whole, seat, sitting)
         sites = (*feet, *seat)
-        ready = Series(ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values]))
+        ready = mm.Series(ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values]))
     assert whole.velocities is not None
     motion = cut(whole, max(whole.time[0], raw.time[0]), min(whole.time[-1], raw.time[-1]))
     at = np.isin(whole.time, motion.time)
-    owned = assign_feet(model, motion, feet, resample_wrenches(raw, motion.time, 3.0 * cutoff)).wrenches
+    owned = assign_feet(model, motion, feet, mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)).wrenches
     raw = replace(raw, bodies=_bodies(owned, raw))
     found = usable(model, tracked, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
     use = found.use if not case.seated else _inside(motion, cutoff)
-    measured = resample_wrenches(raw, motion.time, cutoff)
+    measured = mm.resample_wrenches(raw, motion.time, cutoff)
     return Hidden(
         case,
         model,
         motion,
         sites,
         contacts,
-        Series(motion.time, ready.names, ready.values[at]),
+        mm.Series(motion.time, ready.names, ready.values[at]),
         measured,
         raw,
         use,
@@ -201,27 +172,27 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     )
 
 
-def _tracked(folder: Path, case: HiddenCase, model: Model) -> Motion:
+def _tracked(folder: Path, case: HiddenCase, model: mm.Model) -> mm.Motion:
     """Coordinates of a recording, unfiltered."""
     if case.tracked:
-        return cut(motion_from_table(read_sto(folder / case.markers), model), *case.span)
+        return cut(mm.read_motion(folder / case.markers, model), *case.span)
     weights = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else {}
     known = {one: weight for one, weight in weights.items() if one in model.marker_names}
-    tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
-    return inverse_kinematics(model, markers_of(folder, case.markers), tracking).motion
+    tracking = mm.InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
+    return mm.inverse_kinematics(model, read_markers(folder / case.markers), tracking).motion
 
 
-def _forces(path: Path) -> Wrenches:
+def _forces(path: Path) -> mm.Wrenches:
     """Forces as recorded, with 0 where a table has no number."""
     if path.suffix == ".xml":
         return read_external_loads(path)
-    names = read_sto(path).names
+    names = mm.read_sto(path).names
     columns = next(one for one in TABLES if all(f"{prefix}vx" in names for prefix in one))
     found = force_table(path, columns)
     return replace(found, forces=np.nan_to_num(found.forces), torques=np.nan_to_num(found.torques))
 
 
-def _bodies(owned: Wrenches, raw: Wrenches) -> tuple[str, ...]:
+def _bodies(owned: mm.Wrenches, raw: mm.Wrenches) -> tuple[str, ...]:
     """The body that took most of each plate's force."""
     found = []
     for name in raw.names:
@@ -231,7 +202,7 @@ def _bodies(owned: Wrenches, raw: Wrenches) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _inside(motion: Motion, cutoff: float) -> np.ndarray:
+def _inside(motion: mm.Motion, cutoff: float) -> np.ndarray:
     """Frames farther from the ends than the filter reaches."""
     reach = 0.75 / cutoff
     return (motion.time > motion.time[0] + reach) & (motion.time < motion.time[-1] - reach)
@@ -240,9 +211,9 @@ def _inside(motion: Motion, cutoff: float) -> np.ndarray:
 def estimated(
     hidden: Hidden,
     formulation: Formulation = "simultaneous",
-    known: Wrenches | None = None,
+    known: mm.Wrenches | None = None,
     shared: tuple[SharedWrench, ...] = (),
-    ready: Series | None = None,
+    ready: mm.Series | None = None,
 ) -> Tension:
     """Contact forces and tensions of a recording with the library's defaults.
 
@@ -259,8 +230,8 @@ def estimated(
         ContactOptions(formulation=formulation),
         preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
-    torques = inverse_dynamics(hidden.model, hidden.motion, known)
-    return solve_tension(hidden.model, hidden.motion, torques, contacts=task)
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion, known)
+    return mm.solve_tension(hidden.model, hidden.motion, torques, contacts=task)
 
 
 def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:

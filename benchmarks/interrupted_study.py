@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
-from myomorph.io.trc import read_trc, write_trc
-from myomorph.model.series import Markers
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, Recording, data_folder, read_markers
 
 FRAMES = 24
 OFFSET, NOISE = 2e-3, 5e-4
@@ -29,9 +28,7 @@ class Source:
     """
 
     name: str
-    model: str
-    markers: str
-    loads: str
+    files: Recording
     table: str
     start: float
     end: float
@@ -40,37 +37,9 @@ class Source:
 
 
 SOURCES = (
-    Source(
-        "gait",
-        "opensim-gait-subject01/ref_scale/std_subject01_simbody.osim",
-        "opensim-gait-subject01/experiment/subject01_walk1.trc",
-        "opensim-gait-subject01/experiment/subject01_walk1_grf.xml",
-        "opensim-gait-subject01/experiment/subject01_walk1_grf.mot",
-        0.5,
-        1.9,
-        0.5,
-    ),
-    Source(
-        "rajagopal",
-        "rajagopal-walk-emg/subject_walk_scaled.osim",
-        "rajagopal-walk-emg/markers_walk.trc",
-        "rajagopal-walk-emg/grf_walk.xml",
-        "rajagopal-walk-emg/grf_walk.mot",
-        0.6,
-        1.8,
-        0.3,
-    ),
-    Source(
-        "opencap",
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/markers/walking1.trc",
-        "opencap-subject4-multitask/grf/walking1_external_forces.xml",
-        "opencap-subject4-multitask/grf/walking1_grf.mot",
-        0.2,
-        1.1,
-        0.2,
-        True,
-    ),
+    Source("gait", RECORDINGS["gait2354"], "subject01_walk1_grf.mot", 0.5, 1.9, 0.5),
+    Source("rajagopal", RECORDINGS["rajagopal"], "grf_walk.mot", 0.6, 1.8, 0.3),
+    Source("opencap", RECORDINGS["opencap-walk"], "walking1_grf.mot", 0.2, 1.1, 0.2, True),
 )
 
 
@@ -82,27 +51,30 @@ def make_study(folder: Path, trials: int) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     parts = ['[study]\nname = "recordings repeated and perturbed, not measured"\n']
     for number, source in enumerate(SOURCES):
-        for path in (source.model, source.loads, source.table):
-            shutil.copyfile(data_folder() / path, folder / Path(path).name)
-        markers = read_trc(data_folder() / source.markers).markers
-        assert markers is not None
+        loads = data_folder() / source.files.loads
+        for path in (data_folder() / source.files.model, loads, loads.with_name(source.table)):
+            shutil.copyfile(path, folder / path.name)
+        markers = read_markers(data_folder() / source.files.markers)
         rows = []
         for trial in range(max(1, round(trials * source.share))):
             name = f"made_{source.name}_{trial + 1:03d}"
             _write_trial(markers, source, np.random.default_rng((number, trial)), folder / f"{name}.trc")
-            rows.append(f'    {{markers = "{name}.trc", loads = "{Path(source.loads).name}"}},')
+            rows.append(f'    {{markers = "{name}.trc", loads = "{loads.name}"}},')
         steps = '"ik", "id", "muscles", "tension"' + (', "report"' if source.report else "")
-        table = [f'[[subject]]\nname = "{source.name}"\nmodel = "{Path(source.model).name}"', f"steps = [{steps}]"]
+        table = [
+            f'[[subject]]\nname = "{source.name}"\nmodel = "{Path(source.files.model).name}"',
+            f"steps = [{steps}]",
+        ]
         parts.append("\n".join((*table, "trials = [", *rows, "]\n")))
     path = folder / "study.toml"
     path.write_text("\n".join(parts), encoding="utf-8")
     return path
 
 
-def _write_trial(markers: Markers, source: Source, random: np.random.Generator, path: Path) -> None:
+def _write_trial(markers: mm.Markers, source: Source, random: np.random.Generator, path: Path) -> None:
     inside = np.flatnonzero((markers.time >= source.start) & (markers.time <= source.end))
     first = inside[0] + random.integers(len(inside) - FRAMES)
     rows = slice(first, first + FRAMES)
     moved = markers.values[rows] + random.normal(0.0, OFFSET, markers.values.shape[1:])
     values = moved + random.normal(0.0, NOISE, moved.shape)
-    write_trc(replace(markers, time=markers.time[rows], values=values), path)
+    mm.write_trc(replace(markers, time=markers.time[rows], values=values), path)

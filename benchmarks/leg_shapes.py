@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
+from benchmarks.recordings import data_folder
 
 BONES = {
     "pelvis": ("pelvis_combined_cubic_flat", 1946),

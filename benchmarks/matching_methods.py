@@ -6,25 +6,20 @@ bones of `myo-sim` in a made smooth deformation, whose truth is exact. Each way'
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import trimesh
+from made_bones import deformed, errors, made_target, real_bone
 from scipy.interpolate import RBFInterpolator
 
+import myomorph as mm
 from benchmarks.leg_shapes import leg_shapes
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.registration.nonrigid import vertex_normals
 from myomorph.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Shape
-
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "morph")]
-
-from made_bones import deformed, errors, made_target, real_bone  # noqa: E402
 
 POINTS = 4000
 """Of the target, in the ways that know points alone."""
@@ -52,15 +47,15 @@ def run() -> list[dict[str, object]]:
     return rows
 
 
-def persons() -> Iterator[tuple[Surface, Surface, np.ndarray]]:
+def persons() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
     """Source, target and where the source's vertices belong; lengths in shares of the source's."""
     for bone in ("femur", "tibia"):
         shapes = leg_shapes()[bone]
         for i, j in PAIRS:
-            yield Surface(shapes.nodes[i], shapes.faces), Surface(shapes.nodes[j], shapes.faces), shapes.nodes[j]
+            yield mm.Surface(shapes.nodes[i], shapes.faces), mm.Surface(shapes.nodes[j], shapes.faces), shapes.nodes[j]
 
 
-def made() -> Iterator[tuple[Surface, Surface, np.ndarray]]:
+def made() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
     """The same of bones in a deformation that is known."""
     for name in ("humerus", "r_pelvis"):
         bone = real_bone(name, 0.012)
@@ -83,15 +78,15 @@ def ways() -> dict[str, Way]:
     }
 
 
-def judged(way: Way, source: Surface, target: Surface, truth: np.ndarray) -> tuple[float, float, float]:
+def judged(way: Way, source: mm.Surface, target: mm.Surface, truth: np.ndarray) -> tuple[float, float, float]:
     """Errors along the surface and distance before it [mm], seconds of the processor."""
     size = 1.0 / float(np.ptp(source.vertices, axis=0).max())
-    ours, goal = (Shape(Surface(size * one.vertices, one.faces)) for one in (source, target))
+    ours, goal = (Shape(mm.Surface(size * one.vertices, one.faces)) for one in (source, target))
     start = procrustes(ours.vertices, size * truth, scale=True)
     began = time.process_time()
     moved = way(ours, goal, start)(ours.vertices)
     seconds = time.process_time() - began
-    on = onto(goal, moved, vertex_normals(Shape(Surface(moved, source.faces)))).points
+    on = onto(goal, moved, vertex_normals(Shape(mm.Surface(moved, source.faces)))).points
     left = float(np.sqrt(np.mean(np.sum((on - moved) ** 2, axis=1))))
     return 1e3 * errors(on / size, truth, target)[1], 1e3 * left / size, seconds
 

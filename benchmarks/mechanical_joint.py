@@ -17,16 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertia_matrices
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.model.spatial import axis_rotation
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
 from myomorph.simulate.laboratory import (
     SENSORS,
     Noise,
@@ -42,7 +38,7 @@ from myomorph.viscosity.swings.motion import angular_motion, continuous
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 
 
-def on_true_clock(wrenches: Wrenches, noise: Noise) -> Wrenches:
+def on_true_clock(wrenches: mm.Wrenches, noise: Noise) -> mm.Wrenches:
     """What a plate measured, at the true times of its samples."""
     return replace(wrenches, time=(wrenches.time - noise.offset) / (1.0 + noise.drift))
 
@@ -200,7 +196,7 @@ class VirtualJoint:
     places: Mapping[str, Array]
 
     @cached_property
-    def model(self) -> Model:
+    def model(self) -> mm.Model:
         """The same joint as a model: the base free in ground, markers on base and limb."""
         text = self.mjcf.replace("<!--free-->", FREE)
         return model_from_mujoco(
@@ -220,11 +216,11 @@ class VirtualJoint:
         time = trial.markers.time
         seen = np.stack([trial.markers[name] for name in self.places], axis=1) - CENTER
         quaternions = poses_of(seen, np.array(list(self.places.values())), self.truth.axis)
-        motion = differentiate(Motion(time, ("w", "x", "y", "z"), quaternions), cutoff)
+        motion = mm.differentiate(mm.Motion(time, ("w", "x", "y", "z"), quaternions), cutoff)
         assert motion.velocities is not None
         assert motion.accelerations is not None
         turns, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
-        found = resample_wrenches(on_true_clock(trial.wrenches, self.noise), time, cutoff)
+        found = mm.resample_wrenches(on_true_clock(trial.wrenches, self.noise), time, cutoff)
         force = found.forces[:, 0]
         moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
         wrench = np.concatenate([moment, force], axis=1)
@@ -262,9 +258,9 @@ def mechanical_joint(
     BadData : damping or stiffness is negative, or the kind is unknown
     """
     if kind not in ("hinge", "ball"):
-        raise BadData(f"a virtual joint of kind '{kind}': try 'hinge' or 'ball'")
+        raise mm.BadData(f"a virtual joint of kind '{kind}': try 'hinge' or 'ball'")
     if damping < 0.0 or stiffness < 0.0:
-        raise BadData(f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative")
+        raise mm.BadData(f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative")
     random = np.random.default_rng(seed)
     noise = noise or Noise()
     limb = _limb(random)

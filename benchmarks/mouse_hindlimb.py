@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import constant, linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker
 from myomorph.model.paths import Muscle, PathPoint, PathWrap, WrapObject
 from myomorph.model.paths import Path as MusclePath
 from myomorph.model.spatial import Transform
@@ -38,7 +39,7 @@ KINDS = {
 Table = Mapping[str, Any]
 
 
-def mouse_hindlimb_model(file: Path | None = None) -> Model:
+def mouse_hindlimb_model(file: Path | None = None) -> mm.Model:
     """The right hindlimb of a mouse in its real size: six bodies, 42 muscles, 22 wrap objects.
 
     Parameters
@@ -57,7 +58,7 @@ def mouse_hindlimb_model(file: Path | None = None) -> Model:
         name: tuple(group for group, members in table["muscle_groups"].items() if name in members)
         for name in (one["name"] for one in table["muscles"])
     }
-    return Model(
+    return mm.Model(
         table["model"]["name"],
         tuple(_body(masses[joint.child]) for joint in joints),
         joints,

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import myomorph as mm
 from benchmarks.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from benchmarks.mouse_recordings import TREADMILL, gait_files
 from benchmarks.species_cases import from_arm, from_man, mouse
@@ -23,25 +24,20 @@ from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.markers import with_markers_of
 from myomorph.morph.species.masses import with_possible_inertias, with_segment_shares
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.calibrate import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_checks import checked_kinematics, mended_in_time
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import fitted_to, read_recording
+from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.solve import Tension
 
 MASS = 0.025
 """Of each mouse [kg]; no recording tells it."""
@@ -77,13 +73,13 @@ class Followed:
     """
 
     name: str
-    trial: Trial
-    used: Markers
+    trial: mm.Trial
+    used: mm.Markers
     calibration: Calibration
     fit: KinematicsFit
 
     @property
-    def model(self) -> Model:
+    def model(self) -> mm.Model:
         """Of this animal."""
         return self.calibration.model
 
@@ -98,9 +94,9 @@ class Followed:
         return NOSE * self.calibration.size
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> mm.Motion:
         """Filtered coordinates with derivatives."""
-        return differentiate(self.fit.motion, CUTOFF)
+        return mm.differentiate(self.fit.motion, CUTOFF)
 
     @property
     def knees(self) -> tuple[str, ...]:
@@ -109,14 +105,14 @@ class Followed:
 
 
 @lru_cache(maxsize=1)
-def whole_mouse(folder: Path) -> Model:
+def whole_mouse(folder: Path) -> mm.Model:
     """Both legs' muscles on the skeleton, in the mass of a mouse."""
     legs, _ = with_other_muscles(from_man(folder, "SSD").model, "x")
     legs, _ = with_possible_inertias(legs, mouse(folder).surfaces)
     return with_segment_shares(legs, read_species("human-mouse").masses, MASS)[0]
 
 
-def with_arms(folder: Path, legs: Model) -> Model:
+def with_arms(folder: Path, legs: mm.Model) -> mm.Model:
     """The same mouse with both arms' muscles too."""
     arms, _ = with_other_muscles(from_arm(folder, "SSD").model, "x")
     return replace(legs, muscles=(*legs.muscles, *arms.muscles), wrap_objects=(*legs.wrap_objects, *arms.wrap_objects))
@@ -127,14 +123,14 @@ def followed(folder: Path, path: Path) -> Followed:
     """A recording through calibration and inverse kinematics, markers checked as the commands check them."""
     table = "mouse-treadmill" if path == folder / TREADMILL else "mouse-gait"
     model, _ = with_markers_of(whole_mouse(folder), read_species("human-mouse").markers, table)
-    trial = fitted_to(model, read_recording(path))
+    trial = fitted_to(model, mm.read_recording(path))
     assert trial.markers is not None
     used = within_crossings(trial.markers, crossings(trial.markers, model))
     used, _ = mended_in_time(model, used, length_unit(compile_tree(model)))
     weights = {name: KNEE for name in model.marker_names if "knee" in name.lower()}
-    options = CalibrationOptions(marker_weights=weights, mass=MASS)
-    found = calibrate(model, [used], options, path_lengths=default_path_lengths)
-    fit = checked_kinematics(found.model, used, InverseKinematicsOptions(marker_weights=weights)).fit
+    options = mm.CalibrationOptions(marker_weights=weights, mass=MASS)
+    found = mm.calibrate(model, [used], options, path_lengths=default_path_lengths)
+    fit = checked_kinematics(found.model, used, mm.InverseKinematicsOptions(marker_weights=weights)).fit
     name = "treadmill" if table == "mouse-treadmill" else path.stem.split("_trial")[0].removeprefix("Cage6_")
     return Followed(name, trial, used, found, fit)
 
@@ -199,8 +195,8 @@ class OnOnePaw:
     """
 
     side: str
-    motion: Motion
-    torques: Series
+    motion: mm.Motion
+    torques: mm.Series
     tension: Tension
 
     def coordinate(self, joint: str) -> str:
@@ -234,10 +230,10 @@ class OnOnePaw:
         names = [self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}") for joint in JOINTS]
         return int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
 
-    def full(self, model: Model) -> tuple[str, ...]:
+    def full(self, model: mm.Model) -> tuple[str, ...]:
         """Muscles of that leg that are fully active where reserves are largest, with their normalized fiber lengths."""
         pose = part_of(self.motion, np.array([self.worst]))
-        lengths = muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
+        lengths = mm.muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
         found = []
         for k, muscle in enumerate(model.muscles):
             if muscle.name.endswith(f"_{self.side.lower()}") and self.tension.activations[self.worst, k] > FULL:
@@ -245,10 +241,10 @@ class OnOnePaw:
                 found.append(f"{muscle.name} ({fiber:.2f})")
         return tuple(found)
 
-    def moments(self, model: Model) -> Array:
+    def moments(self, model: mm.Model) -> Array:
         """(muscles, joints) moment of each muscle, fully active, where reserves are largest [N m]."""
         pose = part_of(self.motion, np.array([self.worst]))
-        found = muscle_kinematics(model, pose)
+        found = mm.muscle_kinematics(model, pose)
         assert found.velocities is not None
         force = hill_forces(model, found.lengths, found.velocities, "opensim").active[0]
         columns = [model.coordinate_names.index(self.coordinate(joint)) for joint in JOINTS]
@@ -290,10 +286,10 @@ def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
         return None
     side, frames = best
     part = part_of(motion, frames)
-    loads = Wrenches(
+    loads = mm.Wrenches(
         part.time, wrenches.names, (f"mouse__{side}Tarsus",), wrenches.forces[frames],
         paws[side][frames, None] if at_toes else wrenches.points[frames],
         wrenches.torques[frames],
     )  # fmt: skip
-    torques = inverse_dynamics(model, part, loads)
-    return OnOnePaw(side, part, torques, solve_tension(model, part, torques))
+    torques = mm.inverse_dynamics(model, part, loads)
+    return OnOnePaw(side, part, torques, mm.solve_tension(model, part, torques))

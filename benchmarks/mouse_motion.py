@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import myomorph as mm
 from benchmarks.mouse_recordings import (
     GAIT_LABELS,
     LOOSE,
@@ -26,31 +27,26 @@ from benchmarks.mouse_recordings import (
     recording,
 )
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
-from myomorph.analysis.strides import Limb, Strides, find_strides
+from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.arrays import Array, runs
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.species.masses import with_segment_shares
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.calibrate import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.measurements import default_markers, place_markers
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.morph_masses import with_envelope_masses
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.reporting import surfaces_of
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import Tension
 
 CUTOFF = 20.0
 """Low-pass of motion and forces, about five times the frequency of strides [Hz]."""
@@ -64,8 +60,8 @@ PAW = 0.015
 SHOULDERS = ((0.045, 0.0, 0.01), (0.045, 0.0, -0.01))
 """From the middle between the hips to about the shoulders, under which the forepaws are, on the table's mouse [m]."""
 
-TRACKING = InverseKinematicsOptions(marker_weights=LOOSE)
-UNDERDETERMINED = InverseKinematicsOptions(posture_weight=1e-3)
+TRACKING = mm.InverseKinematicsOptions(marker_weights=LOOSE)
+UNDERDETERMINED = mm.InverseKinematicsOptions(posture_weight=1e-3)
 """34 points cannot show 229 coordinates: a pull towards the default pose, a thousandth of theirs, spreads what they
 leave open evenly over the vertebrae."""
 
@@ -85,8 +81,8 @@ class Mouse:
     """
 
     name: str
-    trial: Trial
-    used: Markers
+    trial: mm.Trial
+    used: mm.Markers
     spans: tuple[tuple[float, float], ...]
     calibration: Calibration
     generic: KinematicsFit
@@ -94,7 +90,7 @@ class Mouse:
     seconds: float
 
     @property
-    def model(self) -> Model:
+    def model(self) -> mm.Model:
         """Of this animal."""
         return self.calibration.model
 
@@ -120,14 +116,14 @@ def mouse(folder: Path, name: str) -> Mouse:
     assert trial.markers is not None
     spans = crossings(trial.markers, generic)
     used = within_crossings(trial.markers, spans)
-    calibration = calibrate(
-        generic, [used], CalibrationOptions(marker_weights=LOOSE), path_lengths=default_path_lengths
+    calibration = mm.calibrate(
+        generic, [used], mm.CalibrationOptions(marker_weights=LOOSE), path_lengths=default_path_lengths
     )
-    inverse_kinematics(calibration.model, used, TRACKING)
+    mm.inverse_kinematics(calibration.model, used, TRACKING)
     began = time.perf_counter()
-    fit = inverse_kinematics(calibration.model, used, TRACKING)
+    fit = mm.inverse_kinematics(calibration.model, used, TRACKING)
     seconds = time.perf_counter() - began
-    return Mouse(name, trial, used, spans, calibration, inverse_kinematics(generic, used, TRACKING), fit, seconds)
+    return Mouse(name, trial, used, spans, calibration, mm.inverse_kinematics(generic, used, TRACKING), fit, seconds)
 
 
 def held_out(folder: Path, name: str) -> float:
@@ -137,12 +133,12 @@ def held_out(folder: Path, name: str) -> float:
     middle = frames[len(frames) // 2]
     earlier, later = one.used.values.copy(), one.used.values.copy()
     earlier[middle:], later[:middle] = np.nan, np.nan
-    made = calibrate(
+    made = mm.calibrate(
         both_hindlimbs(folder, back=name == "treadmill"),
         [replace(one.used, values=earlier)],
-        CalibrationOptions(marker_weights=LOOSE),
+        mm.CalibrationOptions(marker_weights=LOOSE),
     )
-    return rms(inverse_kinematics(made.model, replace(one.used, values=later), TRACKING))
+    return rms(mm.inverse_kinematics(made.model, replace(one.used, values=later), TRACKING))
 
 
 def rms(fit: KinematicsFit, leave_out: tuple[str, ...] = ()) -> float:
@@ -152,9 +148,9 @@ def rms(fit: KinematicsFit, leave_out: tuple[str, ...] = ()) -> float:
 
 
 @lru_cache(maxsize=8)
-def motion_of(folder: Path, name: str) -> Motion:
+def motion_of(folder: Path, name: str) -> mm.Motion:
     """Filtered coordinates with derivatives."""
-    return differentiate(mouse(folder, name).fit.motion, CUTOFF)
+    return mm.differentiate(mouse(folder, name).fit.motion, CUTOFF)
 
 
 def strides_of(folder: Path, name: str) -> Strides | None:
@@ -164,10 +160,10 @@ def strides_of(folder: Path, name: str) -> Strides | None:
         return walking_strides(one.model, motion_of(folder, name), one.fit)
     markers = one.trial.markers
     assert markers is not None
-    limbs = (Limb("Foot_r", ("Right_Knee",)), Limb("Foot_l", ("Left_Knee",)))
+    limbs = (mm.Limb("Foot_r", ("Right_Knee",)), mm.Limb("Foot_l", ("Left_Knee",)))
     forward = np.array([1.0, 0.0, 0.0])
     hips = ("Right_Hip", "Left_Hip")
-    return find_strides(markers, limbs, hips, one.model.up, direction=forward, ground_speed=BELT)
+    return mm.find_strides(markers, limbs, hips, one.model.up, direction=forward, ground_speed=BELT)
 
 
 @lru_cache(maxsize=8)
@@ -178,20 +174,22 @@ def lengths_of(folder: Path, name: str) -> LengthAnalysis:
     return lengths_over(mouse(folder, name).model, motion_of(folder, name), strides)
 
 
-def lengths_over(model: Model, motion: Motion, strides: Strides) -> LengthAnalysis:
+def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> LengthAnalysis:
     """Muscle lengths and velocities over strides of a motion whose poses are not all known."""
     known = np.isfinite(motion.values).all(axis=1)
-    found = muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
+    found = mm.muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
     lengths, rates = (np.full((len(motion), len(model.muscles)), np.nan) for _ in range(2))
     lengths[known], rates[known] = found.lengths, found.velocities
     muscles = model.muscle_names
-    return length_analysis(model, Series(motion.time, muscles, lengths), strides, Series(motion.time, muscles, rates))
+    return length_analysis(
+        model, mm.Series(motion.time, muscles, lengths), strides, mm.Series(motion.time, muscles, rates)
+    )
 
 
-def part_of(motion: Motion, frames: NDArray[np.int64]) -> Motion:
+def part_of(motion: mm.Motion, frames: NDArray[np.int64]) -> mm.Motion:
     """A motion in some of its frames."""
     rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
-    return Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
+    return mm.Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +208,9 @@ class Alone:
 
     side: str
     frames: Array
-    wrenches: Wrenches
+    wrenches: mm.Wrenches
     beside: Array
-    torques: Series
+    torques: mm.Series
     active: Tension
     passive: Tension
 
@@ -248,18 +246,18 @@ def alone(folder: Path, name: str) -> Alone | None:
     side, frames = best
     on_foot = replace(wrenches, bodies=(f"Foot_{side}",))
     part = part_of(motion, frames)
-    loads = Wrenches(
+    loads = mm.Wrenches(
         part.time, on_foot.names, on_foot.bodies, wrenches.forces[frames], wrenches.points[frames],
         wrenches.torques[frames],
     )  # fmt: skip
-    torques = inverse_dynamics(one.model, part, loads)
+    torques = mm.inverse_dynamics(one.model, part, loads)
     apart = (wrenches.points[frames, 0] - toes[side][frames])[:, [0, 2]]
-    active = solve_tension(one.model, part, torques, TensionOptions(passive=False))
-    passive = solve_tension(one.model, part, torques, TensionOptions(passive=True))
+    active = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=False))
+    passive = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=True))
     return Alone(side, frames, loads, np.linalg.norm(apart, axis=1), torques, active, passive)
 
 
-def place_of(model: Model, motion: Motion, body: str, offset: Array | None = None) -> Array:
+def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None = None) -> Array:
     """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is not known [m]."""
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
@@ -290,7 +288,7 @@ def longest(state: NDArray[np.bool_]) -> NDArray[np.int64]:
 class Clip:
     """A clip of keypoints on the whole skeleton: errors before and after its points were put where they lie [m]."""
 
-    model: Model
+    model: mm.Model
     fit: KinematicsFit
     size: float
     first: float
@@ -300,7 +298,7 @@ class Clip:
     frames: int
 
 
-def clip_fits(folder: Path, generic: Model, count: int = 3) -> list[Clip]:
+def clip_fits(folder: Path, generic: mm.Model, count: int = 3) -> list[Clip]:
     """Clips through size, inverse kinematics and the places of their points, three rounds in turn.
 
     `other` is the error of the next clip (the first for the last) on the model that this one made.
@@ -311,18 +309,18 @@ def clip_fits(folder: Path, generic: Model, count: int = 3) -> list[Clip]:
     made, found = [], []
     for clip in every:
         model = scale(generic, {body: np.full(3, size) for body in generic.body_names})
-        fit = inverse_kinematics(model, clip, UNDERDETERMINED)
+        fit = mm.inverse_kinematics(model, clip, UNDERDETERMINED)
         first = rms(fit)
         for _ in range(3):
             bodies = {one.name: one.body for one in model.markers}
             model = model.with_markers(place_markers(model, fit.motion, clip, bodies))
             began = time.perf_counter()
-            fit = inverse_kinematics(model, clip, UNDERDETERMINED)
+            fit = mm.inverse_kinematics(model, clip, UNDERDETERMINED)
             seconds = time.perf_counter() - began
         made.append(model)
         found.append(Clip(model, fit, size, first, rms(fit), float("nan"), seconds, len(clip)))
     return [
-        replace(one, other=rms(inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)))
+        replace(one, other=rms(mm.inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)))
         for k, (one, model) in enumerate(zip(found, made, strict=True))
     ]
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Coordinate, Joint, Marker, Model
-from myomorph.model.series import Markers, Trial
+from myomorph.model.model import GROUND, Coordinate, Joint, Marker
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.morph.species.markers import with_markers_of
 from myomorph.motion.measurements import default_markers
-from myomorph.study.inputs.reading import fitted_to, read_recording
+from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species
 
 GAIT = "mouse-gait-c3d-force"
@@ -64,7 +64,7 @@ def gait_files(folder: Path) -> tuple[Path, ...]:
     return tuple(sorted((folder / GAIT).glob("*.c3d")))
 
 
-def both_hindlimbs(folder: Path, back: bool = False) -> Model:
+def both_hindlimbs(folder: Path, back: bool = False) -> mm.Model:
     """The anatomist's right hindlimb and its mirror image on a pelvis that moves freely, with the recordings' markers.
 
     Freed: the pelvis' turns and the hip's rotation, which the table locks; the pelvis turns about y, z, x in this
@@ -110,15 +110,15 @@ def _heading_first(one: Joint) -> Joint:
     return replace(one, axes=(*slides, turns[1], turns[2], turns[0]))
 
 
-def recording(path: Path, model: Model, labels: Mapping[str, str]) -> Trial:
+def recording(path: Path, model: mm.Model, labels: Mapping[str, str]) -> mm.Trial:
     """A recording with the model's names of markers, in the model's ground."""
-    trial = read_recording(path)
+    trial = mm.read_recording(path)
     assert trial.markers is not None
     named = replace(trial.markers, names=tuple(labels.get(name, name) for name in trial.markers.names))
     return fitted_to(model, replace(trial, markers=named))
 
 
-def whole_skeleton(folder: Path) -> Model:
+def whole_skeleton(folder: Path) -> mm.Model:
     """The skeleton of 100 bones with the 34 keypoints of `human-mouse` as markers.
 
     The file beside the skeleton gives other bodies for some: its Trunk is on the first thoracic vertebra and its Spine
@@ -128,17 +128,17 @@ def whole_skeleton(folder: Path) -> Model:
     return with_keypoints(read_mjcf(folder / SKELETON / "mouse_with_meshes.xml"))
 
 
-def with_keypoints(model: Model) -> Model:
+def with_keypoints(model: mm.Model) -> mm.Model:
     """A model of the skeleton's bones with the keypoints as markers, nothing locked."""
     return with_markers_of(model, read_species("human-mouse").markers, "mouse-keypoints")[0]
 
 
-def clips(folder: Path, model: Model, count: int = 3, frames: int = 360, step: int = 18) -> tuple[Markers, ...]:
+def clips(folder: Path, model: mm.Model, count: int = 3, frames: int = 360, step: int = 18) -> tuple[mm.Markers, ...]:
     """Some of the ten clips of keypoints, evenly spaced, every 18th frame, turned to lie along the model.
 
     The axes are those of the cameras: each clip is turned as its first frame's points lie best on the model's.
     """
-    markers = read_recording(folder / KEYPOINTS).markers
+    markers = mm.read_recording(folder / KEYPOINTS).markers
     assert markers is not None
     every = len(markers) // frames
     chosen = np.unique(np.linspace(0, every - 1, count).round().astype(int))

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from myomorph.model.model import Model
+import myomorph as mm
 
 opensim.Logger.setLevelString("Off")
 
 
 def point_constraint(
-    path: Path, model: Model, coordinates: np.ndarray, accuracy: float = 1e-10
+    path: Path, model: mm.Model, coordinates: np.ndarray, accuracy: float = 1e-10
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The first constraint of a model file at given poses, all coordinates unlocked.
 

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import opensim
 
+import myomorph as mm
 from benchmarks.opensim_tools import read_table
-from myomorph.io.sto import write_sto
 from myomorph.model.model import Actuator
-from myomorph.model.series import Table
 
 opensim.Logger.setLevelString("Off")
 
@@ -145,7 +144,7 @@ def reaction_force(
     """
     with tempfile.TemporaryDirectory() as folder:
         forces, setup = Path(folder) / "forces.sto", Path(folder) / "setup.xml"
-        write_sto(Table(tensions.time, tensions.names, tensions.forces), forces)
+        mm.write_sto(mm.Table(tensions.time, tensions.names, tensions.forces), forces)
         setup.write_text(
             REACTION_SETUP.format(
                 model=model_path.resolve(),

@@ -13,21 +13,11 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from myomorph.io.formats import read_model
+import myomorph as mm
 from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves, floating_joints
 
 FOLDER = "rajagopal-walk-emg"
@@ -39,14 +29,14 @@ FRAMES = slice(150, 1150, 90)
 class Criterion:
     """A criterion, by the options that a user gives."""
 
-    tension: TensionOptions
+    tension: mm.TensionOptions
     beside: RecruitmentOptions
 
 
 def criterion(joint_load: float = 0.0, joints: str = "", co_contraction: float = 0.0, **options: object) -> Criterion:
     """Options of both kinds."""
     return Criterion(
-        TensionOptions(**options),  # type: ignore[arg-type]
+        mm.TensionOptions(**options),  # type: ignore[arg-type]
         RecruitmentOptions(joint_load, joints, co_contraction),
     )
 
@@ -65,10 +55,10 @@ class Walk:
     weight : of the body [N]
     """
 
-    model: Model
-    motion: Motion
-    wrenches: Wrenches
-    torques: Series
+    model: mm.Model
+    motion: mm.Motion
+    wrenches: mm.Wrenches
+    torques: mm.Series
     rows: tuple[str, ...]
     R: Array
     F: Array
@@ -80,18 +70,18 @@ class Walk:
 def walk(folder: Path) -> Walk:
     """Twelve frames of the Rajagopal model's walk."""
     here = folder / FOLDER
-    model = read_model(here / "subject_walk_scaled.osim")
-    whole = differentiate(motion_from_table(read_sto(here / "coordinates.sto"), model), CUTOFF)
+    model = mm.read_model(here / "subject_walk_scaled.osim")
+    whole = mm.differentiate(mm.read_motion(here / "coordinates.sto", model), CUTOFF)
     assert whole.velocities is not None
     assert whole.accelerations is not None
     moving = whole.values[FRAMES], whole.velocities[FRAMES], whole.accelerations[FRAMES]
-    motion = Motion(whole.time[FRAMES], whole.names, *moving)
-    wrenches = resample_wrenches(read_external_loads(here / "grf_walk.xml"), motion.time)
-    torques = inverse_dynamics(model, motion, wrenches)
-    found = solve_tension(model, motion, torques)
+    motion = mm.Motion(whole.time[FRAMES], whole.names, *moving)
+    wrenches = mm.resample_wrenches(read_external_loads(here / "grf_walk.xml"), motion.time)
+    torques = mm.inverse_dynamics(model, motion, wrenches)
+    found = mm.solve_tension(model, motion, torques)
     root = {name for joint in floating_joints(model) for name in joint.coordinates}
     by = {one.coordinate: one.optimal_force for one in default_reserves(model)}
-    paths = muscle_kinematics(model, motion)
+    paths = mm.muscle_kinematics(model, motion)
     arms = dict(zip(paths.coordinates, np.abs(paths.moment_arms).max(axis=(0, 1)), strict=True))
     # Of the others reserves alone carry the torque, whatever the criterion.
     rows = tuple(name for name in found.coordinates if name not in root and arms[name] > 0.0)
@@ -111,8 +101,8 @@ def walk(folder: Path) -> Walk:
 
 def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
     """(frames, joints, 3) forces that joints transmit under tensions (frames, muscles), in body weights."""
-    pulled = Series(one.motion.time, one.model.muscle_names, forces)
-    found = joint_reactions(one.model, one.motion, pulled, one.wrenches, joints=joints, frame="ground", actuators=())
+    pulled = mm.Series(one.motion.time, one.model.muscle_names, forces)
+    found = mm.joint_reactions(one.model, one.motion, pulled, one.wrenches, joints=joints, frame="ground", actuators=())
     return found.forces / one.weight
 
 
@@ -170,7 +160,7 @@ class _Program:
         return np.array(found.x)
 
 
-HIGHEST = TensionOptions(recruitment="minmax")
+HIGHEST = mm.TensionOptions(recruitment="minmax")
 SMALLEST, TWICE = 1e-5, 100.0
 """Cost of a^2 beside the greatest activation, and of co-contraction that lacks, as docs/recruitment.md gives them."""
 
@@ -254,7 +244,7 @@ def _asked(one: Walk, frame: int, row: int, level: float) -> tuple[Array, float]
     return np.abs(each) / weaker, float(abs(one.tau[frame, row]) / weaker + 2.0 * level)
 
 
-def _weights(model: Model, options: TensionOptions) -> Array:
+def _weights(model: mm.Model, options: mm.TensionOptions) -> Array:
     strength = np.array([one.max_isometric_force for one in model.muscles])
     length = np.array([one.optimal_fiber_length for one in model.muscles])
     size = {"equal": np.ones(len(strength)), "strength": strength, "volume": strength * length}[options.weights]

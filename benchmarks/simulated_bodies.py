@@ -8,10 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+import myomorph as mm
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Coupler, Marker, Model
+from myomorph.model.model import GROUND, Coupler, Marker
 from myomorph.model.segments import segments_of
 
 TETRAHEDRON = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
@@ -32,7 +33,7 @@ SLIDING = ("SternumX", "SternumY", "SternumZ")
 FINGERS = ("cmc_", "mp_", "ip_", "mcp", "pm", "md")
 
 
-def full_body(free: bool = False) -> tuple[Any, Model]:
+def full_body(free: bool = False) -> tuple[Any, mm.Model]:
     """MyoFullBody in MuJoCo and as ours, with clusters of four markers on 17 bodies.
 
     Fingers are still, as no marker shows them, unless `free`.
@@ -51,7 +52,7 @@ def full_body(free: bool = False) -> tuple[Any, Model]:
     return compiled, replace(model, coordinates=coordinates, markers=tuple(markers))
 
 
-def many_coordinates(model: Model, free: bool = False) -> Model:
+def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
     """The 171-coordinate model with ranges that a spine has, four markers on the head and three on each hand.
 
     Its vertebrae, ribs and breast bone move as they like only if `free`, when no marker has to show

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
 
 MARGIN = 4
 """Frames before and after the recording that finite differences of eighth order need."""
@@ -65,7 +65,7 @@ def _axial(m: Array) -> Array:
     return np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
 
 
-def put_inertia(compiled: Any, model: Model) -> None:
+def put_inertia(compiled: Any, model: mm.Model) -> None:
     """Masses, mass centers and inertias of a model's bodies as those of MuJoCo's bodies 1, 2, ..."""
     for b, body in enumerate(model.bodies, 1):
         moments, axes = np.linalg.eigh(body.inertia)
@@ -92,7 +92,7 @@ class TreeEngine:
     person : our model of the person, whose lengths and inertias are put into MuJoCo's
     """
 
-    def __init__(self, compiled: Any, person: Model):
+    def __init__(self, compiled: Any, person: mm.Model):
         self.person = person
         self.compiled = m = copy.copy(compiled)
         put_inertia(m, person)
@@ -152,7 +152,7 @@ class SimbodyEngine:
     person : written to a file that OpenSim opens
     """
 
-    def __init__(self, person: Model):
+    def __init__(self, person: mm.Model):
         import opensim
 
         from myomorph.io.osim.write import write_osim

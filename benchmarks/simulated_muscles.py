@@ -15,19 +15,16 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+import myomorph as mm
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
 from myomorph.model.sides import split_side
 from myomorph.muscles.fiber_equations import Fibers, fibers_of
 from myomorph.muscles.fiber_equilibrium import equilibrium
 from myomorph.muscles.hill_classes import DEGROOTE, KINDS
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import joint_forces
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.personal.personalize import PersonalTrial
 from myomorph.tension.terms.emg import EmgTarget
 
 REACH = 0.15
@@ -65,14 +62,18 @@ class Spread:
     sides: float = 0.8
 
 
-def person(model: Model, motions: Sequence[Motion], spread: Spread, rng: np.random.Generator, groups: Array) -> Model:
+def person(
+    model: mm.Model, motions: Sequence[mm.Motion], spread: Spread, rng: np.random.Generator, groups: Array
+) -> mm.Model:
     """A model with muscles of another person, that work in a physiological range in some motions.
 
     Parameters
     ----------
     groups : (muscles,) muscles of one number share their strength
     """
-    lengths = np.vstack([muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths for one in motions])
+    lengths = np.vstack(
+        [mm.muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths for one in motions]
+    )
     rise = np.exp(spread.strength * rng.standard_normal(int(groups.max()) + 1))
     shared = {name: rng.standard_normal((200, 2)) for name in {split_side(one.name)[0]: 0 for one in model.muscles}}
     muscles = []
@@ -104,7 +105,7 @@ def person(model: Model, motions: Sequence[Motion], spread: Spread, rng: np.rand
     return replace(model, muscles=tuple(muscles))
 
 
-def some_gains(model: Model, errors: Errors, rng: np.random.Generator) -> dict[str, float]:
+def some_gains(model: mm.Model, errors: Errors, rng: np.random.Generator) -> dict[str, float]:
     """A gain of the EMG of every muscle."""
     return {name: float(np.exp(errors.gain * rng.standard_normal())) for name in model.muscle_names}
 
@@ -117,9 +118,9 @@ def smooth_activations(time: Array, muscles: int, rng: np.random.Generator, most
     return 0.02 + most / (1.0 + np.exp(-1.5 * (smooth - 0.7)))
 
 
-def integrated_forces(model: Model, motion: Motion, activations: Array) -> Array:
+def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) -> Array:
     """(frames, muscles) tendon forces of muscles under known activations, each by itself [N]."""
-    moved = muscle_kinematics(model, motion, moment_arms=False)
+    moved = mm.muscle_kinematics(model, motion, moment_arms=False)
     time, found = np.array(motion.time), np.empty_like(activations)
     for m, muscle in enumerate(model.muscles):
         if KINDS[muscle.kind] == DEGROOTE:
@@ -143,7 +144,7 @@ def integrated_forces(model: Model, motion: Motion, activations: Array) -> Array
     return found
 
 
-def as_degroote(model: Model) -> Model:
+def as_degroote(model: mm.Model) -> mm.Model:
     """The model with muscles of De Groote's class, whose fiber velocity is explicit in tendon force and activation."""
     own = {"fiber_damping": 0.0, "tendon_strain_at_one_norm_force": 0.049, "active_force_width_scale": 1.0}
     own |= {"passive_fiber_strain_at_one_norm_force": 0.6, "ignore_tendon_compliance": 0.0}
@@ -154,7 +155,7 @@ def as_degroote(model: Model) -> Model:
     return replace(model, muscles=tuple(changed))
 
 
-def integrated_degroote(person: Model, lengths: Array, time: Array, activations: Array) -> Array:
+def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activations: Array) -> Array:
     """Tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
 
     The state is each muscle's normalized tendon force f; its rate follows from the path's speed less the fiber's.
@@ -216,9 +217,9 @@ def integrated_degroote(person: Model, lengths: Array, time: Array, activations:
 
 
 def recorded(
-    model: Model, person: Model, motion: Motion, activations: Array, errors: Errors, rng: np.random.Generator,
+    model: mm.Model, person: mm.Model, motion: mm.Motion, activations: Array, errors: Errors, rng: np.random.Generator,
     gains: Mapping[str, float], name: str, forces: Array | None = None,
-) -> PersonalTrial:  # fmt: skip
+) -> mm.PersonalTrial:  # fmt: skip
     """What is measured of a person: torques and EMG with errors.
 
     Parameters
@@ -228,7 +229,7 @@ def recorded(
     forces : (frames, muscles) of the person's tendons under these activations, None to integrate them [N]
     """
     told = tuple(gains)
-    moved = muscle_kinematics(person, motion)
+    moved = mm.muscle_kinematics(person, motion)
     if forces is None and KINDS[person.muscles[0].kind] == DEGROOTE:
         forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
     elif forces is None:
@@ -242,15 +243,15 @@ def recorded(
     emg = activations[:, columns] * (1.0 + errors.emg * slow(motion.time, (len(motion), len(told)), rng))
     emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(gains.values())
     target = EmgTarget(told, emg) if told else None
-    return PersonalTrial(name, motion, Series(motion.time, model.coordinate_names, torques), target)
+    return mm.PersonalTrial(name, motion, mm.Series(motion.time, model.coordinate_names, torques), target)
 
 
 def all_recorded(
-    model: Model, person: Model, motions: Sequence[Motion], activations: Sequence[Array], errors: Errors,
+    model: mm.Model, person: mm.Model, motions: Sequence[mm.Motion], activations: Sequence[Array], errors: Errors,
     rng: np.random.Generator, gains: Mapping[str, float],
-) -> list[PersonalTrial]:  # fmt: skip
+) -> list[mm.PersonalTrial]:  # fmt: skip
     """The same of several motions on one clock, of De Groote's class, integrated side by side."""
-    lengths = [muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths for one in motions]
+    lengths = [mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths for one in motions]
     together = integrated_degroote(person, np.hstack(lengths), np.array(motions[0].time), np.hstack(activations))
     forces = np.split(together, len(motions), axis=1)
     return [
@@ -259,7 +260,7 @@ def all_recorded(
     ]
 
 
-def with_other_muscles(person: Model, rng: np.random.Generator) -> Model:
+def with_other_muscles(person: mm.Model, rng: np.random.Generator) -> mm.Model:
     """The person with other tendons, pennation, velocity and passive curves, estimated only by groups or not at all."""
     muscles = []
     for one in person.muscles:
@@ -284,7 +285,7 @@ def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array
     return raw / max(float(raw.std()), 1e-12)
 
 
-def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator) -> Motion:
+def swings(model: mm.Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator) -> mm.Motion:
     """Coordinates that swing between bounds at periods of about a second, each with a phase of its own."""
     values, speeds = (np.tile([one.default for one in model.coordinates], (len(time), 1)) for _ in range(2))
     speeds[:] = 0.0
@@ -293,10 +294,10 @@ def swings(model: Model, ranges: dict[str, tuple[float, float]], time: Array, rn
         a, w, p = 0.5 * (high - low), 2.0 * np.pi / rng.uniform(0.8, 1.6), rng.uniform(0.0, 2.0 * np.pi)
         values[:, j] = 0.5 * (high + low) + a * np.sin(w * time + p)
         speeds[:, j] = a * w * np.cos(w * time + p)
-    return Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
+    return mm.Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
 
 
-def muscle_torques(model: Model, arms: Array, forces: Array) -> Array:
+def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
     """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow others [N m or N].
 
     Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes through its patella.
@@ -306,9 +307,9 @@ def muscle_torques(model: Model, arms: Array, forces: Array) -> Array:
     return torques
 
 
-def resting_torques(model: Model, motion: Motion) -> Array:
+def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
     """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one has none."""
-    moved = muscle_kinematics(model, motion)
+    moved = mm.muscle_kinematics(model, motion)
     rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
     forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
     for m in range(len(model.muscles)):

@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
+import myomorph as mm
 from benchmarks.simulated_engines import MARGIN, Engine
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
-from myomorph.model.model import GROUND, Model
+from myomorph.model.model import GROUND
 from myomorph.model.scale import scale
 from myomorph.model.segments import segments_of
-from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths
 
 EXTENTS = (1e-3, 0.2)
@@ -61,8 +61,8 @@ class Subject:
     person : the truth: its lengths, markers and inertial parameters
     """
 
-    generic: Model
-    person: Model
+    generic: mm.Model
+    person: mm.Model
 
 
 @dataclass(frozen=True)
@@ -108,17 +108,17 @@ class Recording:
     wrenches : the noisy wrench on one foot, as loads are given to the steps
     """
 
-    motion: Motion
-    markers: Markers
+    motion: mm.Motion
+    markers: mm.Markers
     exact_markers: Array
     wrench: Array
     exact_wrench: Array
     center: Array
     sigma: Array
-    wrenches: Wrenches
+    wrenches: mm.Wrenches
 
 
-def random_subject(generic: Model, options: SubjectOptions | None = None) -> Subject:
+def random_subject(generic: mm.Model, options: SubjectOptions | None = None) -> Subject:
     """A person of other lengths, marker places and inertial parameters than the generic model's.
 
     Every length of `lengths_of` has a factor of its own: from joint to joint, and across.
@@ -192,7 +192,7 @@ class Amplitudes:
 Curves = Callable[[Array], tuple[Array, Array, Array]]
 
 
-def middles_and_reaches(model: Model, amplitudes: Amplitudes | None = None) -> tuple[tuple[str, ...], Array, Array]:
+def middles_and_reaches(model: mm.Model, amplitudes: Amplitudes | None = None) -> tuple[tuple[str, ...], Array, Array]:
     """Names, middle and reach of the coordinates that move: neither locked nor driven."""
     amplitudes = amplitudes or Amplitudes()
     base = next(joint for joint in model.joints if joint.parent == GROUND)
@@ -282,14 +282,14 @@ def record(
     center = plate_center(person)
     places, wrench = engine.measure(whole, instruments.rate, center, progress)
     span = slice(MARGIN, -MARGIN)
-    motion = Motion(time[span], names, values[span], velocities[span], accelerations[span])
+    motion = mm.Motion(time[span], names, values[span], velocities[span], accelerations[span])
     random = np.random.default_rng(instruments.seed)
     sigma = instruments.sigma(person.gravity / np.linalg.norm(person.gravity))
     noisy = wrench + sigma * random.standard_normal(wrench.shape)
     markers = places + instruments.marker * random.standard_normal(places.shape)
     return Recording(
         motion=motion,
-        markers=Markers(motion.time, person.marker_names, markers),
+        markers=mm.Markers(motion.time, person.marker_names, markers),
         exact_markers=places,
         wrench=noisy,
         exact_wrench=wrench,
@@ -299,7 +299,7 @@ def record(
     )
 
 
-def follow(model: Model, values: Array) -> None:
+def follow(model: mm.Model, values: Array) -> None:
     """Set the dependent columns of values (frames, coordinates) from those they follow, in place."""
     waiting = list(model.couplers)
     while waiting:
@@ -310,7 +310,7 @@ def follow(model: Model, values: Array) -> None:
             waiting.remove(one)
 
 
-def plate_center(model: Model) -> Array:
+def plate_center(model: mm.Model) -> Array:
     """(3,) the point of the floor under the base in its default pose: ground's height 0 is the floor."""
     base = next(joint for joint in model.joints if joint.parent == GROUND)
     default = {one.name: one.default for one in model.coordinates}
@@ -322,7 +322,7 @@ def plate_center(model: Model) -> Array:
     return place - (place @ up) * up
 
 
-def on_one_foot(model: Model, time: Array, wrench: Array, center: Array) -> Wrenches:
+def on_one_foot(model: mm.Model, time: Array, wrench: Array, center: Array) -> mm.Wrenches:
     """The wrench as a force at its center of pressure with an upright free torque, on the right foot."""
     foot = next(body for body, one in segments_of(model).items() if one.name == "foot" and one.side == "right")
     up = -model.gravity / np.linalg.norm(model.gravity)
@@ -330,4 +330,4 @@ def on_one_foot(model: Model, time: Array, wrench: Array, center: Array) -> Wren
     arm = np.cross(up, moment) / (force @ up)[:, None]
     free = moment - np.cross(arm, force)
     one = [np.asarray(each)[:, None, :] for each in (force, center + arm, free)]
-    return Wrenches(time, ("plate",), (foot,), *one)
+    return mm.Wrenches(time, ("plate",), (foot,), *one)

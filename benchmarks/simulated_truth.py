@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.simulated_subject import parameters_of
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import pseudo_inertias
-from myomorph.model.model import GROUND, Joint, Model
-from myomorph.model.series import Motion
+from myomorph.model.model import GROUND, Joint
 from myomorph.motion.lengths import segments_that_stretch
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import compile_tree
 
 
-def joint_distances(model: Model) -> dict[tuple[str, str], float]:
+def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:
     """Distances between the joint centers of each segment in the default pose, by their bodies' names [m].
 
     A joint to the ground is no joint of the body, and massless bodies' joints are not counted.
@@ -46,7 +45,7 @@ def _anchor(joint: Joint) -> Array:
     return joint.axes[-1].origin
 
 
-def frames_between(person: Model, true: Motion, model: Model, motion: Motion) -> tuple[Array, Array]:
+def frames_between(person: mm.Model, true: mm.Motion, model: mm.Model, motion: mm.Motion) -> tuple[Array, Array]:
     """Pose (bodies, 3, 3), (bodies, 3) of the person's body frames in the model's, as a recording shows them.
 
     Where a joint's zero lies, and where a body's frame lies between its joints, is convention: no
@@ -65,9 +64,9 @@ def frames_between(person: Model, true: Motion, model: Model, motion: Motion) ->
     return U @ V, shifts.mean(axis=0)
 
 
-def at_frames(motion: Motion, at: np.ndarray) -> Motion:
+def at_frames(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
     """Some frames of a motion."""
-    return Motion(motion.time[at], motion.names, motion.values[at])
+    return mm.Motion(motion.time[at], motion.names, motion.values[at])
 
 
 def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
@@ -77,18 +76,18 @@ def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
     return parameters_of(T @ pseudo_inertias(parameters) @ np.swapaxes(T, -1, -2))
 
 
-def predicted(model: Model, motion: Motion, center: Array, parameters: Array) -> Array:
+def predicted(model: mm.Model, motion: mm.Motion, center: Array, parameters: Array) -> Array:
     """(frames, 6) wrench about a point of the ground that parameters (bodies, 10) need."""
     phi = np.asarray(parameters).ravel()
     return np.concatenate([block.rows @ phi for block in regressor_blocks(model, motion, center)])
 
 
-def own_wrench(model: Model, motion: Motion, center: Array, frames: int = 500) -> Array:
+def own_wrench(model: mm.Model, motion: mm.Motion, center: Array, frames: int = 500) -> Array:
     """(frames, 6) the same by inverse dynamics, in evenly chosen frames, NaN elsewhere."""
     tree = compile_tree(model)
     joint = next(one for one in model.joints if one.parent == GROUND)
     columns = [model.coordinate_names.index(name) for name in joint.coordinates]
-    torques = inverse_dynamics(model, motion).values[:, columns]
+    torques = mm.inverse_dynamics(model, motion).values[:, columns]
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     result = np.full((len(motion), 6), np.nan)
     for frame in np.linspace(0, len(motion) - 1, min(frames, len(motion)), dtype=int):

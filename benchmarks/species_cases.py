@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
-from myomorph.model.model import Model
 from myomorph.model.paths import PathPoint
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import Architecture, Morph, MorphOptions
@@ -29,7 +28,6 @@ from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTabl
 from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones, species_morph
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
-from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
 
@@ -71,19 +69,19 @@ MOUSE_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 class Bodies:
     """A model and the surfaces of its bones by body."""
 
-    model: Model
-    surfaces: Mapping[str, Surface]
+    model: mm.Model
+    surfaces: Mapping[str, mm.Surface]
 
 
 def man(data: Path) -> Bodies:
     """The leg model of the data collection, with OpenSim's bones scaled as it says."""
-    model = open_model(data / MAN)
+    model = mm.read_model(data / MAN)
     return Bodies(model, source_bones(model, data / BONES, []))
 
 
 def mouse(data: Path) -> Bodies:
     """The skeleton of stac-mjx."""
-    model = open_model(data / MOUSE)
+    model = mm.read_model(data / MOUSE)
     return Bodies(model, source_bones(model, None, []))
 
 
@@ -194,7 +192,11 @@ class Alignment:
     """
 
     def __init__(
-        self, anatomist: Model, skeleton: Model, rule: str = "joints", surfaces: Mapping[str, Surface] | None = None
+        self,
+        anatomist: mm.Model,
+        skeleton: mm.Model,
+        rule: str = "joints",
+        surfaces: Mapping[str, mm.Surface] | None = None,
     ):
         self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {})
         self._anatomist, self._surfaces = anatomist, surfaces or {}

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.setups import GAIT, SMALL, apart
 from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.series import Table
 from myomorph.opensim_tools.run import run_tool
 
 WALK = "walk-so-jointload-emg/"
@@ -121,11 +120,11 @@ def setup_of(data: Path, case: Case, folder: Path, results: str) -> Path:
     motion = data / case.motion
     if case.muscles:
         # Fiber lengths of other muscles mean nothing to these: only coordinates and their speeds are left.
-        table = read_sto(motion)
+        table = mm.read_sto(motion)
         keep = [k for k, name in enumerate(table.names) if name.startswith("/jointset")]
-        kept = Table(table.time, tuple(table.names[k] for k in keep), table.values[:, keep], facts=table.facts)
+        kept = mm.Table(table.time, tuple(table.names[k] for k in keep), table.values[:, keep], facts=table.facts)
         motion = folder / "states.sto"
-        write_sto(kept, motion)
+        mm.write_sto(kept, motion)
     analyses = ANALYSES.format(point=POINT.format(body=case.body))
     path = folder / f"{results}.xml"
     balanced = "true" if case.balanced else "false"

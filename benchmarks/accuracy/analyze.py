@@ -16,18 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.cli import main
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.inputs.external_forces import read_loads
-from myomorph.study.inputs.reading import read_recording
-from myomorph.study.trial.load import TrialResult, load
 
 Row = dict[str, object]
 JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")
@@ -36,7 +28,7 @@ CUTOFF = 6.0
 """Of references that are computed here from a set's own angles and model [Hz]."""
 STANCE = 0.05
 """Share of body weight on a foot from which on its moments are compared."""
-Reference = Callable[[Path, float], Series]
+Reference = Callable[[Path, float], mm.Series]
 
 
 @dataclass(frozen=True)
@@ -66,8 +58,8 @@ class Case:
 def plug_in_gait(path: str) -> Reference:
     """Moments that Plug-in Gait left in a C3D file [N mm/kg], as joint torques [N m]."""
 
-    def found(folder: Path, mass: float) -> Series:
-        trial = read_recording(folder / path)
+    def found(folder: Path, mass: float) -> mm.Series:
+        trial = mm.read_recording(folder / path)
         points = trial.other_points
         # Plug-in Gait: extension of hip and knee and plantar flexion are positive, as external moments' reactions.
         signs = {
@@ -80,7 +72,7 @@ def plug_in_gait(path: str) -> Reference:
             for joint, (name, sign) in signs.items()
             for side in "RL"
         }
-        return Series(points.time, tuple(columns), np.column_stack(list(columns.values())))
+        return mm.Series(points.time, tuple(columns), np.column_stack(list(columns.values())))
 
     return found
 
@@ -88,15 +80,15 @@ def plug_in_gait(path: str) -> Reference:
 def opensim_table(path: str, signs: dict[str, float] | None = None) -> Reference:
     """Moments of a table that OpenSim or a program like it wrote."""
 
-    def found(folder: Path, mass: float) -> Series:
-        table = read_sto(folder / path)
+    def found(folder: Path, mass: float) -> mm.Series:
+        table = mm.read_sto(folder / path)
         columns = {}
         for joint in JOINTS:
             for side in "rl":
                 title = f"{joint}_{side}_moment"
                 if title in table.names:
                     columns[f"{joint}_{side}"] = (signs or {}).get(joint, 1.0) * table[title]
-        return Series(table.time, tuple(columns), np.column_stack(list(columns.values())))
+        return mm.Series(table.time, tuple(columns), np.column_stack(list(columns.values())))
 
     return found
 
@@ -112,13 +104,13 @@ def own_dynamics(
     joints : what the set's model calls a joint
     """
 
-    def found(folder: Path, mass: float) -> Series:
-        body = read_model(folder / model)
-        angles = differentiate(motion_from_table(read_sto(folder / motion), body), cutoff=CUTOFF)
-        forces = read_loads(folder / loads, body, angles)
-        torques = inverse_dynamics(body, angles, resample_wrenches(forces, angles.time, cutoff=CUTOFF))
+    def found(folder: Path, mass: float) -> mm.Series:
+        body = mm.read_model(folder / model)
+        angles = mm.differentiate(mm.read_motion(folder / motion, body), cutoff=CUTOFF)
+        forces = mm.read_loads(folder / loads, body, angles)
+        torques = mm.inverse_dynamics(body, angles, mm.resample_wrenches(forces, angles.time, cutoff=CUTOFF))
         names = {f"{joint}_{side}": f"{joints.get(joint, joint)}_{side}" for joint in JOINTS for side in sides}
-        return Series(torques.time, tuple(names), np.column_stack([torques[name] for name in names.values()]))
+        return mm.Series(torques.time, tuple(names), np.column_stack([torques[name] for name in names.values()]))
 
     return found
 
@@ -194,7 +186,7 @@ def measure(folder: Path) -> Iterator[Row]:
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
                 status = main([*_paths(typed, folder), "--out", str(out), "--workers", "1"])
             seconds = time.monotonic() - started
-            results = load(out) if status == 0 else {}
+            results = mm.load(out) if status == 0 else {}
             found = next((one for key, one in results.items() if Path(key).name == case.trial), None)
             agreement = {} if found is None or case.reference is None else _agreement(found, case, folder, mass)
             yield {
@@ -237,7 +229,7 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.nanmean(errors**2)))
 
 
-def _agreement(found: TrialResult, case: Case, folder: Path, mass: float) -> dict[str, tuple[float, float]]:
+def _agreement(found: mm.TrialResult, case: Case, folder: Path, mass: float) -> dict[str, tuple[float, float]]:
     """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot is on a plate."""
     assert case.reference is not None
     torques, wrenches = found.torques, found.wrenches

@@ -9,15 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.formats import read_model
+import myomorph as mm
+from benchmarks.recordings import read_markers
 from myomorph.io.osim.marker_set import read_marker_set
-from myomorph.io.trc import read_trc
 from myomorph.model.landmarks import Measurement
-from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.calibrate import Calibration
+from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.measurements import measured_factors, place_markers
 from myomorph.motion.sync import cut
@@ -50,18 +48,18 @@ class Split:
     """
 
     name: str
-    generic: Model
-    peer: Model
+    generic: mm.Model
+    peer: mm.Model
     peer_name: str
-    shown: tuple[Markers, ...]
-    held_out: dict[str, Markers]
-    static: Markers | None = None
+    shown: tuple[mm.Markers, ...]
+    held_out: dict[str, mm.Markers]
+    static: mm.Markers | None = None
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
     """For every split the marker errors of the peer's model and of the calibrated one on held-out motions."""
     for split in splits(folder):
-        found = calibrate(split.generic, split.shown, CalibrationOptions(static=split.static))
+        found = mm.calibrate(split.generic, split.shown, mm.CalibrationOptions(static=split.static))
         for name, markers in split.held_out.items():
             common = tuple(
                 one
@@ -86,7 +84,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 def measure_lengths(folder: Path) -> Iterator[dict[str, object]]:
     """Joint-to-joint lengths of the calibrated models beside those of the peers'."""
     for split in splits(folder):
-        found = calibrate(split.generic, split.shown, CalibrationOptions(static=split.static))
+        found = mm.calibrate(split.generic, split.shown, mm.CalibrationOptions(static=split.static))
         yield {"calibrated from": split.name, **compared_lengths(split, found)}
 
 
@@ -110,15 +108,15 @@ def compared_lengths(split: Split, found: Calibration) -> dict[str, object]:
     return row
 
 
-def _hip_distance(model: Model) -> float:
+def _hip_distance(model: mm.Model) -> float:
     places = {joint.child: joint.parent_frame.translation for joint in model.joints}
     return float(np.linalg.norm(places["femur_r"] - places["femur_l"]))
 
 
-def tracked(model: Model, markers: Markers, names: tuple[str, ...]) -> KinematicsFit:
+def tracked(model: mm.Model, markers: mm.Markers, names: tuple[str, ...]) -> KinematicsFit:
     """Inverse kinematics with the same markers and equal weights for every model."""
-    options = InverseKinematicsOptions(marker_weights=dict.fromkeys(names, 1.0), only_weighted=True)
-    return inverse_kinematics(model, markers, options)
+    options = mm.InverseKinematicsOptions(marker_weights=dict.fromkeys(names, 1.0), only_weighted=True)
+    return mm.inverse_kinematics(model, markers, options)
 
 
 def root_mean_square(fit: KinematicsFit) -> float:
@@ -139,8 +137,8 @@ def splits(folder: Path) -> Iterator[Split]:
 def opencap(folder: Path) -> Iterator[Split]:
     """The standing trial and one of three motions, tested on the other two, against an expert's model."""
     trial = partial(recorded, folder / "markers")
-    generic = read_model(folder / "models/unscaled_generic.osim")
-    expert = read_model(folder / "models/manually_scaled.osim")
+    generic = mm.read_model(folder / "models/unscaled_generic.osim")
+    expert = mm.read_model(folder / "models/manually_scaled.osim")
     motions = {name: trial(f"{name}.trc") for name in ("walking1", "STS1", "DJ1")}
     for name, markers in motions.items():
         held_out = {f"OpenCap {other}": motion for other, motion in motions.items() if other != name}
@@ -150,9 +148,9 @@ def opencap(folder: Path) -> Iterator[Split]:
 
 def gait(folder: Path) -> Iterator[Split]:
     """The standing trial alone, and with half of the walk, against ScaleTool's model."""
-    generic = read_model(folder / "experiment/gait2354_simbody.osim")
+    generic = mm.read_model(folder / "experiment/gait2354_simbody.osim")
     generic = generic.with_markers(read_marker_set(folder / "experiment/gait2354_Scale_MarkerSet.xml", generic))
-    peer = read_model(folder / "ref_scale/std_subject01_simbody.osim")
+    peer = mm.read_model(folder / "ref_scale/std_subject01_simbody.osim")
     static, walk = (recorded(folder / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
     yield Split("gait2354 static", generic, peer, "ScaleTool", (), {"gait2354 walk": walk}, static)
     yield from _halves("gait2354", generic, peer, "ScaleTool", walk, static)
@@ -160,9 +158,9 @@ def gait(folder: Path) -> Iterator[Split]:
 
 def rajagopal(folder: Path) -> Iterator[Split]:
     """The standing trials alone, and with half of the walk, against the authors' model made with ScaleTool."""
-    generic = read_model(folder / "raw/Rajagopal2016.osim")
+    generic = mm.read_model(folder / "raw/Rajagopal2016.osim")
     generic = generic.with_markers(read_marker_set(folder / "raw/markerset_walk_preScale.xml", generic))
-    peer = read_model(folder / "subject_walk_scaled.osim")
+    peer = mm.read_model(folder / "subject_walk_scaled.osim")
     static = [recorded(folder / "raw", f"static_walk_{i}.trc") for i in (1, 2)]
     walk = recorded(folder, "markers_walk.trc")
     shown = (static[0],)
@@ -172,7 +170,7 @@ def rajagopal(folder: Path) -> Iterator[Split]:
 
 def hamner(folder: Path) -> Iterator[Split]:
     """One speed of running, tested on the other; no expert's model exists, so marker pairs scale the peer."""
-    generic = read_model(folder / "unscaled_generic.osim")
+    generic = mm.read_model(folder / "unscaled_generic.osim")
     runs = {name: recorded(folder / name, "markers.trc") for name in ("run200", "run500")}
     for name, other in (("run200", "run500"), ("run500", "run200")):
         peer = scaled_by_pairs(generic, runs[name])
@@ -180,7 +178,7 @@ def hamner(folder: Path) -> Iterator[Split]:
         yield Split(f"Hamner {name}", generic, peer, "marker pairs", (runs[name],), held_out)
 
 
-def scaled_by_pairs(generic: Model, markers: Markers) -> Model:
+def scaled_by_pairs(generic: mm.Model, markers: mm.Markers) -> mm.Model:
     """ScaleTool's way without a static trial: mean marker distances scale, markers go to their mean places."""
     pairs = [
         Measurement(name, tuple((a, b) for a, b in (one.split() for one in of)), dict.fromkeys(bodies, "xyz"))
@@ -196,7 +194,9 @@ def scaled_by_pairs(generic: Model, markers: Markers) -> Model:
     return model.with_markers(tuple(placed.get(one.name, one) for one in model.markers))
 
 
-def _halves(name: str, generic: Model, peer: Model, peer_name: str, walk: Markers, static: Markers) -> Iterator[Split]:
+def _halves(
+    name: str, generic: mm.Model, peer: mm.Model, peer_name: str, walk: mm.Markers, static: mm.Markers
+) -> Iterator[Split]:
     middle = 0.5 * float(walk.time[0] + walk.time[-1])
     halves = (cut(walk, float(walk.time[0]), middle), cut(walk, middle + 1e-6, float(walk.time[-1])))
     for shown, other, which, rest in ((0, 1, "first", "second"), (1, 0, "second", "first")):
@@ -204,8 +204,7 @@ def _halves(name: str, generic: Model, peer: Model, peer_name: str, walk: Marker
         yield Split(f"{name} static, {which} half", generic, peer, peer_name, (halves[shown],), held_out, static)
 
 
-def recorded(folder: Path, name: str) -> Markers:
+def recorded(folder: Path, name: str) -> mm.Markers:
     """The markers of a TRC file."""
-    markers = read_trc(folder / name).markers
-    assert markers is not None
+    markers = read_markers(folder / name)
     return markers

@@ -10,15 +10,11 @@ from pathlib import Path
 import numpy as np
 import opensim
 
+import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, root_mean_square, tracked
 from benchmarks.accuracy.scale import BODY, MEASUREMENT, PAIR, TASK
-from myomorph.io.formats import read_model
 from myomorph.io.osim.marker_set import read_marker_set, write_marker_set
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.trc import write_trc
-from myomorph.model.model import Model
-from myomorph.model.series import Markers
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
 
 opensim.Logger.setLevelString("Off")
 
@@ -105,9 +101,9 @@ class Standing:
 
     name: str
     file: Path
-    generic: Model
-    static: Markers
-    motion: Markers
+    generic: mm.Model
+    static: mm.Markers
+    motion: mm.Markers
     roles: Mapping[str, str]
     chosen: bool
     weights: Mapping[str, float] = field(default_factory=dict)
@@ -119,14 +115,14 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     for one in subjects(folder):
         with tempfile.TemporaryDirectory() as scratch:
             theirs = scaled_by_opensim(one, Path(scratch))
-        found = calibrate(one.generic, [], CalibrationOptions(static=one.static))
+        found = mm.calibrate(one.generic, [], mm.CalibrationOptions(static=one.static))
         shared = set(one.static.names) & set(one.generic.marker_names)
         names = tuple(name for name in one.motion.names if name in shared)
         fits = [tracked(model, one.motion, names) for model in (theirs, found.model)]
         legs = [one.generic.marker(name).body.startswith(LEGS) for name in fits[0].marker_names]
         errors = [1e3 * root_mean_square(fit) for fit in fits]
         lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
-        expert = None if one.expert is None else implant_names(read_model(one.expert))
+        expert = None if one.expert is None else implant_names(mm.read_model(one.expert))
         of_expert = () if expert is None else tuple(name for name in names if name in expert.marker_names)
         theirs_mm = "" if expert is None else 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
         yield {
@@ -142,17 +138,17 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def scaled_by_opensim(one: Standing, scratch: Path) -> Model:
+def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
     """The generic model that OpenSim's ScaleTool scales by marker pairs and whose markers it places.
 
     As experts do, the pose is that of the landmarks (markers that the generic model calls fixed), all of weight 1;
     without such, that of the weights of the subject's own task file.
     """
     names = [name for name in one.generic.marker_names if name in one.static.names]
-    kept = Markers(
+    kept = mm.Markers(
         one.static.time, tuple(names), one.static.values[:, [one.static.names.index(name) for name in names]]
     )
-    write_trc(kept, scratch / "static.trc")
+    mm.write_trc(kept, scratch / "static.trc")
     write_marker_set(one.generic, scratch / "set.xml")
     bodies = set(one.generic.body_names)
     measurements = []
@@ -171,7 +167,7 @@ def scaled_by_opensim(one: Standing, scratch: Path) -> Model:
     tool = opensim.ScaleTool(str(scratch / "setup.xml"))
     if not tool.run():
         raise RuntimeError(f"{one.name}: ScaleTool failed")
-    return read_model(scratch / "placed.osim")
+    return mm.read_model(scratch / "placed.osim")
 
 
 def subjects(folder: Path) -> Iterator[Standing]:
@@ -195,7 +191,7 @@ def subjects(folder: Path) -> Iterator[Standing]:
         )
     file = opencap / "models/unscaled_generic.osim"
     if opencap.is_dir():
-        model, markers = read_model(file), opencap / "markers"
+        model, markers = mm.read_model(file), opencap / "markers"
         static = recorded(markers, "static1.trc")
         walk = recorded(markers, "walking1.trc")
         yield Standing(
@@ -239,21 +235,21 @@ def subjects(folder: Path) -> Iterator[Standing]:
             yield Standing("Lenhart", file, model, _part(static, 20), _part(walk), STANFORD, False)
 
 
-def _part(markers: Markers, count: int = 200) -> Markers:
+def _part(markers: mm.Markers, count: int = 200) -> mm.Markers:
     rows = np.unique(np.linspace(0, len(markers) - 1, min(count, len(markers))).astype(int))
-    return Markers(markers.time[rows], markers.names, markers.values[rows])
+    return mm.Markers(markers.time[rows], markers.names, markers.values[rows])
 
 
-def implant_markers(given: Markers) -> Markers:
+def implant_markers(given: mm.Markers) -> mm.Markers:
     """A recording of the implant wearer with the markers' names of the generic model."""
     return replace(given, names=tuple(IMPLANT_NAMES.get(name, name) for name in given.names))
 
 
-def implant_names(given: Model) -> Model:
+def implant_names(given: mm.Model) -> mm.Model:
     """The implant wearer's model with the markers' names of the generic model."""
     return given.with_markers(tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers))
 
 
-def _with_set(file: Path, markers: Path) -> Model:
-    model = read_model(file)
+def _with_set(file: Path, markers: Path) -> mm.Model:
+    model = mm.read_model(file)
     return model.with_markers(read_marker_set(markers, model))

@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
 from benchmarks.accuracy.calibration_static import KNEE, implant_markers, implant_names
-from myomorph.io.formats import read_model
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
+from myomorph.motion.calibrate import Calibration
 from myomorph.motion.calibration import NORMAL_90
 from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
 from myomorph.rigid.kinematics import forward_kinematics
@@ -50,10 +48,10 @@ class Scaled:
     """
 
     name: str
-    generic: Model
-    expert: Model
-    motion: Markers
-    static: Markers
+    generic: mm.Model
+    expert: mm.Model
+    motion: mm.Markers
+    static: mm.Markers
     chosen: bool
 
 
@@ -61,7 +59,7 @@ def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
     """Mean angles of both models over the motion, with and without the static trial."""
     for one in scaled(folder):
         for static in (None, one.static):
-            found = calibrate(one.generic, [one.motion], CalibrationOptions(static=static))
+            found = mm.calibrate(one.generic, [one.motion], mm.CalibrationOptions(static=static))
             yield {
                 "recording": one.name,
                 "settings chosen on it": one.chosen,
@@ -70,10 +68,10 @@ def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def compared_zeros(found: Calibration, expert: Model, motion: Markers) -> dict[str, object]:
+def compared_zeros(found: Calibration, expert: mm.Model, motion: mm.Markers) -> dict[str, object]:
     """Angles of pelvis, trunk and legs: means less the expert's, and how many lie within 5 degrees or the interval."""
     rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
-    part = Markers(motion.time[rows], motion.names, motion.values[rows])
+    part = mm.Markers(motion.time[rows], motion.names, motion.values[rows])
     names = tuple(name for name in part.names if name in found.model.marker_names and name in expert.marker_names)
     ours, theirs = (tracked(model, part, names).motion for model in (found.model, expert))
     zeros = {one.coordinate: one for one in found.zero_angles}
@@ -93,7 +91,7 @@ def compared_zeros(found: Calibration, expert: Model, motion: Markers) -> dict[s
     }
 
 
-def _mean_difference(ours: Motion, theirs: Motion, name: str) -> float:
+def _mean_difference(ours: mm.Motion, theirs: mm.Motion, name: str) -> float:
     apart = ours.values[:, ours.names.index(name)] - theirs.values[:, theirs.names.index(name)]
     return float(np.nanmean((apart + np.pi) % (2.0 * np.pi) - np.pi))
 
@@ -102,32 +100,32 @@ def scaled(folder: Path) -> Iterator[Scaled]:
     """All recordings with an expert's model; data sets that are absent are left out."""
     opencap, gait, rajagopal = (folder / one for one in (OPENCAP, GAIT, RAJAGOPAL))
     if opencap.is_dir():
-        generic = read_model(opencap / "models/unscaled_generic.osim")
+        generic = mm.read_model(opencap / "models/unscaled_generic.osim")
         expert, static = (
-            read_model(opencap / "models/manually_scaled.osim"),
+            mm.read_model(opencap / "models/manually_scaled.osim"),
             recorded(opencap / "markers", "static1.trc"),
         )
         for name in ("walking1", "STS1", "DJ1"):
             motion = recorded(opencap / "markers", f"{name}.trc")
             yield Scaled(f"OpenCap {name}", generic, expert, motion, static, True)
         if (folder / KNEE).is_dir():
-            expert = implant_names(read_model(folder / KNEE / "scaled.osim"))
+            expert = implant_names(mm.read_model(folder / KNEE / "scaled.osim"))
             static, motion = (implant_markers(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
             yield Scaled("knee implant walk1", generic, expert, motion, static, False)
     if gait.is_dir():
         generic = _with_set(gait / "experiment/gait2354_simbody.osim", gait / "experiment/gait2354_Scale_MarkerSet.xml")
-        expert = read_model(gait / "ref_scale/std_subject01_simbody.osim")
+        expert = mm.read_model(gait / "ref_scale/std_subject01_simbody.osim")
         static, motion = (recorded(gait / "experiment", f"subject01_{one}.trc") for one in ("static", "walk1"))
         yield Scaled("gait2354 walk", generic, expert, motion, static, True)
     if rajagopal.is_dir():
         generic = _with_set(rajagopal / "raw/Rajagopal2016.osim", rajagopal / "raw/markerset_walk_preScale.xml")
-        expert = read_model(rajagopal / "subject_walk_scaled.osim")
+        expert = mm.read_model(rajagopal / "subject_walk_scaled.osim")
         motion, static = recorded(rajagopal, "markers_walk.trc"), recorded(rajagopal / "raw", "static_walk_2.trc")
         yield Scaled("Rajagopal walk", generic, expert, motion, static, True)
 
 
-def _with_set(file: Path, markers: Path) -> Model:
-    model = read_model(file)
+def _with_set(file: Path, markers: Path) -> mm.Model:
+    model = mm.read_model(file)
     return model.with_markers(read_marker_set(markers, model))
 
 
@@ -137,14 +135,14 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
         if one.name not in ("OpenCap walking1", "gait2354 walk"):
             continue
         rows = np.unique(np.linspace(0, len(one.motion) - 1, FRAMES).astype(int))
-        part = Markers(one.motion.time[rows], one.motion.names, one.motion.values[rows])
+        part = mm.Markers(one.motion.time[rows], one.motion.names, one.motion.values[rows])
         names = tuple(name for name in part.names if name in one.expert.marker_names)
         motion = tracked(one.expert, part, names).motion
         for longer in (0.0, LONGER):
             errors, deviations, warned = [], [], 0
             for seed in range(PEOPLE):
                 values, markers = walker(one.generic, motion, longer, seed)
-                found = calibrate(one.generic, [markers])
+                found = mm.calibrate(one.generic, [markers])
                 chosen = [
                     i for i, est in enumerate(found.lengths)
                     if est.length.along and est.length.segment.startswith(("femur", "tibia"))
@@ -166,7 +164,7 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def walker(generic: Model, motion: Motion, longer: float, seed: int) -> tuple[Array, Markers]:
+def walker(generic: mm.Model, motion: mm.Motion, longer: float, seed: int) -> tuple[Array, mm.Markers]:
     """Factors of the lengths of a random person, and markers on moving skin while it moves as recorded.
 
     Lengths vary by 4 % about the size, sides by 0.6 %, markers lie 12 mm (landmarks 6 mm) off their places along
@@ -177,7 +175,7 @@ def walker(generic: Model, motion: Motion, longer: float, seed: int) -> tuple[Ar
     return values, _on_skin(person, motion, rng)
 
 
-def _person(generic: Model, longer: float, rng: np.random.Generator) -> tuple[Array, Model]:
+def _person(generic: mm.Model, longer: float, rng: np.random.Generator) -> tuple[Array, mm.Model]:
     lengths = lengths_of(generic)
     values = _factors(lengths, rng, longer)
     person = scale(generic, factors_of(lengths, values))
@@ -189,7 +187,7 @@ def _person(generic: Model, longer: float, rng: np.random.Generator) -> tuple[Ar
     )
 
 
-def _on_skin(person: Model, motion: Motion, rng: np.random.Generator, slides: bool = False) -> Markers:
+def _on_skin(person: mm.Model, motion: mm.Motion, rng: np.random.Generator, slides: bool = False) -> mm.Markers:
     """Markers while the person moves so; with `slides`, all skin of a segment also shifts and turns as one piece."""
     tree = compile_tree(person)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
@@ -204,7 +202,7 @@ def _on_skin(person: Model, motion: Motion, rng: np.random.Generator, slides: bo
         shift, turn = (waves @ (sd * rng.normal(size=(6, 3))) for sd in (SKIN, SLIDE_TURN))
         skin[:, of] += shift[:, None] + np.cross(turn[:, None], (local[of] - local[of].mean(axis=0))[None])
     places = places + np.einsum("fmij,fmj->fmi", poses.rotations[:, bodies], skin)
-    return Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
+    return mm.Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
 
 
 def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
@@ -233,8 +231,8 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _drawn(
-    generic: Model, motions: tuple[Motion, Motion], seed: int, slides: bool
-) -> tuple[Array, Model, Markers, Markers]:
+    generic: mm.Model, motions: tuple[mm.Motion, mm.Motion], seed: int, slides: bool
+) -> tuple[Array, mm.Model, mm.Markers, mm.Markers]:
     rng = np.random.default_rng(seed)
     values, person = _person(generic, 0.0, rng)
     walk, stand = (_on_skin(person, motion, rng, slides) for motion in motions)
@@ -242,14 +240,20 @@ def _drawn(
 
 
 def _simulated(
-    generic: Model, walk: Motion, values: Array, person: Model, markers: Markers, still: Markers, static: bool
+    generic: mm.Model,
+    walk: mm.Motion,
+    values: Array,
+    person: mm.Model,
+    markers: mm.Markers,
+    still: mm.Markers,
+    static: bool,
 ) -> tuple[Array, Array, Array]:
     """Errors of the mean angles, their SD [deg], and whether lengths lie in their intervals.
 
     The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are turned, is left out.
     """
-    options = CalibrationOptions(static=still if static else None, zero_sd=1e-9)
-    found = calibrate(generic, [markers], options)
+    options = mm.CalibrationOptions(static=still if static else None, zero_sd=1e-9)
+    found = mm.calibrate(generic, [markers], options)
     ours = tracked(found.model, markers, found.marker_names).motion
     zeros = {one.coordinate: one.sd for one in found.zero_angles}
     names = [name for name in ours.names if name in zeros and name in walk.names and name.startswith(LEG)]
@@ -262,10 +266,10 @@ def _simulated(
     return apart, np.degrees([zeros[name] for name in names]), np.array(inside)
 
 
-def _tracked(one: Scaled, markers: Markers, count: int) -> Motion:
+def _tracked(one: Scaled, markers: mm.Markers, count: int) -> mm.Motion:
     """Of the expert's model, at evenly chosen frames."""
     rows = np.unique(np.linspace(0, len(markers) - 1, count + 2)[1:-1].astype(int))
-    part = Markers(markers.time[rows], markers.names, markers.values[rows])
+    part = mm.Markers(markers.time[rows], markers.names, markers.values[rows])
     return tracked(one.expert, part, tuple(name for name in part.names if name in one.expert.marker_names)).motion
 
 

@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linprog
 
+import myomorph as mm
 from benchmarks.accuracy.hidden_plates import LOADED
 from benchmarks.accuracy.pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.simulate.bout import FEET
 from myomorph.simulate.pair import VirtualPair
@@ -55,7 +54,7 @@ def solved(
     task = ContactTask(
         hidden.sites, hidden.strengths, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
     )
-    torques = inverse_dynamics(hidden.model, hidden.motion)
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion)
     problem, names = tension_problem(hidden.model, hidden.motion, torques, contacts=change(task))
     over_frames(problem.solve, len(hidden.motion), None, problem.window)
     return problem, problem.result(names)
@@ -158,7 +157,7 @@ def measure_faults(folder: Path) -> Iterator[Row]:
     for case in CASES[:3]:
         hidden = opened(folder, case)
         groups = np.array([one.group for one in hidden.sites])
-        tau = inverse_dynamics(hidden.model, hidden.motion)
+        tau = mm.inverse_dynamics(hidden.model, hidden.motion)
         force = np.stack([tau[f"pelvis_t{axis}"] for axis in "xyz"], axis=1)
         ready = {name: hidden.strengths.values[:, groups == name] for name in ("foot_r", "foot_l")}
         for name, (kind, fault, most) in FAULTS.items():
@@ -215,32 +214,32 @@ def measure_truth() -> Iterator[Row]:
         }
 
 
-def pair_problem(pair: VirtualPair, motion: Motion, known: Knowledge) -> tuple[TensionProblem, tuple[str, ...]]:
+def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> tuple[TensionProblem, tuple[str, ...]]:
     """The simultaneous problem of a bout."""
     wrenches = [pair.plates[part] for part in known.plates]
-    torques = inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
+    torques = mm.inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
     sites = open_sites(pair, known)
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
-    task = ContactTask(sites, Series(motion.time, names, pair.touching.values[:, columns]))
+    task = ContactTask(sites, mm.Series(motion.time, names, pair.touching.values[:, columns]))
     return tension_problem(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
 
 
-def together(wrenches: Sequence[Wrenches]) -> Wrenches:
+def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
     """Several loads as one."""
     parts = {
         name: np.concatenate([getattr(one, name) for one in wrenches], axis=1)
         for name in ("forces", "points", "torques")
     }
     names = tuple(name for one in wrenches for name in one.names)
-    return Wrenches(wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts)
+    return mm.Wrenches(wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts)
 
 
 def _forgotten(task: ContactTask, foot: str) -> ContactTask:
     """The foot is said not to touch."""
     mine = np.array([one.group == foot for one in task.sites])
     values = np.where(mine, 0.0, task.strengths.values)
-    return replace(task, strengths=Series(task.strengths.time, task.strengths.names, values))
+    return replace(task, strengths=mm.Series(task.strengths.time, task.strengths.names, values))
 
 
 def _slippery(task: ContactTask, foot: str) -> ContactTask:
@@ -278,11 +277,3 @@ FAULTS: dict[str, tuple[str, Callable[..., ContactTask], Lacking]] = {
 
 def _named(found: Relaxation, kind: str, foot: str) -> bool:
     return any(one.kind == kind and one.where == foot for one in found.allowances)
-
-
-def run() -> list[Row]:
-    """All rows of the data collection."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    return [*measure(folder), *measure_programs(folder), *measure_faults(folder), *measure_truth()]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.hidden_plates import rms
 from benchmarks.hands_lift import LIFTS, MASS, hands_measured, recorded
 from benchmarks.hands_lift_forces import holding, left_floor
@@ -15,9 +16,6 @@ from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
 from myomorph.model.arrays import Array
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 Row = dict[str, object]
@@ -44,7 +42,7 @@ class Setting:
     """Options, and whether each site counts as a contact of its own, as it did before."""
 
     contacts: ContactOptions = field(default_factory=ContactOptions)
-    tension: TensionOptions = field(default_factory=TensionOptions)
+    tension: mm.TensionOptions = field(default_factory=mm.TensionOptions)
     by_site: bool = False
 
 
@@ -53,7 +51,7 @@ def _contacts(**changes: object) -> Setting:
 
 
 def _tension(**changes: object) -> Setting:
-    return Setting(tension=TensionOptions(**changes))  # type: ignore[arg-type]
+    return Setting(tension=mm.TensionOptions(**changes))  # type: ignore[arg-type]
 
 
 SETTINGS: Mapping[str, Setting] = {
@@ -93,8 +91,8 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
     """RMS error of the vertical force of a foot, mean of both feet [% weight]."""
     preferred = preferred_directions(hidden.model, hidden.motion, hidden.sites)
     task = _as_set(ContactTask(hidden.sites, hidden.strengths, (), preferred=preferred), setting)
-    torques = inverse_dynamics(hidden.model, hidden.motion)
-    found = solve_tension(hidden.model, hidden.motion, torques, setting.tension, contacts=task).contacts
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion)
+    found = mm.solve_tension(hidden.model, hidden.motion, torques, setting.tension, contacts=task).contacts
     assert found is not None
     errors = []
     for side, measured, _ in feet_of(hidden):
@@ -109,7 +107,7 @@ def lift_errors(folder: Path, lift: str, setting: Setting) -> tuple[float, float
     """
     asked = lift_task(folder, lift, "hidden")
     task = _as_set(asked.contacts, setting)
-    found = solve_tension(asked.model, asked.motion, asked.torques, setting.tension, contacts=task).contacts
+    found = mm.solve_tension(asked.model, asked.motion, asked.torques, setting.tension, contacts=task).contacts
     assert found is not None
     time = recorded(folder, lift).markers.time
     grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]

@@ -7,16 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.cases import FORCE_CASES, ForceCase
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.terms.actuators import floating_joints
 
 FIXED = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 30.0)
@@ -31,8 +25,8 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     for case in FORCE_CASES:
         if not case.loads:
             continue
-        model = read_model(folder / case.model)
-        recorded = motion_from_table(read_sto(folder / case.motion), model)
+        model = mm.read_model(folder / case.model)
+        recorded = mm.read_motion(folder / case.motion, model)
         measured = read_external_loads(folder / case.loads)
         chosen = automatic_cutoff(recorded)
         at = {cutoff: _residual(case, model, recorded, measured, cutoff) for cutoff in (None, *FIXED, chosen)}
@@ -49,11 +43,13 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def _residual(case: ForceCase, model: Model, recorded: Motion, measured: Wrenches, cutoff: float | None) -> float:
+def _residual(
+    case: ForceCase, model: mm.Model, recorded: mm.Motion, measured: mm.Wrenches, cutoff: float | None
+) -> float:
     """Root mean square of the force on the floating joint over frames on the plates [N]."""
-    motion = differentiate(recorded, cutoff)
-    loads = resample_wrenches(measured, motion.time)
-    torques = inverse_dynamics(model, motion, loads)
+    motion = mm.differentiate(recorded, cutoff)
+    loads = mm.resample_wrenches(measured, motion.time)
+    torques = mm.inverse_dynamics(model, motion, loads)
     names = [name for joint in floating_joints(model) for name in joint.coordinates]
     held = [torques[name] for name in names if model.coordinate(name).motion == "translational"]
     used = (motion.time >= case.start) & (motion.time <= case.end)

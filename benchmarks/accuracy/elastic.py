@@ -12,20 +12,15 @@ from unittest import mock
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+import myomorph as mm
 from benchmarks.accuracy.tension import CASES, TensionCase, prepare
 from benchmarks.opensim_forward import SliderMuscles, forward_forces
 from benchmarks.opensim_moco import RESERVE, RESIDUAL, MocoFound, moco_inverse
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
+from benchmarks.recordings import read_torques
 from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.model.model import Actuator
+from myomorph.motion.sync import take_frames
+from myomorph.tension.solve import Tension
 
 RATE = 100.0
 """Frames a second that are solved."""
@@ -42,33 +37,23 @@ SPAN = (0.6, 1.4)
 """Of the walk that MocoInverse solves [s]: both plates are trusted there."""
 
 ARM_CLASSES = ("Thelen2003Muscle", "Millard2012EquilibriumMuscle")
-OURS = TensionOptions(tendons="elastic", min_activation="model", passive=True)
+OURS = mm.TensionOptions(tendons="elastic", min_activation="model", passive=True)
 """With passive force, which OpenSim's fiber dynamics always have."""
 
-ALIKE = TensionOptions(
+ALIKE = mm.TensionOptions(
     tendons="elastic", min_activation="model", activation_dynamics=False, reserve=RESERVE, residual=RESIDUAL
 )
 """As MocoInverse is set up: no passive force, activations as controls."""
 
 
-FINE_OPTIONS = TensionOptions(tendons="elastic")
+FINE_OPTIONS = mm.TensionOptions(tendons="elastic")
 
 
-def thinned(motion: Motion, start: float, end: float) -> Motion:
+def thinned(motion: mm.Motion, start: float, end: float) -> mm.Motion:
     """Frames from `start` to `end` [s] at `RATE`, or every frame of a slower recording."""
     step = max(1, round(1.0 / (RATE * float(np.median(np.diff(motion.time))))))
     keep = np.flatnonzero((motion.time >= start - 1e-9) & (motion.time <= end + 1e-9))[::step]
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    rates = (motion.velocities[keep], motion.accelerations[keep])
-    return Motion(motion.time[keep], motion.names, motion.values[keep], *rates)
-
-
-def _torques(model: Model, motion: Motion, loads: Path | None) -> Series:
-    wrenches: Wrenches | None = None
-    if loads is not None:
-        wrenches = resample_wrenches(read_external_loads(loads), motion.time)
-    return inverse_dynamics(model, motion, wrenches)
+    return take_frames(motion, keep)
 
 
 def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
@@ -84,9 +69,9 @@ def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
 def _forward_row(folder: Path, case: TensionCase) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as work:
         prepared = prepare(folder, case, Path(work))
-        motion = thinned(differentiate(prepared.motion, case.cutoff or 6.0), case.start, case.end)
-        torques = _torques(prepared.model, motion, prepared.loads)
-        found = solve_tension(prepared.model, motion, torques, OURS, prepared.actuators)
+        motion = thinned(mm.differentiate(prepared.motion, case.cutoff or 6.0), case.start, case.end)
+        torques = read_torques(prepared.loads, prepared.model, motion)
+        found = mm.solve_tension(prepared.model, motion, torques, OURS, prepared.actuators)
         return {"case": case.name, **forward_distances(prepared.model, prepared.model_path, motion, found)}
 
 
@@ -96,26 +81,26 @@ def fine_rows(folder: Path) -> Iterator[dict[str, object]]:
         case = next(one for one in CASES if one.name == name)
         with tempfile.TemporaryDirectory() as work:
             prepared = prepare(folder, case, Path(work))
-            whole = differentiate(prepared.motion, case.cutoff or 6.0)
+            whole = mm.differentiate(prepared.motion, case.cutoff or 6.0)
             fine = _resampled(whole, case.start, min(case.end, case.start + FINE_SECONDS), FINER * RATE)
-            torques = _torques(prepared.model, fine, prepared.loads)
+            torques = read_torques(prepared.loads, prepared.model, fine)
             yield {"case": name, **fine_distances(prepared.model, fine, torques, prepared.actuators)}
 
 
 def fine_distances(
-    model: Model, motion: Motion, torques: Series, actuators: Sequence[Actuator] | None
+    model: mm.Model, motion: mm.Motion, torques: mm.Series, actuators: Sequence[Actuator] | None
 ) -> dict[str, object]:
     """Distances between solutions for all frames of a motion and for one in `FINER` of them, ends left out."""
     assert motion.velocities is not None
     assert motion.accelerations is not None
     each = slice(None, None, FINER)
     rates = (motion.velocities[each], motion.accelerations[each])
-    coarse = Motion(motion.time[each], motion.names, motion.values[each], *rates)
-    given = Series(torques.time[each], torques.names, torques.values[each])
-    one = solve_tension(model, coarse, given, FINE_OPTIONS, actuators)
+    coarse = mm.Motion(motion.time[each], motion.names, motion.values[each], *rates)
+    given = mm.Series(torques.time[each], torques.names, torques.values[each])
+    one = mm.solve_tension(model, coarse, given, FINE_OPTIONS, actuators)
     # Every frame of the finer steps is solved, which Myomorph else does not with so many.
     with mock.patch("myomorph.tension.elastic.problem.solved_every", return_value=1):
-        other = solve_tension(model, motion, torques, FINE_OPTIONS, actuators)
+        other = mm.solve_tension(model, motion, torques, FINE_OPTIONS, actuators)
     assert one.fibers is not None
     assert other.fibers is not None
     inside = ~one.fibers.transient
@@ -134,21 +119,21 @@ def fine_distances(
     }
 
 
-def _resampled(motion: Motion, start: float, end: float, rate: float) -> Motion:
+def _resampled(motion: mm.Motion, start: float, end: float, rate: float) -> mm.Motion:
     """The motion at a rate [1/s], on the cubics through its frames."""
     curve = CubicSpline(motion.time, motion.values)
     at = start + np.arange(int((end - start) * rate) // FINER * FINER + 1) / rate
-    return Motion(at, motion.names, curve(at), curve(at, 1), curve(at, 2))
+    return mm.Motion(at, motion.names, curve(at), curve(at, 1), curve(at, 2))
 
 
-def forward_distances(model: Model, model_path: Path, motion: Motion, found: Tension) -> dict[str, object]:
+def forward_distances(model: mm.Model, model_path: Path, motion: mm.Motion, found: Tension) -> dict[str, object]:
     """Distances of tendon forces, relative to the maximum isometric forces, and to the forces themselves."""
     fibers = found.fibers
     assert fibers is not None
     columns = [m for m, name in enumerate(found.muscles) if name not in fibers.rigid]
     names = tuple(found.muscles[m] for m in columns)
     strength = np.array([model.muscle(name).max_isometric_force for name in names])
-    paths = muscle_kinematics(model, motion)
+    paths = mm.muscle_kinematics(model, motion)
     sliders = SliderMuscles(model_path, names)
     ours = found.forces[:, columns]
     start = np.where(sliders.forces_state, ours[0] / strength, fibers.lengths[0, columns])
@@ -192,16 +177,16 @@ def moco_rows(folder: Path) -> Iterator[dict[str, object]]:
     yield compare_moco(recording, moco_inverse(recording, *SPAN))
 
 
-def compare_moco(recording: Path, theirs: MocoFound, options: TensionOptions = ALIKE) -> dict[str, object]:
+def compare_moco(recording: Path, theirs: MocoFound, options: mm.TensionOptions = ALIKE) -> dict[str, object]:
     """Distances at MocoInverse's times away from the ends, and seconds of both."""
-    model = read_model(theirs.model)
-    whole = differentiate(motion_from_table(read_sto(recording / "coordinates.sto"), model), 6.0)
+    model = mm.read_model(theirs.model)
+    whole = mm.differentiate(mm.read_motion(recording / "coordinates.sto", model), 6.0)
     motion = thinned(whole, float(theirs.time[0]), float(theirs.time[-1]))
-    torques = _torques(model, motion, recording / "grf_walk.xml")
+    torques = read_torques(recording / "grf_walk.xml", model, motion)
     # The model has its reserves already.
-    solve_tension(model, motion, torques, options, ())
+    mm.solve_tension(model, motion, torques, options, ())
     began = time.perf_counter()
-    found = solve_tension(model, motion, torques, options, ())
+    found = mm.solve_tension(model, motion, torques, options, ())
     seconds = time.perf_counter() - began
     fibers = found.fibers
     assert fibers is not None

@@ -9,19 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.formats import read_model
+import myomorph as mm
 from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, fit_gains, shifted
-from myomorph.motion.envelope import EnvelopeOptions, envelopes
-from myomorph.motion.filters import differentiate, lowpass
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.envelope import EnvelopeOptions
+from myomorph.motion.filters import lowpass
+from myomorph.motion.sync import cut
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
-from myomorph.tension.solve import solve_tension
+from myomorph.tension.emg_frames import few_frames
 from myomorph.tension.tension import Tension
 
 CUTOFF = 6.0
@@ -55,47 +51,38 @@ class Walk:
     """A motion with torques and EMG, and the times that are calibrated on and tested on."""
 
     name: str
-    model: Model
-    motion: Motion
-    torques: Series
-    emg: Emg
+    model: mm.Model
+    motion: mm.Motion
+    torques: mm.Series
+    emg: mm.Emg
     channels: ChannelMap
     calibrated: tuple[float, float]
     tested: tuple[float, float]
     every: int
 
-    def part(self, span: tuple[float, float]) -> tuple[Motion, Series]:
+    def part(self, span: tuple[float, float]) -> tuple[mm.Motion, mm.Series]:
         """Motion and torques of a span, every so many frames."""
         motion, torques = cut(self.motion, *span), cut(self.torques, *span)
-        chosen = slice(None, None, self.every)
-        assert motion.velocities is not None
-        thin = replace(
-            motion,
-            time=motion.time[chosen],
-            values=motion.values[chosen],
-            velocities=motion.velocities[chosen],
-            accelerations=None,
-        )
-        return thin, Series(thin.time, torques.names, torques.values[chosen])
+        return few_frames(motion, torques, self.every)
 
 
-def torques_of(path: Path) -> Series:
+def torques_of(path: Path) -> mm.Series:
     """A table of inverse dynamics, low-pass filtered as the motion."""
-    table = read_sto(path)
+    table = mm.read_sto(path)
     names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
-    return Series(table.time, names, lowpass(table.values, table.rate, CUTOFF))
+    return mm.Series(table.time, names, lowpass(table.values, table.rate, CUTOFF))
 
 
 def treadmill(folder: Path) -> Walk:
     """CEINMS: the generic model's forces brought to the walker's mass, as areas: (58 / 75.16)^(2/3)."""
     at = folder / "ceinms-emg-walk"
-    model = read_model(at / "model/gait2392.osim")
+    model = mm.read_model(at / "model/gait2392.osim")
     weaker = (58.0 / 75.16) ** (2.0 / 3.0)
     muscles = tuple(replace(one, max_isometric_force=weaker * one.max_isometric_force) for one in model.muscles)
     model = replace(model, muscles=muscles)
-    motion = differentiate(motion_from_table(read_sto(at / "walk36/ik.sto"), model), CUTOFF)
-    table = read_sto(at / "walk36/emgFilt.sto")
-    emg = Emg(table.time, table.names, table.values)
+    motion = mm.differentiate(mm.read_motion(at / "walk36/ik.sto", model), CUTOFF)
+    table = mm.read_sto(at / "walk36/emgFilt.sto")
+    emg = mm.Emg(table.time, table.names, table.values)
     torques = torques_of(at / "walk36/id.sto")
     channels = {name: (name,) for name in emg.names}
     return Walk("ceinms-emg-walk", model, motion, torques, emg, channels, (5.0, 25.0), (30.0, 50.0), 4)
@@ -104,12 +91,14 @@ def treadmill(folder: Path) -> Walk:
 def overground(folder: Path, side: str = "r") -> Walk:
     """Rajagopal 2016: raw EMG made into envelopes here; one stride, so that it is calibrated and tested alike."""
     at = folder / "rajagopal-walk-emg"
-    model = read_model(at / "subject_walk_scaled.osim")
-    motion = differentiate(motion_from_table(read_sto(at / "coordinates.sto"), model), None)
+    model = mm.read_model(at / "subject_walk_scaled.osim")
+    motion = mm.differentiate(mm.read_motion(at / "coordinates.sto", model), None)
     channels = {name: tuple(f"{one}_{side}" for one in muscles) for name, muscles in RAJAGOPAL.items()}
-    emg = envelopes(raw_emg(at / "raw/emg_walk_raw.anc"))
+    emg = mm.envelopes(raw_emg(at / "raw/emg_walk_raw.anc"))
     span = (0.5, 1.75)
-    torques = inverse_dynamics(model, motion, resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time))
+    torques = mm.inverse_dynamics(
+        model, motion, mm.resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time)
+    )
     name = "rajagopal-walk-emg" if side == "r" else "rajagopal-walk-emg, on the left leg"
     return Walk(name, model, motion, torques, emg, channels, span, span, 5)
 
@@ -117,10 +106,10 @@ def overground(folder: Path, side: str = "r") -> Walk:
 def loaded(folder: Path) -> Walk:
     """Uhlrich 2022: the left leg; its channel of vastus intermedius is a copy of lateralis and goes with it."""
     at = folder / "walk-so-jointload-emg"
-    model = read_model(at / "Rajagopal_scaled_Sub1_gasAvoid.osim")
-    motion = differentiate(motion_from_table(read_sto(at / "results_ik.sto"), model), CUTOFF)
-    table = read_sto(at / "EMG_allMuscles.sto")
-    emg = Emg(table.time, table.names, table.values)
+    model = mm.read_model(at / "Rajagopal_scaled_Sub1_gasAvoid.osim")
+    motion = mm.differentiate(mm.read_motion(at / "results_ik.sto", model), CUTOFF)
+    table = mm.read_sto(at / "EMG_allMuscles.sto")
+    emg = mm.Emg(table.time, table.names, table.values)
     channels = {name: (name.removesuffix("_activation"),) for name in emg.names if "vasint" not in name}
     channels["vaslat_l_activation"] = ("vaslat_l", "vasint_l")
     torques = torques_of(at / "results_id.sto")
@@ -130,14 +119,14 @@ def loaded(folder: Path) -> Walk:
 WALKS = (treadmill, overground, loaded)
 
 
-def raw_emg(path: Path) -> Series:
+def raw_emg(path: Path) -> mm.Series:
     """The EMG channels of an ANC file, in counts."""
     lines = path.read_text().splitlines()
     head = next(k for k, line in enumerate(lines) if line.startswith("Name"))
     names = lines[head].split()[1:]
     rows = np.array([line.split() for line in lines[head + 3 :] if line.strip()], dtype=np.float64)
     chosen = [names.index(name) for name in RAJAGOPAL]
-    return Series(rows[:, 0], tuple(RAJAGOPAL), rows[:, 1:][:, chosen])
+    return mm.Series(rows[:, 0], tuple(RAJAGOPAL), rows[:, 1:][:, chosen])
 
 
 @dataclass(frozen=True)
@@ -169,7 +158,7 @@ def held_out(folder: Path) -> Mapping[str, tuple[HeldOut, ...]]:
 def _leave_out(walk: Walk) -> Iterator[HeldOut]:
     motion, torques = walk.part(walk.tested)
     trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
-    alone = solve_tension(walk.model, motion, torques)
+    alone = mm.solve_tension(walk.model, motion, torques)
     for channel, muscles in walk.channels.items():
         rest = {name: told for name, told in walk.channels.items() if name != channel}
         calibration = calibrate_emg(walk.model, [trial], rest)
@@ -181,7 +170,7 @@ def _leave_out(walk: Walk) -> Iterator[HeldOut]:
             found, tracking = alone, float("nan")
             if options is not None:
                 told = emg_targets(walk.emg, rest, walk.model, motion.time, options, calibration)
-                found = solve_tension(walk.model, motion, torques, emg=told)
+                found = mm.solve_tension(walk.model, motion, torques, emg=told)
                 used = found.activations[:, [found.muscles.index(one) for one in told.muscles]]
                 tracking = float(np.sqrt(np.nanmean((used - told.activations) ** 2)))
             predicted = channel_means({channel: muscles}, found.muscles, found.activations)[:, 0]
@@ -261,7 +250,7 @@ def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
 def measure_study(folder: Path) -> Iterator[dict[str, object]]:
     """One stance of the walk with joint loads: ours and that study's activations against its EMG and each other."""
     walk = loaded(folder)
-    table = read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
+    table = mm.read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
     motion, torques = replace(walk, every=1).part((10.9, 11.7))
     calibration = calibrate_emg(walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels)
     theirs = {name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"]) for name in _left(walk)}
@@ -269,7 +258,7 @@ def measure_study(folder: Path) -> Iterator[dict[str, object]]:
         told = None
         if options is not None:
             told = emg_targets(walk.emg, walk.channels, walk.model, motion.time, options, calibration)
-        found = solve_tension(walk.model, motion, torques, emg=told)
+        found = mm.solve_tension(walk.model, motion, torques, emg=told)
         ours = {name: found.activations[:, found.muscles.index(name)] for name in _left(walk)}
         row: dict[str, object] = {"ours": way, "muscles": len(ours)}
         apart = np.array([ours[name] - theirs[name] for name in ours])
@@ -303,12 +292,12 @@ def _correlation(one: Array, other: Array) -> float:
 def measure_envelopes(folder: Path) -> Iterator[dict[str, object]]:
     """Our envelopes of the raw recording against those that came with it, with its filters and with ours."""
     at = folder / "rajagopal-walk-emg"
-    raw, table = raw_emg(at / "raw/emg_walk_raw.anc"), read_sto(at / "electromyography.sto")
+    raw, table = raw_emg(at / "raw/emg_walk_raw.anc"), mm.read_sto(at / "electromyography.sto")
     for label, options in (
         ("band 50 to 500 Hz, low-pass 7.5 Hz, as there", EnvelopeOptions((50.0, 500.0), 7.5)),
         ("default: 20 to 450 Hz, low-pass 6 Hz", EnvelopeOptions()),
     ):
-        found = envelopes(raw, options)
+        found = mm.envelopes(raw, options)
         rows = []
         for k, name in enumerate(found.names):
             ours, theirs = np.interp(table.time, found.time, found[name]), table.values[:, k]
@@ -321,12 +310,3 @@ def measure_envelopes(folder: Path) -> Iterator[dict[str, object]]:
             "median": float(np.median(r)),
             "RMS, largest": float(rms.max()),
         }
-
-
-def run() -> list[dict[str, object]]:
-    """All rows of EMG."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    measures = (measure_envelopes, measure_calibration, measure_held_out, measure_channels, measure_study)
-    return [row for measure in measures for row in measure(folder)]

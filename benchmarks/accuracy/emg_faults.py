@@ -8,18 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.accuracy.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
 from myomorph.model.arrays import Array
-from myomorph.model.series import Emg, Series
 from myomorph.motion.emg_checks import noise_faults
 from myomorph.motion.emg_delay import channel_means, shifted
-from myomorph.motion.envelope import envelopes
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
 from myomorph.tension.emg_swaps import swapped_channels
-from myomorph.tension.solve import solve_tension
 
 Row = dict[str, object]
 
@@ -46,9 +42,9 @@ def _row(walk: Walk) -> Row:
 def implant(folder: Path, stride: str) -> Walk:
     """A stride of the man with an instrumented knee; one stride, so that it is calibrated and tested alike."""
     model, motion, wrenches = inputs_of(folder, stride)
-    motion = differentiate(motion, CUTOFF)
-    emg = envelopes(raw_emg(folder, stride))
-    torques = inverse_dynamics(model, motion, wrenches)
+    motion = mm.differentiate(motion, CUTOFF)
+    emg = mm.envelopes(raw_emg(folder, stride))
+    torques = mm.inverse_dynamics(model, motion, wrenches)
     span = (float(motion.time[0]), float(motion.time[-1]))
     return Walk(f"{STUDY}, {stride}", model, motion, torques, emg, CHANNELS, span, span, 2)
 
@@ -59,7 +55,7 @@ def _swaps(walk: Walk) -> Row:
     trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
     delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]
     motion, torques = walk.part(walk.tested)
-    alone = solve_tension(walk.model, motion, torques)
+    alone = mm.solve_tension(walk.model, motion, torques)
     activations = channel_means({name: walk.channels[name] for name in names}, alone.muscles, alone.activations)
     columns = [walk.emg.names.index(name) for name in names]
     clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
@@ -89,7 +85,7 @@ def _noise(walk: Walk) -> Row:
             continue
         column, values = emg.names.index(name), emg.values.copy()
         values[:, column] = _envelope_of_noise(emg.time, k) * values[:, column].mean()
-        faults = noise_faults(Emg(emg.time, emg.names, values), tuple(walk.channels))
+        faults = noise_faults(mm.Emg(emg.time, emg.names, values), tuple(walk.channels))
         found += {one.channel for one in faults} == {name, *clean}
     return {
         "channels called noise in the clean recording": ", ".join(clean) or 0,
@@ -97,10 +93,10 @@ def _noise(walk: Walk) -> Row:
     }
 
 
-def _some_emg(walk: Walk) -> Emg:
+def _some_emg(walk: Walk) -> mm.Emg:
     span = walk.tested
     use = (walk.emg.time >= span[0]) & (walk.emg.time <= min(span[1], span[0] + 5.0))
-    return Emg(walk.emg.time[use], walk.emg.names, walk.emg.values[use])
+    return mm.Emg(walk.emg.time[use], walk.emg.names, walk.emg.values[use])
 
 
 def _noisy(walk: Walk) -> list[str]:
@@ -111,6 +107,6 @@ def _noisy(walk: Walk) -> list[str]:
 def _envelope_of_noise(time: Array, seed: int) -> Array:
     """Envelope of white noise at times (samples,), its mean 1."""
     clock = np.arange(time[0] - 1.0, time[-1] + 1.0, 1.0 / RATE)
-    raw = Series(clock, ("noise",), np.random.default_rng(seed).standard_normal((len(clock), 1)))
-    found = np.interp(time, clock, envelopes(raw)["noise"])
+    raw = mm.Series(clock, ("noise",), np.random.default_rng(seed).standard_normal((len(clock), 1)))
+    found = np.interp(time, clock, mm.envelopes(raw)["noise"])
     return np.asarray(found / found.mean())

@@ -12,17 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS
 from myomorph.model.findings import Finding
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.sync import cut
 from myomorph.store.settings import ForceOptions
 from myomorph.study.inputs.external_forces import on_feet, raw_loads
-from myomorph.study.inputs.reading import open_model, read_motion, read_recording
 
 Row = dict[str, object]
 
@@ -37,10 +33,10 @@ class Recorded:
     """
 
     name: str
-    model: Model
-    motion: Motion
-    wrenches: Wrenches
-    markers: Markers | None = None
+    model: mm.Model
+    motion: mm.Motion
+    wrenches: mm.Wrenches
+    markers: mm.Markers | None = None
 
 
 @dataclass(frozen=True)
@@ -76,114 +72,46 @@ class Walk:
     mass: float | None = None
 
 
-OPENCAP = "opencap-subject4-multitask"
+def _walk(name: str, recording: str, time: tuple[float, float] | None = None, heavy: bool = False) -> Walk:
+    files = RECORDINGS[recording]
+    # The tables of forces, not the loads that name the feet.
+    loads = files.loads.replace("external_forces.xml", "grf.mot")
+    return Walk(name, files.model, files.motion or files.markers, loads, time, files.mass if heavy else None)
+
+
 CLEAN = (
-    Walk(
-        "gait2354 walk",
-        "opensim-gait-subject01/ref_id/subject01.osim",
-        "opensim-gait-subject01/ref_id/subject01_walk1_ik.mot",
-        "opensim-gait-subject01/ref_id/subject01_walk1_grf.xml",
-        (0.5, 2.5),
-    ),
-    Walk(
-        "Rajagopal walk",
-        "rajagopal-walk-emg/subject_walk_scaled.osim",
-        "rajagopal-walk-emg/coordinates.sto",
-        "rajagopal-walk-emg/grf_walk.xml",
-    ),
-    Walk(
-        "OpenCap walk",
-        f"{OPENCAP}/models/manually_scaled.osim",
-        f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
-        f"{OPENCAP}/grf/walking1_grf.mot",
-    ),
-    Walk(
-        "OpenCap drop jump",
-        f"{OPENCAP}/models/manually_scaled.osim",
-        f"{OPENCAP}/ik_manual_scaling/DJ1_ik.mot",
-        f"{OPENCAP}/grf/DJ1_grf.mot",
-    ),
-    Walk(
-        "OpenCap sit-to-stand",
-        f"{OPENCAP}/models/manually_scaled.osim",
-        f"{OPENCAP}/ik_manual_scaling/STS1_ik.mot",
-        f"{OPENCAP}/grf/STS1_grf.mot",
-    ),
-    Walk(
-        "treadmill walk",
-        "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
-        "walk-so-jointload-emg/results_ik.sto",
-        "walk-so-jointload-emg/walking_baseline1_forces.mot",
-        (10.0, 18.0),
-    ),
-    Walk(
-        "knee implant, stride 1",
-        "knee-implant-walk/scaled.osim",
-        "knee-implant-walk/walk1_ik.mot",
-        "knee-implant-walk/walk1_grf.mot",
-        mass=83.0,
-    ),
-    Walk(
-        "knee implant, stride 3",
-        "knee-implant-walk/scaled.osim",
-        "knee-implant-walk/walk3_ik.mot",
-        "knee-implant-walk/walk3_grf.mot",
-        mass=83.0,
-    ),
-    Walk(
-        "gait10dof18musc walk",
-        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
-        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
-        "opensim-gait-subject01/ref_id/subject01_walk1_grf.mot",
-    ),
-    Walk(
-        "CEINMS walk (generic model)",
-        "ceinms-emg-walk/model/gait2392.osim",
-        "ceinms-emg-walk/walk36/ik.sto",
-        "ceinms-emg-walk/walk36/XLD.mot",
-        (10.0, 20.0),
-        58.1,
-    ),
-    Walk(
-        "Hamner run, 2 m/s (unscaled model)",
-        "hamner-run-subject04/unscaled_generic.osim",
-        "hamner-run-subject04/run200/markers.trc",
-        "hamner-run-subject04/run200/grf.mot",
-        mass=82.0,
-    ),
-    Walk(
-        "Hamner run, 5 m/s (unscaled model)",
-        "hamner-run-subject04/unscaled_generic.osim",
-        "hamner-run-subject04/run500/markers.trc",
-        "hamner-run-subject04/run500/grf.mot",
-        mass=82.0,
-    ),
-    Walk(
-        "Lenhart walk",
-        "lenhart-knee-contact-walk/lenhart2015.osim",
-        "lenhart-knee-contact-walk/reference_comak/overground_17_ik.mot",
-        "lenhart-knee-contact-walk/motion/overground_17_grf.mot",
-        mass=73.2,
-    ),
+    _walk("gait2354 walk", "gait2354-dynamics", (0.5, 2.5)),
+    _walk("Rajagopal walk", "rajagopal"),
+    _walk("OpenCap walk", "opencap-walk"),
+    _walk("OpenCap drop jump", "opencap-jump"),
+    _walk("OpenCap sit-to-stand", "opencap-rise"),
+    _walk("treadmill walk", "treadmill", (10.0, 18.0)),
+    _walk("knee implant, stride 1", "implant-1", heavy=True),
+    _walk("knee implant, stride 3", "implant-3", heavy=True),
+    _walk("gait10dof18musc walk", "gait10"),
+    _walk("CEINMS walk (generic model)", "gait2392", (10.0, 20.0), heavy=True),
+    _walk("Hamner run, 2 m/s (unscaled model)", "run-2", heavy=True),
+    _walk("Hamner run, 5 m/s (unscaled model)", "run-5", heavy=True),
+    _walk("Lenhart walk", "lenhart", heavy=True),
 )
 
 
 @cache
 def recorded(folder: Path, walk: Walk) -> Recorded:
     """Inputs of a recording, forces on the feet that carry them."""
-    model = open_model(folder / walk.model)
+    model = mm.read_model(folder / walk.model)
     if walk.motion.endswith(".trc"):
-        markers = read_recording(folder / walk.motion).markers
+        markers = mm.read_recording(folder / walk.motion).markers
         assert markers is not None
-        motion = inverse_kinematics(model, markers).motion
+        motion = mm.inverse_kinematics(model, markers).motion
     else:
-        motion = read_motion(folder / walk.motion, model)
+        motion = mm.read_motion(folder / walk.motion, model)
     wrenches = raw_loads(folder / walk.loads, model, motion)
     if walk.time is not None:
         motion = cut(motion, *walk.time)
     wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))
     inside = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
-    motion = Motion(motion.time[inside], motion.names, motion.values[inside])
+    motion = mm.Motion(motion.time[inside], motion.names, motion.values[inside])
     return Recorded(walk.name, model, motion, wrenches)
 
 
@@ -349,13 +277,13 @@ def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
     return "missed" if not named else "mended" if all(one.mended for one in named) else "found"
 
 
-def torque_error(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.ndarray) -> float:
+def torque_error(clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray) -> float:
     """Largest difference of a generalized force of a joint from that with the clean forces [N m or N]."""
-    found = inverse_dynamics(clean.model, motion, resample_wrenches(wrenches, motion.time, 6.0)).values
+    found = mm.inverse_dynamics(clean.model, motion, mm.resample_wrenches(wrenches, motion.time, 6.0)).values
     return float(np.nanmax(np.abs(found - torques)))
 
 
-def _error_of(clean: Recorded, wrenches: Wrenches, motion: Motion, torques: np.ndarray) -> float | str:
+def _error_of(clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray) -> float | str:
     """The error of faulty forces, where each acts on a body."""
     return torque_error(clean, wrenches, motion, torques) if all(wrenches.bodies) else "refused before"
 
@@ -401,8 +329,10 @@ def mended_torques(folder: Path) -> Iterator[Row]:
     """Joint torques with forces put right, against those with the clean forces."""
     for walk in CLEAN[:4]:
         clean = recorded(folder, walk)
-        motion = differentiate(clean.motion, 6.0)
-        torques = inverse_dynamics(clean.model, motion, resample_wrenches(clean.wrenches, motion.time, 6.0)).values
+        motion = mm.differentiate(clean.motion, 6.0)
+        torques = mm.inverse_dynamics(
+            clean.model, motion, mm.resample_wrenches(clean.wrenches, motion.time, 6.0)
+        ).values
         for fault in FORCE_FAULTS:
             faulty = fault.change(clean)
             if faulty is None:

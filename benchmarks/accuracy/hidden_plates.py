@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import SharedOptions, shared_wrenches
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, find_contacts, hysteresis, steady, strengths
-from myomorph.model.series import Series, Wrenches
-from myomorph.motion.sync import resample_wrenches
+from myomorph.contact.states import ContactStateOptions, StrengthOptions, hysteresis, steady, strengths
 from myomorph.tension.solve import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
@@ -152,10 +151,10 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
+def _chosen(wrenches: mm.Wrenches, columns: list[int]) -> mm.Wrenches:
     names = tuple(wrenches.names[k] for k in columns)
     bodies = tuple(wrenches.bodies[k] for k in columns)
-    return Wrenches(
+    return mm.Wrenches(
         wrenches.time,
         names,
         bodies,
@@ -165,23 +164,23 @@ def _chosen(wrenches: Wrenches, columns: list[int]) -> Wrenches:
     )
 
 
-def _timed(hidden: Hidden) -> Series:
+def _timed(hidden: Hidden) -> mm.Series:
     """Strengths whose touches begin and end when the plates are loaded and unloaded."""
-    plates = resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
-    told = find_contacts(
+    plates = mm.resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
+    told = mm.find_contacts(
         hidden.model, hidden.motion, hidden.sites, ContactStateOptions(floor=hidden.floor), plates=plates
     )
     return strengths(hidden.model, hidden.motion, hidden.sites, told, StrengthOptions(floor=hidden.floor))
 
 
-def _without(hidden: Hidden, group: str) -> Series:
+def _without(hidden: Hidden, group: str) -> mm.Series:
     """Strengths with none at one foot, whose force is known."""
     values = np.array(hidden.strengths.values)
     values[:, [k for k, one in enumerate(hidden.sites) if one.group == group]] = 0.0
     return replace(hidden.strengths, values=values)
 
 
-def summed(wrenches: Wrenches) -> Wrenches:
+def summed(wrenches: mm.Wrenches) -> mm.Wrenches:
     """All wrenches as one plate that carries everything, acting on no known body."""
     force = wrenches.forces.sum(axis=1)
     moment = (wrenches.torques + np.cross(wrenches.points, wrenches.forces)).sum(axis=1)
@@ -189,22 +188,13 @@ def summed(wrenches: Wrenches) -> Wrenches:
         point = np.column_stack([moment[:, 2] / force[:, 1], np.zeros(len(force)), -moment[:, 0] / force[:, 1]])
     point = np.where(np.isfinite(point), point, 0.0)
     torque = moment - np.cross(point, force)
-    return Wrenches(wrenches.time, ("one plate",), ("",), force[:, None], point[:, None], torque[:, None])
+    return mm.Wrenches(wrenches.time, ("one plate",), ("",), force[:, None], point[:, None], torque[:, None])
 
 
-def _shared(hidden: Hidden, plates: Wrenches):
+def _shared(hidden: Hidden, plates: mm.Wrenches):
     # A plate without an outline: whoever touches may stand on it.
     wide = SharedOptions(reach=2.0)
     return shared_wrenches(hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, options=wide)
-
-
-def run() -> list[dict[str, object]]:
-    """All rows, each with its table."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    parts = {"hidden": measure, "parts": measure_parts, "partial": measure_partial}
-    return [{"table": name, **row} for name, made in parts.items() for row in made(folder)]
 
 
 def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:

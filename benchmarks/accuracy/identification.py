@@ -11,6 +11,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
+import myomorph as mm
+from benchmarks.recordings import read_markers
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.least_squares import Recording
@@ -18,17 +20,11 @@ from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
 from myomorph.identify.parts import parts_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions, identify
+from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions
 from myomorph.identify.validation import cross_validate
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.trc import read_trc
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Wrenches
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.report.trial.identification_tables import segment_sheet
 from myomorph.report.trial.identified import identification_input
 from myomorph.rigid.regressor import base_regressor, base_wrench
@@ -112,19 +108,21 @@ def splits(subject: Subject) -> Iterator[Split]:
 
 
 @cache
-def opened(folder: Path, subject: Subject) -> tuple[Model, dict[str, Usable]]:
+def opened(folder: Path, subject: Subject) -> tuple[mm.Model, dict[str, Usable]]:
     """The subject's model at its mass, and every trial with the frames that can be used."""
-    model = read_model(folder / subject.model)
-    markers = {name: _markers(folder / files[0]) for name, files in subject.trials.items()}
+    model = mm.read_model(folder / subject.model)
+    markers = {name: read_markers(folder / files[0]) for name, files in subject.trials.items()}
     weights = read_ik_tasks(folder / subject.tasks).marker_weights if subject.tasks else {}
     if subject.calibrated:
-        static = _markers(folder / subject.static) if subject.static else None
-        model = calibrate(model, list(markers.values()), CalibrationOptions(mass=subject.mass, static=static)).model
+        static = read_markers(folder / subject.static) if subject.static else None
+        model = mm.calibrate(
+            model, list(markers.values()), mm.CalibrationOptions(mass=subject.mass, static=static)
+        ).model
     found = {}
     for name, (_, loads) in subject.trials.items():
         known = {one: weight for one, weight in weights.items() if one in model.marker_names}
-        tracking = InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
-        motion = inverse_kinematics(model, markers[name], tracking).motion
+        tracking = mm.InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
+        motion = mm.inverse_kinematics(model, markers[name], tracking).motion
         found[name] = usable(
             model, motion, _loads(folder / loads), mass=subject.mass, name=name, options=RecordingOptions(cutoff=CUTOFF)
         )
@@ -132,13 +130,7 @@ def opened(folder: Path, subject: Subject) -> tuple[Model, dict[str, Usable]]:
     return with_inertial_parameters(model, inertial_parameters(model) * share), found
 
 
-def _markers(path: Path) -> Markers:
-    markers = read_trc(path).markers
-    assert markers is not None
-    return markers
-
-
-def _loads(path: Path) -> Wrenches:
+def _loads(path: Path) -> mm.Wrenches:
     return read_external_loads(path) if path.suffix == ".xml" else force_table(path, FEET)
 
 
@@ -165,7 +157,7 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
         made, _, _ = body_points(model, BodyShape(), subject.mass, replace(body, weights=weights))
         points |= {MAPS[name]: one for name, one in made.items()}
     seen = [part(trials, name) for name in train]
-    found = identify(model, seen, points, mass=subject.mass, options=IdentificationOptions())
+    found = mm.identify(model, seen, points, mass=subject.mass, options=IdentificationOptions())
     A, b = parts_of(model, [one.recording for one in seen], found.base.base).rows(found.noise)
     ridge = solve_ridge(
         A,
@@ -179,7 +171,7 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
     return found, {"ridge": ridge.parameters, "loose": loose, **found.parameters}
 
 
-def misfit(model: Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
+def misfit(model: mm.Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
     """(moment, force) root mean square error of every set of parameters [N m], [N]."""
     models = {name: with_inertial_parameters(model, one) for name, one in parameters.items() if name != "ridge"}
     check = cross_validate(models, recording.motion, recording.wrenches, recording.use)
@@ -261,7 +253,7 @@ def measure_prototype(folder: Path) -> Iterator[dict[str, object]]:
                 } | {name: "{1:.2f}, {0:.2f}".format(*(misfit(phi) / misfit(generic))) for name, phi in of.items()}
 
 
-def used_rows(model: Model, recording: Recording, reference: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def used_rows(model: mm.Model, recording: Recording, reference: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Regressor (frames, 6, parameters) and measured wrench (frames, 6) of the frames that are used."""
     wrench = base_wrench(model, recording.motion, recording.wrenches, reference)
     use = np.isfinite(wrench).all(axis=1) & (True if recording.use is None else np.asarray(recording.use))
@@ -274,7 +266,7 @@ def rms_of(rows: np.ndarray, wrench: np.ndarray, parameters: np.ndarray) -> np.n
     return np.array([np.sqrt(np.square(half).sum(axis=1).mean()) for half in (error[:, :3], error[:, 3:])])
 
 
-def positive_least_squares(model: Model, rows: np.ndarray, wrench: np.ndarray, pull: float) -> np.ndarray:
+def positive_least_squares(model: mm.Model, rows: np.ndarray, wrench: np.ndarray, pull: float) -> np.ndarray:
     """Parameters by least squares with a pull to the model's, that keep only the masses positive."""
     generic = inertial_parameters(model).ravel()
     noise = np.repeat(rms_of(rows, wrench, generic), 3)

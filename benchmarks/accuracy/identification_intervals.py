@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+import myomorph as mm
 from benchmarks.accuracy.identification import SPACING, SUBJECTS, opened
 from myomorph.identify.determined import LINK_SD, NINETY
 from myomorph.identify.motion_noise import noisy
 from myomorph.identify.recordings import Usable
-from myomorph.identify.subject import GENERIC, IdentificationOptions, identify
+from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
-from myomorph.model.model import Model
-from myomorph.model.series import Wrenches
 from myomorph.rigid.regressor import base_regressor, reference_points
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
@@ -46,7 +45,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
                 truth = _body(model, heavy, random)
                 seen = [_recorded(model, truth, one, sd, random) for one in trials.values()]
                 options = IdentificationOptions(compare=False, motion_sd=sd)
-                found = identify(model, seen, points, mass=model.mass, options=options)
+                found = mm.identify(model, seen, points, mass=model.mass, options=options)
                 errors.append(((found.parameters[found.chosen] - truth) / found.sd)[heavy])
                 kept += found.chosen == GENERIC
                 ranks.append(found.known.rank)
@@ -66,7 +65,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def _body(model: Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
+def _body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
     """Parameters of a possible body near the model: each link's distribution of mass stretched and sheared."""
     generic = inertial_parameters(model)
     truth = generic.copy()
@@ -80,12 +79,12 @@ def _body(model: Model, heavy: np.ndarray, random: np.random.Generator) -> Array
     return result
 
 
-def _recorded(model: Model, truth: Array, one: Usable, sd: float, random: np.random.Generator) -> Usable:
+def _recorded(model: mm.Model, truth: Array, one: Usable, sd: float, random: np.random.Generator) -> Usable:
     """The recording as it would be of that body: its exact forces, and its motion with noise."""
     motion = one.recording.motion
     wrench = base_regressor(model, motion) @ truth.ravel()
     points = reference_points(model, motion)[:, None]
-    wrenches = Wrenches(
+    wrenches = mm.Wrenches(
         motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3]
     )
     return replace(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,23 +9,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio as pin
+from test_tendons import compare
 
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.series import Motion
+import myomorph as mm
+from mujoco_models import MYO_SIM, load, random_motion
 from myomorph.motion.filters import natural_spline
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-
-TESTS = Path(__file__).resolve().parents[2] / "tests"
-# The tests' own comparisons, run here on more cases.
-sys.path[:0] = [str(TESTS), str(TESTS / "rigid"), str(TESTS / "muscles")]
-
-from test_tendons import compare  # noqa: E402
-
-from mujoco_models import MYO_SIM, load, random_motion  # noqa: E402
-from trees import random_tree, to_mujoco, to_pinocchio  # noqa: E402
+from trees import random_tree, to_mujoco, to_pinocchio
 
 TREES = 20
 
@@ -43,7 +33,7 @@ def measure() -> Iterator[dict[str, object]]:
         model = random_tree(seed)
         rng = np.random.default_rng(seed)
         q, v, a = rng.normal(size=(3, 1, len(model.coordinates)))
-        tau = inverse_dynamics(model, Motion(np.zeros(1), model.coordinate_names, q, v, a)).values[0]
+        tau = mm.inverse_dynamics(model, mm.Motion(np.zeros(1), model.coordinate_names, q, v, a)).values[0]
         largest = max(largest, float(np.abs(tau).max()))
         theirs, ids = to_pinocchio(model)
         data = theirs.createData()
@@ -72,8 +62,8 @@ def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
 
     opensim.Logger.setLevelString("Off")
     path = folder / "rajagopal-walk-emg/subject_walk_scaled.osim"
-    model = read_model(path)
-    given = motion_from_table(read_sto(folder / "rajagopal-walk-emg/coordinates.sto"), model)
+    model = mm.read_model(path)
+    given = mm.read_motion(folder / "rajagopal-walk-emg/coordinates.sto", model)
     values = compile_tree(model).coordinates_of(given)
     spline = natural_spline(given.time, values)
     theirs = opensim.Model(str(path))
@@ -99,9 +89,9 @@ def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
         return float(theirs.calcKineticEnergy(state) + theirs.calcPotentialEnergy(state))
 
     times = given.time[100:-100:50]
-    moving = Motion(times, names, spline(times), spline.derivative()(times), spline.derivative(2)(times))
+    moving = mm.Motion(times, names, spline(times), spline.derivative()(times), spline.derivative(2)(times))
     # Without couplers each coordinate keeps the derivatives that OpenSim is given.
-    tau = inverse_dynamics(replace(model, couplers=()), moving)
+    tau = mm.inverse_dynamics(replace(model, couplers=()), moving)
     h, off_theirs, off_ours, apart = 1e-4, [], [], []
     for frame, time in enumerate(times):
         rate = (energy(time - 2 * h) - 8 * energy(time - h) + 8 * energy(time + h) - energy(time + 2 * h)) / (12 * h)

@@ -9,25 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.cases import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase
-from myomorph.io.formats import read_model
+from benchmarks.recordings import read_markers
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.io.sto import table_from_motion
+from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 
 def marker_rmse(
-    model: Model, names: tuple[str, ...], weights: np.ndarray, markers: Markers, values: np.ndarray
+    model: mm.Model, names: tuple[str, ...], weights: np.ndarray, markers: mm.Markers, values: np.ndarray
 ) -> float:
     """Weighted root mean square distance of the model's markers from those seen, over all frames [m]."""
     tree = compile_tree(model)
@@ -47,16 +42,15 @@ def measure_inverse_kinematics(folder: Path) -> Iterator[dict[str, object]]:
 
 def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     """Marker RMSE of both programs with the same weights, and their milliseconds a frame."""
-    model = read_model(folder / case.model)
-    markers = read_trc(folder / case.markers).markers
-    assert markers is not None
+    model = mm.read_model(folder / case.model)
+    markers = read_markers(folder / case.markers)
     markers = cut(markers, markers.time[0], markers.time[min(case.most_frames, len(markers)) - 1])
     given = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else dict.fromkeys(model.marker_names, 1.0)
     shared = {name: weight for name, weight in given.items() if name in markers.names and name in model.marker_names}
-    options = InverseKinematicsOptions(marker_weights=shared, only_weighted=True)
-    inverse_kinematics(model, markers, options)
+    options = mm.InverseKinematicsOptions(marker_weights=shared, only_weighted=True)
+    mm.inverse_kinematics(model, markers, options)
     began = time.perf_counter()
-    fit = inverse_kinematics(model, markers, options)
+    fit = mm.inverse_kinematics(model, markers, options)
     ours = time.perf_counter() - began
     theirs = opensim_tools.inverse_kinematics(
         folder / case.model, folder / case.markers, shared, markers.time[0], markers.time[-1]
@@ -80,7 +74,7 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     }
 
 
-def motion_from_opensim(model: Model, result: opensim_tools.ToolResult) -> Motion:
+def motion_from_opensim(model: mm.Model, result: opensim_tools.ToolResult) -> mm.Motion:
     """Coordinates a tool wrote, degrees turned into radians."""
     names = [name for name in result.names if name in model.coordinate_names]
     columns = [
@@ -88,26 +82,26 @@ def motion_from_opensim(model: Model, result: opensim_tools.ToolResult) -> Motio
         * (np.pi / 180.0 if model.coordinate(name).motion == "rotational" else 1.0)
         for name in names
     ]
-    return Motion(result.time, tuple(names), np.column_stack(columns))
+    return mm.Motion(result.time, tuple(names), np.column_stack(columns))
 
 
-def motion_at(motion: Motion, at: np.ndarray) -> Motion:
+def motion_at(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
     """The frames nearest to the given times."""
     index = np.abs(motion.time[:, None] - at[None]).argmin(axis=0)
-    return Motion(at, motion.names, motion.values[index])
+    return mm.Motion(at, motion.names, motion.values[index])
 
 
-def markers_at(markers: Markers, at: np.ndarray) -> Markers:
+def markers_at(markers: mm.Markers, at: np.ndarray) -> mm.Markers:
     """The frames nearest to the given times."""
     index = np.abs(markers.time[:, None] - at[None]).argmin(axis=0)
-    return Markers(at, markers.names, markers.values[index])
+    return mm.Markers(at, markers.names, markers.values[index])
 
 
-def written_whole(model: Model, motion: Motion, folder: Path) -> tuple[Motion, Path]:
+def written_whole(model: mm.Model, motion: mm.Motion, folder: Path) -> tuple[mm.Motion, Path]:
     """The motion with every coordinate, and a file of it: OpenSim's tools overlook columns named as states."""
-    whole = Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
+    whole = mm.Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
     path = folder / "motion.mot"
-    write_sto(table_from_motion(whole, model), path)
+    mm.write_sto(table_from_motion(whole, model), path)
     return whole, path
 
 
@@ -118,16 +112,16 @@ def measure_inverse_dynamics(folder: Path) -> Iterator[dict[str, object]]:
 
 def _inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
     """Largest RMS difference of a coordinate relative to its range, and milliseconds a frame."""
-    model = read_model(folder / case.model)
-    given = motion_from_table(read_sto(folder / case.motion), model)
+    model = mm.read_model(folder / case.model)
+    given = mm.read_motion(folder / case.motion, model)
     loads = folder / case.loads if case.loads else None
 
-    def chain() -> Series:
-        differentiated = cut(differentiate(motion), case.start, case.end)
+    def chain() -> mm.Series:
+        differentiated = cut(mm.differentiate(motion), case.start, case.end)
         wrenches = None
         if loads is not None:
-            wrenches = resample_wrenches(read_external_loads(loads), differentiated.time)
-        return inverse_dynamics(model, differentiated, wrenches)
+            wrenches = mm.resample_wrenches(read_external_loads(loads), differentiated.time)
+        return mm.inverse_dynamics(model, differentiated, wrenches)
 
     with tempfile.TemporaryDirectory() as work:
         motion, motion_path = written_whole(model, given, Path(work))

@@ -16,20 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.cli import main
-from myomorph.io.formats import read_model, read_trial
+from myomorph.io.formats import read_trial
 from myomorph.io.loads import read_external_loads, write_external_loads
-from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.contact_points_file import contact_points
-from myomorph.tension.joint_contact import joint_contact_forces
 
 Row = dict[str, object]
 
@@ -192,13 +188,13 @@ def measured(folder: Path, stride: str) -> tuple[Array, Array]:
     return table[:, [3, 1, 2]], table[:, 0]
 
 
-def our_loads(folder: Path, stride: str, way: Way) -> Series:
+def our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
     """Total, medial and lateral force of the left knee by `myomorph tension`."""
     return _our_loads(folder, stride, way)
 
 
 @cache
-def _our_loads(folder: Path, stride: str, way: Way) -> Series:
+def _our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
     here = folder / STUDY
     with tempfile.TemporaryDirectory() as work:
         out, motion, model = Path(work) / "out", here / f"{stride}_ik.mot", here / way.model
@@ -211,7 +207,7 @@ def _our_loads(folder: Path, stride: str, way: Way) -> Series:
         emg = ("--emg", write_emg(folder, stride, Path(work))) if way.emg else ()
         files = ("--model", model, "--motion", motion, "--loads", here / f"{stride}_grf.xml", *emg)
         _command("tension", *files, "--contact-points", "auto", "--out", out, *way.settings)
-        return left_knee(read_sto(out / "joint_contact_forces.sto"))
+        return left_knee(mm.read_sto(out / "joint_contact_forces.sto"))
 
 
 def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
@@ -231,9 +227,9 @@ def _command(*words: object) -> None:
         raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {told.getvalue()}")
 
 
-def left_knee(table: Series) -> Series:
+def left_knee(table: mm.Series) -> mm.Series:
     """Total, medial and lateral force of the instrumented knee."""
-    return Series(table.time, PARTS, np.column_stack([table[f"{part}_{JOINT}"] for part in PARTS]))
+    return mm.Series(table.time, PARTS, np.column_stack([table[f"{part}_{JOINT}"] for part in PARTS]))
 
 
 def write_emg(folder: Path, stride: str, work: Path) -> Path:
@@ -242,11 +238,11 @@ def write_emg(folder: Path, stride: str, work: Path) -> Path:
     pairs = [(channel, muscle) for channel, muscles in CHANNELS.items() for muscle in muscles]
     path = work / f"{stride}_emg.sto"
     columns = np.column_stack([raw[channel] for channel, _ in pairs])
-    write_sto(Table(raw.time, tuple(muscle for _, muscle in pairs), columns), path)
+    mm.write_sto(mm.Table(raw.time, tuple(muscle for _, muscle in pairs), columns), path)
     return path
 
 
-def raw_emg(folder: Path, stride: str) -> Series:
+def raw_emg(folder: Path, stride: str) -> mm.Series:
     """Raw EMG by channel, on the clock of the study's coordinates, which starts at the foot strike."""
     analog = read_trial(folder / STUDY / f"{stride}.c3d").analog
     assert analog is not None
@@ -254,24 +250,24 @@ def raw_emg(folder: Path, stride: str) -> Series:
         head = [next(lines).split() for _ in range(3)]
     told = dict(zip(head[1], head[2], strict=True))
     start = (float(told["OrigDataStartFrame"]) - 1.0) / float(told["OrigDataRate"])
-    return Series(analog.time - start, tuple(CHANNELS), np.column_stack([analog[channel] for channel in CHANNELS]))
+    return mm.Series(analog.time - start, tuple(CHANNELS), np.column_stack([analog[channel] for channel in CHANNELS]))
 
 
-def inputs_of(folder: Path, stride: str) -> tuple[Model, Motion, Wrenches]:
+def inputs_of(folder: Path, stride: str) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """Model, coordinates with those that couplers drive put right, and loads at their times, not filtered.
 
     The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate that is neither an
     angle nor a length as it stands.
     """
     here = folder / STUDY
-    model = read_model(here / MODEL)
-    given = motion_from_table(read_sto(here / f"{stride}_ik.mot"), model)
-    motion = Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
-    return model, motion, resample_wrenches(read_external_loads(here / f"{stride}_grf.xml"), motion.time)
+    model = mm.read_model(here / MODEL)
+    given = mm.read_motion(here / f"{stride}_ik.mot", model)
+    motion = mm.Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
+    return model, motion, mm.resample_wrenches(read_external_loads(here / f"{stride}_grf.xml"), motion.time)
 
 
 @cache
-def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> Series:
+def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.Series:
     """Force of the left knee by OpenSim's StaticOptimization and JointReaction, shared among our contact points.
 
     Its tool filters the coordinates; the loads are as recorded, or filtered as ours. The reserves are the model's own.
@@ -282,29 +278,29 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> Ser
     loads = folder / STUDY / f"{stride}_grf.xml"
     with tempfile.TemporaryDirectory() as work:
         if smooth:
-            filtered = resample_wrenches(read_external_loads(loads), motion.time, cutoff=cutoff)
+            filtered = mm.resample_wrenches(read_external_loads(loads), motion.time, cutoff=cutoff)
             loads = Path(work) / "loads.xml"
             write_external_loads(filtered, Path(work) / "loads.sto", loads)
         table = Path(work) / "motion.sto"
-        write_sto(table_from_motion(motion, model, degrees=False), table)
+        mm.write_sto(table_from_motion(motion, model, degrees=False), table)
         path, end = folder / STUDY / MODEL, float(motion.time[-1])
         static = static_optimization(path, table, loads, 0.0, end, cutoff=cutoff)
         clock, force = reaction_force(path, table, loads, static, JOINT, cutoff)
         wrenches = read_external_loads(loads)
     # Their times are rounded: ours lie within the recording.
     at = np.clip(static.time, motion.time[0], motion.time[-1])
-    moved = _at(differentiate(motion, cutoff), at)
-    tensions = Series(at, static.names, static.forces)
+    moved = _at(mm.differentiate(motion, cutoff), at)
+    tensions = mm.Series(at, static.names, static.forces)
     points = contact_points("auto", model)
     assert points is not None
-    shared = joint_contact_forces(
-        model, moved, tensions, resample_wrenches(wrenches, at), [one for one in points.points if one.joint == JOINT]
+    shared = mm.joint_contact_forces(
+        model, moved, tensions, mm.resample_wrenches(wrenches, at), [one for one in points.points if one.joint == JOINT]
     )
     total = np.interp(at, clock, np.linalg.norm(force, axis=1))
-    return Series(at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")]))
+    return mm.Series(at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")]))
 
 
-def _at(motion: Motion, time: Array) -> Motion:
+def _at(motion: mm.Motion, time: Array) -> mm.Motion:
     """A motion with derivatives at times next to its frames."""
     nearest = np.abs(motion.time[:, None] - time).argmin(axis=0)
     assert motion.velocities is not None
@@ -318,7 +314,7 @@ def _at(motion: Motion, time: Array) -> Motion:
     )
 
 
-def at_times(loads: Series, time: Array) -> Array:
+def at_times(loads: mm.Series, time: Array) -> Array:
     """Loads (samples, 3) between frames [N]."""
     return np.column_stack([np.interp(time, loads.time, column) for column in loads.values.T])
 
@@ -328,7 +324,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _numbers(found: list[Series], folder: Path) -> Row:
+def _numbers(found: list[mm.Series], folder: Path) -> Row:
     row: Row = {}
     each = []
     for stride, loads in zip(STRIDES, found, strict=True):
@@ -347,7 +343,7 @@ def _numbers(found: list[Series], folder: Path) -> Row:
     return row
 
 
-def _row(name: str, found: list[Series], folder: Path) -> Row:
+def _row(name: str, found: list[mm.Series], folder: Path) -> Row:
     return {"RMS of the force [BW]": name} | _numbers(found, folder)
 
 
@@ -357,11 +353,3 @@ def _peaks(stride: str, name: str, values: Array) -> Row:
         early, late = values[:35, k], values[35:75, k]
         row |= {f"{part}, first peak [BW]": float(early.max()), f"{part}, second peak [BW]": float(late.max())}
     return row
-
-
-def run() -> list[Row]:
-    """All rows of the data collection."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    return [*measure(folder), *measure_peaks(folder), *measure_cutoffs(folder), *measure_where(folder)]

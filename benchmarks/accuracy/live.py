@@ -7,21 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay, open_recording
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import SteadyKinematics
-from myomorph.motion.sync import common_time, cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.sync import common_time, cut
 from myomorph.study.inputs.external_forces import force_table
-from myomorph.study.inputs.reading import open_model
-from myomorph.tension.solve import solve_tension
 
 Row = dict[str, object]
 
@@ -46,19 +40,19 @@ class _Kept:
         """Nothing."""
 
 
-def recordings(folder: Path) -> Iterator[tuple[str, Model, Markers, Wrenches]]:
+def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wrenches]]:
     """A walk where its plates catch every step, and two runs on a treadmill with the generic model."""
     walk = folder / RAJAGOPAL
-    model = open_model(walk / "subject_walk_scaled.osim")
+    model = mm.read_model(walk / "subject_walk_scaled.osim")
     markers, wrenches = open_recording(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
-    assert isinstance(markers, Markers)
+    assert isinstance(markers, mm.Markers)
     assert wrenches is not None
     yield "walk", model, cut(markers, 0.3, 1.8), wrenches
-    model = open_model(folder / HAMNER / "unscaled_generic.osim")
+    model = mm.read_model(folder / HAMNER / "unscaled_generic.osim")
     bodies = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
     for name, speed in (("run200", "run, 2 m/s"), ("run500", "run, 5 m/s")):
         markers, _ = open_recording(model, folder / HAMNER / name / "markers.trc", None)
-        assert isinstance(markers, Markers)
+        assert isinstance(markers, mm.Markers)
         wrenches = force_table(folder / HAMNER / name / "grf.mot", bodies)
         yield speed, model, cut(markers, *common_time(markers, wrenches)), wrenches
 
@@ -66,11 +60,11 @@ def recordings(folder: Path) -> Iterator[tuple[str, Model, Markers, Wrenches]]:
 def measure(folder: Path) -> Iterator[Row]:
     """Angles, torques and activations of every recording by live cutoffs, against zero-lag filters."""
     for name, model, markers, wrenches in recordings(folder):
-        poses = inverse_kinematics(model, markers).motion
+        poses = mm.inverse_kinematics(model, markers).motion
         ahead = AHEAD if name == "walk" else 2.0 * AHEAD
-        motion = differentiate(poses, ahead)
-        torques = inverse_dynamics(model, motion, resample_wrenches(wrenches, motion.time, ahead))
-        tension = solve_tension(model, motion, torques)
+        motion = mm.differentiate(poses, ahead)
+        torques = mm.inverse_dynamics(model, motion, mm.resample_wrenches(wrenches, motion.time, ahead))
+        tension = mm.solve_tension(model, motion, torques)
         turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational" and not one.locked]
         pelvis = {j for j, one in enumerate(model.coordinates) if one.name.startswith("pelvis")}
         joints = [j for j in turning if j not in pelvis]
@@ -99,7 +93,7 @@ def measure(folder: Path) -> Iterator[Row]:
             }
 
 
-def _at(motion: Motion, values: Array, time: Array) -> Array:
+def _at(motion: mm.Motion, values: Array, time: Array) -> Array:
     return np.stack([np.interp(time, motion.time, column) for column in values.T], axis=1)
 
 
@@ -142,12 +136,12 @@ def measure_losses(folder: Path) -> Iterator[Row]:
             }
 
 
-def _followed(kinematics: SteadyKinematics, markers: Markers, values: Array) -> Array:
+def _followed(kinematics: SteadyKinematics, markers: mm.Markers, values: Array) -> Array:
     pairs = zip(markers.time.tolist(), values, strict=True)
     return np.array([kinematics.solve(time, row).coordinates for time, row in pairs])
 
 
-def _plain(kinematics: OnlineKinematics, markers: Markers, values: Array) -> Array:
+def _plain(kinematics: OnlineKinematics, markers: mm.Markers, values: Array) -> Array:
     return np.array([kinematics.solve(time, row)[0] for time, row in zip(markers.time.tolist(), values, strict=True)])
 
 

@@ -10,25 +10,19 @@ from pathlib import Path
 import numpy as np
 import opensim
 
+import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.accuracy.passive import TRUNK
 from benchmarks.opensim_static import static_optimization, write_actuators
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import take_frames
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import angular_velocities
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.couplers import couple_frames
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.solve import TensionOptions, solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"
@@ -41,9 +35,9 @@ POSES = 4
 STEP = 1e-5
 
 
-def _moved(model: Model, path: Path) -> Motion:
-    recorded = motion_from_table(read_sto(path), model)
-    return closed_motion(model, differentiate(recorded, CUTOFF))[0]
+def _moved(model: mm.Model, path: Path) -> mm.Motion:
+    recorded = mm.read_motion(path, model)
+    return closed_motion(model, mm.differentiate(recorded, CUTOFF))[0]
 
 
 @dataclass
@@ -73,11 +67,11 @@ def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
     opensim.Logger.setLevelString("Off")
     for name in (form.format(weight) for form in MODELS for weight in ("no", "2kg")):
         path = folder / FOLDER / name
-        model = read_model(path)
+        model = mm.read_model(path)
         tree = compile_tree(model)
         poses = []
         for trial in TRIALS:
-            values = tree.coordinates_of(motion_from_table(read_sto(folder / FOLDER / f"ik/{trial}.mot"), model))
+            values = tree.coordinates_of(mm.read_motion(folder / FOLDER / f"ik/{trial}.mot", model))
             poses.append(values[np.linspace(20, len(values) - 20, POSES).astype(int)])
         found = _compare_arms(path, tree, close_loops(tree, np.vstack(poses)))
         yield {
@@ -95,8 +89,8 @@ def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
 def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
     model = tree.model
     names = model.coordinate_names
-    motion = Motion(np.arange(len(c)) * 1.0, names, c)
-    arms = muscle_kinematics(model, motion, velocities=False).moment_arms
+    motion = mm.Motion(np.arange(len(c)) * 1.0, names, c)
+    arms = mm.muscle_kinematics(model, motion, velocities=False).moment_arms
     slopes = _slopes(tree, c)
     theirs = opensim.Model(str(path))
     state = theirs.initSystem()
@@ -158,9 +152,9 @@ def measure_torques(folder: Path) -> Iterator[dict[str, object]]:
     for model_path, motion_path in cases:
         if not (folder / model_path).exists():
             continue
-        model = read_model(folder / model_path)
+        model = mm.read_model(folder / model_path)
         motion = _moved(model, folder / motion_path)
-        torques = inverse_dynamics(model, motion)
+        torques = mm.inverse_dynamics(model, motion)
         folded = loop_torques(model, motion, torques)
         tool = _tool(folder / model_path, model, motion)
         false = loop_torques(model, motion, replace(torques, values=tool)).torques.values
@@ -176,7 +170,7 @@ def measure_torques(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def _tool(path: Path, model: Model, motion: Motion) -> np.ndarray:
+def _tool(path: Path, model: mm.Model, motion: mm.Motion) -> np.ndarray:
     """(frames, coordinates) of OpenSim's InverseDynamicsTool, springs of the model left out.
 
     The tool differentiates the filtered coordinates that it is given with the same splines as ours.
@@ -185,7 +179,7 @@ def _tool(path: Path, model: Model, motion: Motion) -> np.ndarray:
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "q.mot"
-        write_sto(table_from_motion(Motion(motion.time, motion.names, motion.values), model), file)
+        write_sto(table_from_motion(mm.Motion(motion.time, motion.names, motion.values), model), file)
         bare = Path(folder) / "bare.osim"
         theirs = opensim.Model(str(path))
         theirs.updForceSet().clearAndDestroy()
@@ -195,7 +189,7 @@ def _tool(path: Path, model: Model, motion: Motion) -> np.ndarray:
     return found.values[:, [names.index(name) for name in model.coordinate_names]]
 
 
-def _solver(path: Path, model: Model, motion: Motion, torques: np.ndarray) -> float:
+def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray) -> float:
     """Greatest difference from InverseDynamicsSolver [N m or N], given angular velocities of the scapula."""
     names = model.coordinate_names
     theirs = opensim.Model(str(path))
@@ -234,7 +228,7 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
     path = folder / FOLDER / MODELS[0].format("no")
     if not path.exists():
         return
-    model = read_model(path)
+    model = mm.read_model(path)
     recorded = folder / FOLDER / "ik/ABD01.mot"
     actuators = tuple(
         replace(one, optimal_force=TRUNK) if "ground" in one.name else one for one in default_reserves(model, 1.0, 10.0)
@@ -243,14 +237,12 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
         reserves = Path(scratch) / "reserves.xml"
         write_actuators(actuators, reserves)
         theirs = static_optimization(path, recorded, None, 2.55, 3.0, reserves, CUTOFF, 1000)
-    motion = differentiate(motion_from_table(read_sto(recorded), model), CUTOFF)
+    motion = mm.differentiate(mm.read_motion(recorded, model), CUTOFF)
     frames = np.searchsorted(motion.time, theirs.time - 1e-6)
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    some = Motion(
-        theirs.time, motion.names, motion.values[frames], motion.velocities[frames], motion.accelerations[frames]
+    some = replace(take_frames(motion, frames), time=theirs.time)
+    ours = mm.solve_tension(
+        model, some, mm.inverse_dynamics(model, some), mm.TensionOptions(min_activation="model"), actuators
     )
-    ours = solve_tension(model, some, inverse_dynamics(model, some), TensionOptions(min_activation="model"), actuators)
     columns = [theirs.names.index(name) for name in ours.muscles]
     controls = [theirs.names.index(name) for name in (*ours.muscles, *ours.reserve_names)]
     strength = np.array([one.optimal_force for one in actuators])
@@ -264,11 +256,3 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
             "greatest force [N]": float(ours.forces[frame].max()),
             "OpenSim's time a frame [s]": theirs.seconds / len(some),
         }
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of this comparison alone."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    return [*measure_arms(folder), *measure_torques(folder), *measure_static(folder)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -10,24 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.accuracy.kinematics import markers_at, motion_from_opensim
 from benchmarks.opensim_loops import point_constraint
-from myomorph.io.formats import read_model
+from benchmarks.recordings import read_markers
+from looped import looped_tree, mujoco_constraints, pinocchio_rates
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.trc import read_trc, write_trc
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates, project_rates
 from myomorph.rigid.tree import compile_tree
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-
-from looped import looped_tree, mujoco_constraints, pinocchio_rates
 
 BONE_PINS = "shoulder-bonepin/subject1_abdbonepin.osim"
 SHOULDERS = {
@@ -55,7 +48,7 @@ def measure_constraints(folder: Path) -> Iterator[Row]:
     for name in (BONE_PINS, *SHOULDERS):
         if not (folder / name).exists():
             continue
-        model = read_model(folder / name)
+        model = mm.read_model(folder / name)
         tree = compile_tree(model)
         free = free_coordinates(tree)
         c = np.tile(tree.defaults, (POSES, 1))
@@ -111,60 +104,59 @@ def measure_inverse_kinematics(folder: Path) -> Iterator[Row]:
             with tempfile.TemporaryDirectory() as work:
                 markers, weights = _made(folder, name, trial)
                 path = Path(work) / "made.trc"
-                write_trc(markers, path)
+                mm.write_trc(markers, path)
                 label = f"{name.rpartition('/')[2].removesuffix('.osim')}, {trial} (simulated markers)"
                 yield _beside(label, folder / name, path, markers, weights, 1e-5)
 
 
-def _bone_pins(folder: Path, end: float) -> tuple[Markers, dict[str, float]]:
-    markers = read_trc(folder / "shoulder-bonepin/abdbonepin.trc").markers
-    assert markers is not None
+def _bone_pins(folder: Path, end: float) -> tuple[mm.Markers, dict[str, float]]:
+    markers = read_markers(folder / "shoulder-bonepin/abdbonepin.trc")
     return cut(markers, 0.0, end), dict(
         read_ik_tasks(folder / "shoulder-bonepin/setup_ik_abdbonepin.xml").marker_weights
     )
 
 
-def _made(folder: Path, name: str, trial: str) -> tuple[Markers, dict[str, float]]:
+def _made(folder: Path, name: str, trial: str) -> tuple[mm.Markers, dict[str, float]]:
     """Markers of a model in one of its motions, loops closed, with noise."""
-    model = read_model(folder / name)
+    model = mm.read_model(folder / name)
     tree = compile_tree(model)
-    motion = motion_from_table(read_sto(folder / f"shoulder-thoracoscapular/ik/{trial}.mot"), model)
+    motion = mm.read_motion(folder / f"shoulder-thoracoscapular/ik/{trial}.mot", model)
     some = np.linspace(0, len(motion) - 1, 3 * FRAMES).astype(int)[:FRAMES]
     values = close_loops(tree, tree.coordinates_of(motion)[some])
     places = _places(model, model.marker_names, values)
     places += np.random.default_rng(3).normal(scale=NOISE, size=places.shape)
     tasks = read_ik_tasks(folder / "shoulder-thoracoscapular/ik/IK_setup.xml").marker_weights
     weights = {marker: weight for marker, weight in tasks.items() if marker in model.marker_names}
-    return Markers(0.01 * np.arange(FRAMES), model.marker_names, places), weights
+    return mm.Markers(0.01 * np.arange(FRAMES), model.marker_names, places), weights
 
 
-def _places(model: Model, names: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+def _places(model: mm.Model, names: tuple[str, ...], values: np.ndarray) -> np.ndarray:
     tree = compile_tree(model)
     bodies = np.array([tree.body_index[model.marker(name).body] for name in names])
     return forward_kinematics(tree, values).points(bodies, np.array([model.marker(name).location for name in names]))
 
 
-def _ours(model: Model, markers: Markers, weights: dict[str, float]) -> tuple[KinematicsFit, float]:
+def _ours(model: mm.Model, markers: mm.Markers, weights: dict[str, float]) -> tuple[KinematicsFit, float]:
     """The fit, and its seconds after a first run that compiles."""
-    options = InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
-    inverse_kinematics(model, markers, options)
+    options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
+    mm.inverse_kinematics(model, markers, options)
     began = time.perf_counter()
-    fit = inverse_kinematics(model, markers, options)
+    fit = mm.inverse_kinematics(model, markers, options)
     return fit, time.perf_counter() - began
 
 
 def _stored(folder: Path) -> Row:
-    model = read_model(folder / BONE_PINS)
+    model = mm.read_model(folder / BONE_PINS)
     markers, weights = _bone_pins(folder, 19.0)
     fit, seconds = _ours(model, markers, weights)
-    stored = motion_from_table(read_sto(folder / "shoulder-bonepin/std_subject1_abdbonepin_IK.mot"), model)
+    stored = mm.read_motion(folder / "shoulder-bonepin/std_subject1_abdbonepin_IK.mot", model)
     return _row("bone pins, 19 s, OpenSim's stored result", model, markers, fit, stored, seconds, float("nan"))
 
 
 def _beside(
-    label: str, model_path: Path, markers_path: Path, markers: Markers, weights: dict[str, float], accuracy: float
+    label: str, model_path: Path, markers_path: Path, markers: mm.Markers, weights: dict[str, float], accuracy: float
 ) -> Row:
-    model = read_model(model_path)
+    model = mm.read_model(model_path)
     fit, seconds = _ours(model, markers, weights)
     result = opensim_tools.inverse_kinematics(
         model_path, markers_path, weights, float(markers.time[0]), float(markers.time[-1]), accuracy
@@ -174,7 +166,13 @@ def _beside(
 
 
 def _row(
-    label: str, model: Model, markers: Markers, fit: KinematicsFit, theirs: Motion, seconds: float, opensim_s: float
+    label: str,
+    model: mm.Model,
+    markers: mm.Markers,
+    fit: KinematicsFit,
+    theirs: mm.Motion,
+    seconds: float,
+    opensim_s: float,
 ) -> Row:
     """Both results on the frames they share, by the same forward kinematics."""
     tree = compile_tree(model)

@@ -12,17 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.errors import BadData
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS
 from myomorph.model.findings import Finding
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Trial
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
+from myomorph.motion.ik import tracked_markers
 from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
-from myomorph.study.inputs.reading import fitted_to, open_model, read_recording
+from myomorph.study.inputs.reading import fitted_to
 
 Row = dict[str, object]
-Change = Callable[[Model, Markers], Markers | None]
+Change = Callable[[mm.Model, mm.Markers], mm.Markers | None]
 
 MOST_FRAMES = 400
 ABOUT_THE_MODEL = ("undetermined", "at its bound")
@@ -44,51 +43,28 @@ class MarkerFault:
     change: Change
 
 
+def _files(recording: str) -> tuple[str, str]:
+    return RECORDINGS[recording].model, RECORDINGS[recording].markers
+
+
+SIMBODY = RECORDINGS["gait2354-made"].model
 SCALED = {
-    "Rajagopal walk": ("rajagopal-walk-emg/subject_walk_scaled.osim", "rajagopal-walk-emg/markers_walk.trc"),
-    "gait2354 walk": (
-        "opensim-gait-subject01/ref_ik/subject01_simbody.osim",
-        "opensim-gait-subject01/experiment/subject01_walk1.trc",
-    ),
-    "OpenCap walk": (
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/markers/walking1.trc",
-    ),
-    "OpenCap drop jump": (
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/markers/DJ1.trc",
-    ),
-    "OpenCap sit-to-stand": (
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/markers/STS1.trc",
-    ),
-    "knee implant, stride 1": ("knee-implant-walk/scaled.osim", "knee-implant-walk/walk1.trc"),
-    "run, generic model": (
-        "hamner-run-subject04/unscaled_generic.osim",
-        "hamner-run-subject04/run500/markers.trc",
-    ),
+    "Rajagopal walk": _files("rajagopal"),
+    "gait2354 walk": (SIMBODY, RECORDINGS["gait2354"].markers),
+    "OpenCap walk": _files("opencap-walk"),
+    "OpenCap drop jump": _files("opencap-jump"),
+    "OpenCap sit-to-stand": _files("opencap-rise"),
+    "knee implant, stride 1": _files("implant-1"),
+    "run, generic model": _files("run-5"),
 }
 """Recordings that faults are put into: model and markers below the data collection."""
-
 ALSO_CLEAN = {
-    "knee implant, stride 3": ("knee-implant-walk/scaled.osim", "knee-implant-walk/walk3.trc"),
-    "slow run, generic model": (
-        "hamner-run-subject04/unscaled_generic.osim",
-        "hamner-run-subject04/run200/markers.trc",
-    ),
-    "Lenhart walk": (
-        "lenhart-knee-contact-walk/lenhart2015.osim",
-        "lenhart-knee-contact-walk/motion/overground_17.trc",
-    ),
-    "shoulder, bone pins": ("shoulder-bonepin/subject1_abdbonepin.osim", "shoulder-bonepin/abdbonepin.trc"),
-    "gait2354, standing": (
-        "opensim-gait-subject01/ref_ik/subject01_simbody.osim",
-        "opensim-gait-subject01/experiment/subject01_static.trc",
-    ),
-    "OpenCap, standing": (
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/markers/static1.trc",
-    ),
+    "knee implant, stride 3": _files("implant-3"),
+    "slow run, generic model": _files("run-2"),
+    "Lenhart walk": _files("lenhart"),
+    "shoulder, bone pins": _files("bone-pins"),
+    "gait2354, standing": (SIMBODY, "opensim-gait-subject01/experiment/subject01_static.trc"),
+    "OpenCap, standing": _files("opencap-static"),
     "hip circles": (
         "c3d-functional-joints/models/scaled.osim",
         "c3d-functional-joints/functional_trials/right_knee.c3d",
@@ -97,23 +73,23 @@ ALSO_CLEAN = {
 
 
 @cache
-def opened(folder: Path, model: str, recording: str) -> tuple[Model, Markers]:
+def opened(folder: Path, model: str, recording: str) -> tuple[mm.Model, mm.Markers]:
     """A model and the first frames of a recording in its ground."""
-    body = open_model(folder / model)
-    markers = fitted_to(body, read_recording(folder / recording)).markers
+    body = mm.read_model(folder / model)
+    markers = fitted_to(body, mm.read_recording(folder / recording)).markers
     assert markers is not None
     return body, replace(markers, time=markers.time[:MOST_FRAMES], values=markers.values[:MOST_FRAMES])
 
 
-def _used(model: Model, markers: Markers) -> tuple[str, ...]:
-    return tracked_markers(model, markers, InverseKinematicsOptions())[0]
+def _used(model: mm.Model, markers: mm.Markers) -> tuple[str, ...]:
+    return tracked_markers(model, markers, mm.InverseKinematicsOptions())[0]
 
 
-def _pairs(model: Model, markers: Markers) -> tuple[tuple[str, str], ...]:
+def _pairs(model: mm.Model, markers: mm.Markers) -> tuple[tuple[str, str], ...]:
     return side_pairs(_used(model, markers))
 
 
-def exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], span: slice = slice(None)) -> Markers:
+def exchanged(markers: mm.Markers, pairs: Sequence[tuple[str, str]], span: slice = slice(None)) -> mm.Markers:
     """Labels of pairs exchanged in some frames."""
     values = np.array(markers.values)
     for one, other in pairs:
@@ -122,14 +98,14 @@ def exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], span: slice = 
     return replace(markers, values=values)
 
 
-def _middle(markers: Markers) -> slice:
+def _middle(markers: mm.Markers) -> slice:
     return slice(len(markers) // 3, len(markers) // 2)
 
 
 def swapped_pair(which: float, part: bool) -> Change:
     """One pair of markers of the two sides exchanged, throughout or for a sixth of the frames."""
 
-    def change(model: Model, markers: Markers) -> Markers | None:
+    def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         pairs = _pairs(model, markers)
         if not pairs:
             return None
@@ -142,21 +118,21 @@ def swapped_pair(which: float, part: bool) -> Change:
 def swapped_sides(part: bool) -> Change:
     """All markers of the two sides exchanged."""
 
-    def change(model: Model, markers: Markers) -> Markers | None:
+    def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         pairs = _pairs(model, markers)
         return exchanged(markers, pairs, _middle(markers) if part else slice(None)) if len(pairs) > 1 else None
 
     return change
 
 
-def swapped_leg(model: Model, markers: Markers) -> Markers | None:
+def swapped_leg(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
     """The markers of the limb that has most exchanged with the other side's."""
     limbs = limb_pairs(model, _pairs(model, markers))
     most = max(limbs.values(), key=len, default=())
     return exchanged(markers, most) if len(most) > 1 else None
 
 
-def front_and_back(model: Model, markers: Markers) -> Markers | None:
+def front_and_back(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
     """Front and back of the pelvis exchanged."""
     pairs = front_pairs(model, _pairs(model, markers))
     return exchanged(markers, pairs) if pairs else None
@@ -165,7 +141,7 @@ def front_and_back(model: Model, markers: Markers) -> Markers | None:
 def displaced(which: float, distance: float = 0.05) -> Change:
     """A marker moved towards another one on its body [m]."""
 
-    def change(model: Model, markers: Markers) -> Markers | None:
+    def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         used = _used(model, markers)
         body = {name: model.marker(name).body for name in used}
         sided = [one for pair in _pairs(model, markers) for one in pair]
@@ -186,7 +162,7 @@ def displaced(which: float, distance: float = 0.05) -> Change:
 def jumping(frames: int) -> Change:
     """A marker that is 9 cm off for some frames."""
 
-    def change(model: Model, markers: Markers) -> Markers | None:
+    def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         values, middle = np.array(markers.values), len(markers) // 2
         values[middle : middle + frames, markers.names.index(_used(model, markers)[0])] += [0.06, 0.05, -0.04]
         return replace(markers, values=values)
@@ -194,35 +170,35 @@ def jumping(frames: int) -> Change:
     return change
 
 
-def mirrored(axis: int, model: Model, markers: Markers) -> Markers:
+def mirrored(axis: int, model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """One axis of the recording mirrored."""
     sign = np.ones(3)
     sign[axis] = -1.0
     return replace(markers, values=markers.values * sign)
 
 
-def turned(degrees: float, model: Model, markers: Markers) -> Markers:
+def turned(degrees: float, model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """The recording turned about the vertical."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return replace(markers, values=markers.values @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
 
 
-def far_away(model: Model, markers: Markers) -> Markers:
+def far_away(model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """The laboratory's origin 30 m away."""
     return replace(markers, values=markers.values + [30.0, 0.0, -12.0])
 
 
-def other_vertical(model: Model, markers: Markers) -> Markers:
+def other_vertical(model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """Z up in a file whose y is taken to be up."""
     return replace(markers, values=markers.values[:, :, [0, 2, 1]] * [1.0, -1.0, 1.0])
 
 
-def scaled(factor: float, model: Model, markers: Markers) -> Markers:
+def scaled(factor: float, model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """Numbers in another unit than the file says."""
     return replace(markers, values=factor * markers.values)
 
 
-def other_spelling(model: Model, markers: Markers) -> Markers:
+def other_spelling(model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """All labels but eight in capitals with an underscore."""
     known = set(_used(model, markers)[:8])
     return replace(markers, names=tuple(one if one in known else f"_{one.upper()}" for one in markers.names))
@@ -253,11 +229,11 @@ MARKER_FAULTS = (
 """What may be wrong with markers."""
 
 
-def findings_of(model: Model, markers: Markers) -> tuple[Finding, ...]:
+def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
     """What the checks say, or that the recording is refused with a reason."""
     try:
-        fitted_to(model, Trial(markers=markers, source="markers.trc"))
-    except BadData as error:
+        fitted_to(model, mm.Trial(markers=markers, source="markers.trc"))
+    except mm.BadData as error:
         return (Finding("refused", "markers", str(error)),)
     return checked_kinematics(model, markers).findings
 
@@ -289,7 +265,7 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
         yield row
 
 
-def same_angles_word(model: Model, markers: Markers, faulty: Markers, before: Sequence[Finding]) -> str:
+def same_angles_word(model: mm.Model, markers: mm.Markers, faulty: mm.Markers, before: Sequence[Finding]) -> str:
     """Mended where the angles of all joints are those of the clean recording, within 0.1 degrees."""
     found = checked_kinematics(model, faulty)
     clean = checked_kinematics(model, markers).fit.motion.values
@@ -326,7 +302,7 @@ def mended_angles(folder: Path) -> Iterator[Row]:
                 continue
             found = checked_kinematics(model, faulty)
             if any(one.mended and one.kind in fault.kinds for one in found.findings):
-                wrong = inverse_kinematics(model, faulty).motion.values
+                wrong = mm.inverse_kinematics(model, faulty).motion.values
                 yield {
                     "recording": name,
                     "fault": fault.name,
@@ -337,7 +313,7 @@ def mended_angles(folder: Path) -> Iterator[Row]:
                 }
 
 
-def _turns(apart: np.ndarray, model: Model) -> np.ndarray:
+def _turns(apart: np.ndarray, model: mm.Model) -> np.ndarray:
     """Differences of angles, whole turns aside."""
     turning = [i for i, one in enumerate(model.coordinates) if one.motion == "rotational"]
     return (apart[:, turning] + np.pi) % (2.0 * np.pi) - np.pi

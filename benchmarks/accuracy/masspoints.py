@@ -15,6 +15,7 @@ import numpy as np
 import piqp
 from scipy.optimize import nnls
 
+import myomorph as mm
 from benchmarks.speed.masspoints import LINKS, MASS, Program, made_body, measured
 from myomorph.identify.body.envelope import envelope_points
 from myomorph.identify.body.fit_pose import pose_model_to_skin
@@ -22,12 +23,9 @@ from myomorph.identify.body.points import Links, MassPoints, fill, links_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
-from myomorph.model.series import Motion
 
 Row = dict[str, object]
 
@@ -140,7 +138,7 @@ SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 def measure_maps(folder: Path) -> Iterator[Row]:
     """Where a body's mass goes by each weight map: the 171-coordinate model in two bodies, and what is published."""
-    model = read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
+    model = mm.read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
     taking, segments = links_with_mass(model), segments_of(model)
     maps: dict[str, WeightMap] = {
         "w_d": partial(cog_weights, taking=taking),
@@ -172,10 +170,10 @@ def measure_maps(folder: Path) -> Iterator[Row]:
         yield {"body": "published", "masses": name, **dict(zip(keys, numbers, strict=True))}
 
 
-def _bodies(model: Model) -> Iterator[tuple[str, Array, Array, Links]]:
+def _bodies(model: mm.Model) -> Iterator[tuple[str, Array, Array, Links]]:
     """What the points fill, the points, their masses, and the links in the same pose."""
     values = np.array([[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]])
-    pose = Motion(np.zeros(1), model.coordinate_names, values)
+    pose = mm.Motion(np.zeros(1), model.coordinate_names, values)
     envelope = envelope_points(model, pose)
     yield OWN, envelope.points, envelope.masses, links_of(model, pose)
     if importlib.util.find_spec("anny"):
@@ -193,7 +191,7 @@ def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str)
 
 if __name__ == "__main__":
     from benchmarks.__main__ import print_rows
-    from benchmarks.cases import data_folder
+    from benchmarks.recordings import data_folder
 
     for part in (measure_solvers, measure_grid, lambda: measure_maps(data_folder())):
         print_rows(list(part()))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from myomorph.io.formats import read_model
-from myomorph.model.errors import MyomorphError
+import myomorph as mm
 
 DOCUMENT_ONLY = ("credits", "publications", "force_units", "length_units", "ModelVisualPreferences")
 """Parts of a model file that say something about it and change no result."""
@@ -22,8 +21,8 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     for path in [*sorted(folder.rglob("*.osim")), *(folder / name for name in mjcf)]:
         row: dict[str, object] = {"model": str(path.relative_to(folder))}
         try:
-            model = read_model(path)
-        except MyomorphError as error:
+            model = mm.read_model(path)
+        except mm.MyomorphError as error:
             yield row | {"opened": f"no: {error}"}
             continue
         kept: dict[str, int] = {}

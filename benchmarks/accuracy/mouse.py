@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from benchmarks.mouse_motion import (
     Mouse,
@@ -25,7 +26,6 @@ from benchmarks.mouse_recordings import KEYPOINTS, LOOSE, whole_skeleton
 from myomorph.contact.plate_corners import first_corner
 from myomorph.contact.plates import loaded_samples
 from myomorph.model.arrays import runs
-from myomorph.model.series import Series
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.tension.solve import Tension
 
@@ -217,7 +217,7 @@ def _largest(values: np.ndarray) -> float:
     return float(values[int(np.argmax(np.abs(values)))])
 
 
-def _reserves(torques: Series, tension: Tension, side: str) -> tuple[float, float]:
+def _reserves(torques: mm.Series, tension: Tension, side: str) -> tuple[float, float]:
     """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of torques [%]."""
     joints = [f"{joint}_{side}" for joint in JOINTS]
     given = np.stack([tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints])

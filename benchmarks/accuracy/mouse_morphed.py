@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import spearmanr
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from benchmarks.mouse_morphed import (
     JOINTS,
@@ -25,13 +26,9 @@ from benchmarks.mouse_motion import clip_fits, rms
 from benchmarks.mouse_recordings import KEYPOINTS, with_keypoints
 from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
 from myomorph.analysis.groups import Animal, Group, compare_groups
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.study.subject.species_morphing import read_species
 
 Row = dict[str, object]
@@ -69,7 +66,7 @@ def measure_architecture(folder: Path) -> Iterator[Row]:
         yield {"fibers and forces from": how, **_against(found, _pairs(found), truth)}
 
 
-def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: Model) -> Row:
+def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: mm.Model) -> Row:
     """Ranks, medians and ranges of force and fiber length over the anatomist's, and how often intervals hold."""
     theirs = {one.name: one for one in truth.muscles}
     forces = np.array(
@@ -170,7 +167,7 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
         toes = on_one_paw(one, at_toes=True)
         assert toes is not None
         worst, full = found.worst, found.moments(one.model)
-        free = inverse_dynamics(one.model, found.motion)
+        free = mm.inverse_dynamics(one.model, found.motion)
         active = found.tension.activations[worst]
         for joint, moments in zip(JOINTS, full.T, strict=True):
             name = found.coordinate(joint)
@@ -262,7 +259,7 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
             "another clip [mm]": 1e3 * one.other,
         }
         standing = dict(zip(one.model.muscle_names, default_path_lengths(one.model), strict=True))
-        found = muscle_kinematics(one.model, one.fit.motion, moment_arms=False, velocities=False).lengths
+        found = mm.muscle_kinematics(one.model, one.fit.motion, moment_arms=False, velocities=False).lengths
         finite = np.isfinite(found).all(axis=1)
         row["frames with all muscle lengths"] = int(finite.sum())
         for both in (*((f"{one}_r", f"{one}_l") for one in LEG), *((one, f"{one}_l") for one in ARM)):
@@ -295,10 +292,10 @@ def measure_toes(folder: Path) -> Iterator[Row]:
         }
 
 
-def _arms(model: Model, muscle: str, coordinate: str, count: int = 9) -> np.ndarray:
+def _arms(model: mm.Model, muscle: str, coordinate: str, count: int = 9) -> np.ndarray:
     """(count,) moment arms over a coordinate's range [m]; positive lifts the toes or the foot."""
     low, high = model.coordinate(coordinate).range
-    motion = Motion(np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None])
-    found = muscle_kinematics(model, motion, velocities=False)
+    motion = mm.Motion(np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None])
+    found = mm.muscle_kinematics(model, motion, velocities=False)
     arms: np.ndarray = found.moment_arms[:, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)]
     return arms

@@ -14,11 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS
+from myomorph.muscles.kinematics import MuscleKinematics
 from myomorph.muscles.path import Paths, compile_paths
 
 SAME = 1e-4
@@ -36,35 +34,30 @@ class MuscleCase:
     opensim: bool = True
 
 
+def _case(recording: str, motion: bool = True, frames: int = 20, opensim: bool = True) -> MuscleCase:
+    files = RECORDINGS[recording]
+    return MuscleCase(files.model, files.motion if motion else "", frames, opensim)
+
+
 CASES = (
-    MuscleCase("rajagopal-walk-emg/subject_walk_scaled.osim", "rajagopal-walk-emg/coordinates.sto"),
+    _case("rajagopal"),
     MuscleCase("rajagopal-walk-emg/raw/Rajagopal2016.osim"),
-    MuscleCase("walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim", "walk-so-jointload-emg/results_ik.sto"),
+    _case("treadmill"),
     MuscleCase("passive-joint-moments/Rajagopal_modifiedAbductors.osim"),
-    MuscleCase(
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/ik_manual_scaling/DJ1_ik.mot",
-    ),
-    MuscleCase("ceinms-emg-walk/model/gait2392.osim", "ceinms-emg-walk/walk36/ik.sto"),
-    MuscleCase("opensim-gait-subject01/ref_id/subject01.osim", "opensim-gait-subject01/ref_id/subject01_walk1_ik.mot"),
-    MuscleCase(
-        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
-        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
-    ),
-    MuscleCase("hamner-run-subject04/unscaled_generic.osim"),
-    MuscleCase("opensim-reference-small/arm26_bounds.osim"),
+    _case("opencap-jump"),
+    _case("gait2392"),
+    _case("gait2354-dynamics"),
+    _case("gait10"),
+    _case("run-2", motion=False),
+    _case("arm26", motion=False),
     MuscleCase("c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim"),
-    MuscleCase("c3d-functional-joints/models/wholebody.osim"),
+    _case("wholebody"),
     MuscleCase(
         "shoulder-thoracoscapular/model_rmr/TSM_subject_2kgWeight.osim", "shoulder-thoracoscapular/ik/FLX01.mot"
     ),
     MuscleCase("bones-landmarks-leg/make-a-leg_final.osim"),
-    MuscleCase("fullbody-many-muscles/cyclistFullBodyMuscle.osim", frames=4),
-    MuscleCase(
-        "lenhart-knee-contact-walk/lenhart2015.osim",
-        "lenhart-knee-contact-walk/reference_comak/overground_17_ik.mot",
-        opensim=False,
-    ),
+    _case("cyclist", frames=4),
+    _case("lenhart", opensim=False),
 )
 
 
@@ -76,9 +69,9 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 def measure_case(folder: Path, case: MuscleCase) -> dict[str, object]:
     """Largest and 99th percentile differences of one model, and the names of the worst."""
-    model = read_model(folder / case.model)
+    model = mm.read_model(folder / case.model)
     motion = _poses(model, folder / case.motion if case.motion else None, case.frames)
-    ours = muscle_kinematics(model, motion)
+    ours = mm.muscle_kinematics(model, motion)
     paths = compile_paths(model)
     row: dict[str, object] = {
         "model": Path(case.model).name,
@@ -92,11 +85,11 @@ def measure_case(folder: Path, case: MuscleCase) -> dict[str, object]:
     return row | _against_opensim(folder / case.model, model, paths, motion, ours)
 
 
-def _poses(model: Model, file: Path | None, frames: int) -> Motion:
+def _poses(model: mm.Model, file: Path | None, frames: int) -> mm.Motion:
     """Frames spread over a motion, or random poses within three quarters of the ranges; random speeds."""
     rng = np.random.default_rng(5)
     if file is not None:
-        motion = motion_from_table(read_sto(file), model)
+        motion = mm.read_motion(file, model)
         kept = np.unique(np.linspace(0, len(motion) - 1, frames).astype(int))
         time_, values = motion.time[kept], compile_paths(model).tree.coordinates_of(motion)[kept]
     else:
@@ -108,10 +101,10 @@ def _poses(model: Model, file: Path | None, frames: int) -> Motion:
                 share, rim = 0.75 * rng.uniform(-0.5, 0.5, frames) * (high - low), 0.02 * (high - low)
                 values[:, j] = np.clip(one.default + share, low + rim, high - rim)
         time_ = np.arange(float(frames))
-    return Motion(time_, model.coordinate_names, values, rng.normal(size=values.shape))
+    return mm.Motion(time_, model.coordinate_names, values, rng.normal(size=values.shape))
 
 
-def _against_own_lengths(model: Model, paths: Paths, motion: Motion, ours: MuscleKinematics) -> dict[str, object]:
+def _against_own_lengths(model: mm.Model, paths: Paths, motion: mm.Motion, ours: MuscleKinematics) -> dict[str, object]:
     """Moment arms against finite differences of our own lengths, where OpenSim does not open the model."""
     assert ours.arms is not None
     differences = np.zeros(ours.arms.shape)
@@ -125,14 +118,14 @@ def _against_own_lengths(model: Model, paths: Paths, motion: Motion, ours: Muscl
     }
 
 
-def _unit(model: Model, j: int) -> np.ndarray:
+def _unit(model: mm.Model, j: int) -> np.ndarray:
     return np.eye(len(model.coordinates))[j]
 
 
 class _Theirs:
     """OpenSim's model at a pose, loops left open and coordinates unlocked."""
 
-    def __init__(self, file: Path, model: Model):
+    def __init__(self, file: Path, model: mm.Model):
         import opensim
 
         opensim.Logger.setLevelString("Off")
@@ -163,7 +156,7 @@ class _Theirs:
 
 
 def _against_opensim(
-    file: Path, model: Model, paths: Paths, motion: Motion, ours: MuscleKinematics
+    file: Path, model: mm.Model, paths: Paths, motion: mm.Motion, ours: MuscleKinematics
 ) -> dict[str, object]:
     theirs = _Theirs(file, model)
     values = paths.tree.coordinates_of(motion)
@@ -202,11 +195,11 @@ def _against_opensim(
     return _row(lengths, rates, arms, beyond, ours_nearer, took, model, paths) | {"compared with": "OpenSim"}
 
 
-def _at(motion: Motion, frame: int, values: np.ndarray) -> Motion:
-    return Motion(motion.time[frame : frame + 1], motion.names, values[None])
+def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
+    return mm.Motion(motion.time[frame : frame + 1], motion.names, values[None])
 
 
-def _consistent_speeds(paths: Paths, values: np.ndarray, motion: Motion) -> np.ndarray:
+def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> np.ndarray:
     """The motion's speeds, those of dependent coordinates as their couplers give them."""
     from myomorph.rigid.couplers import couple_rates_frames
 
@@ -222,7 +215,7 @@ def _row(
     beyond: int,
     ours_nearer: int,
     took: float,
-    model: Model,
+    model: mm.Model,
     paths: Paths,
 ) -> dict[str, object]:
     known = np.nan_to_num(arms)

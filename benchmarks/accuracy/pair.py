@@ -9,18 +9,15 @@ from typing import Any
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.contact.pair import action_reaction
 from myomorph.model.contacts import Site
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
 from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg, emg_targets
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -95,33 +92,33 @@ def bouts() -> tuple[VirtualPair, ...]:
     return simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS))
 
 
-def recorded_motion(pair: VirtualPair) -> Motion:
+def recorded_motion(pair: VirtualPair) -> mm.Motion:
     """Coordinates as the markers tell them."""
-    return differentiate(inverse_kinematics(pair.model, pair.markers).motion, CUTOFF)
+    return mm.differentiate(mm.inverse_kinematics(pair.model, pair.markers).motion, CUTOFF)
 
 
 def estimate(
     pair: VirtualPair,
-    motion: Motion,
+    motion: mm.Motion,
     known: Knowledge,
     formulation: str,
     compliance: float = ContactOptions().compliance,
 ) -> Tension:
     """Contact forces and tensions from what is known."""
     measured = [pair.plates[part] for part in known.plates]
-    torques = inverse_dynamics(pair.model, motion, _together(measured) if measured else None)
+    torques = mm.inverse_dynamics(pair.model, motion, _together(measured) if measured else None)
     sites = open_sites(pair, known)
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
-    strengths = Series(motion.time, names, pair.touching.values[:, columns])
+    strengths = mm.Series(motion.time, names, pair.touching.values[:, columns])
     options = ContactOptions(formulation=formulation, compliance=compliance)  # type: ignore[arg-type]
     task = ContactTask(sites, strengths, options=options)
     # The truth's muscles, of MuJoCo, have passive force and no tendon.
-    options = TensionOptions(passive=True)
+    options = mm.TensionOptions(passive=True)
     emg = emg_target(pair, known.emg)
     if emg is not None and known.gains == "default":
         emg = calibrated(pair, EmgTrial(motion, torques, pair.emg, task), emg.muscles, options)
-    return solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg)
+    return mm.solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg)
 
 
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
@@ -139,7 +136,7 @@ def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
     return EmgTarget(tuple(muscles), np.array([pair.emg[name] for name in muscles]).T)
 
 
-def calibrated(pair: VirtualPair, trial: EmgTrial, muscles: Sequence[str], options: TensionOptions) -> EmgTarget:
+def calibrated(pair: VirtualPair, trial: EmgTrial, muscles: Sequence[str], options: mm.TensionOptions) -> EmgTarget:
     """Envelopes with gains, delay and weight as the library finds them by default."""
     channels = {name: (name,) for name in muscles}
     found = calibrate_emg(pair.model, [trial], channels, None, options)
@@ -316,13 +313,13 @@ def measure_open() -> Iterable[Row]:
         }
 
 
-def _together(measured: list[Wrenches]) -> Wrenches:
+def _together(measured: list[mm.Wrenches]) -> mm.Wrenches:
     """Wrenches whose bodies have the joined model's names already."""
     force, point, torque = (
         np.concatenate([getattr(one, what) for one in measured], axis=1) for what in ("forces", "points", "torques")
     )
     names, bodies = (tuple(name for one in measured for name in getattr(one, what)) for what in ("names", "bodies"))
-    return Wrenches(measured[0].time, names, bodies, force, point, torque)
+    return mm.Wrenches(measured[0].time, names, bodies, force, point, torque)
 
 
 def _gain(before: np.ndarray, after: np.ndarray) -> str:

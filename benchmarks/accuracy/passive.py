@@ -13,18 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.coordinate_dampers import coordinate_damping
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
 from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.closed_motion import closed_motion
-from myomorph.rigid.dynamics import inverse_dynamics, rates_of
+from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import Tension, solve_tension
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.viscosity.cohort import MEAN
 from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
@@ -46,26 +41,26 @@ class Lift:
     """A trial: the model that fits it, its motion on the loop and the torques."""
 
     name: str
-    model: Model
-    motion: Motion
+    model: mm.Model
+    motion: mm.Motion
 
 
 def open_lift(folder: Path, trial: str, weight: str) -> Lift:
     """Read a trial of the shoulder."""
-    model = read_model(folder / FOLDER / f"model_cmc/TSM_subject_CMC_{weight}Weight.osim")
-    recorded = motion_from_table(read_sto(folder / FOLDER / f"ik/{trial}.mot"), model)
-    motion, _ = closed_motion(model, differentiate(recorded, CUTOFF))
+    model = mm.read_model(folder / FOLDER / f"model_cmc/TSM_subject_CMC_{weight}Weight.osim")
+    recorded = mm.read_motion(folder / FOLDER / f"ik/{trial}.mot", model)
+    motion, _ = closed_motion(model, mm.differentiate(recorded, CUTOFF))
     return Lift(trial, model, motion)
 
 
-def tension_of(lift: Lift, model: Model) -> Tension:
+def tension_of(lift: Lift, model: mm.Model) -> Tension:
     """Muscle tensions with the defaults, but a strong hold of the trunk."""
-    torques = inverse_dynamics(model, lift.motion)
+    torques = mm.inverse_dynamics(model, lift.motion)
     reserves = [
         one if "ground" not in one.name else type(one)(one.name, "coordinate", TRUNK, coordinate=one.coordinate)
         for one in default_reserves(model, 1.0, 10.0)
     ]
-    return solve_tension(model, lift.motion, torques, actuators=reserves)
+    return mm.solve_tension(model, lift.motion, torques, actuators=reserves)
 
 
 def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> float:
@@ -75,14 +70,14 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
     shares = strand_viscosity(dict.fromkeys(strands, 1.0), strands)
-    lengthening = muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities
+    lengthening = mm.muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities
     assert lengthening is not None
     each = np.array([shares.get(name, 0.0) for name in lift.model.muscle_names])
     whole = (MEAN.total_viscosity - MEAN.joint_viscosity) * float((omega**2).sum())
     return whole / float((each * lengthening**2).sum())
 
 
-def variants(lift: Lift) -> Iterator[tuple[str, Model]]:
+def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
     """The model with the joint's damping alone, and with muscles of the printed and of the matching d_M."""
     strands = fig1_muscles(lift.model)
     bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushing
@@ -167,11 +162,3 @@ def measure_forms(folder: Path) -> Iterator[dict[str, object]]:
             "torque a bushing loses [%]": 100.0 * bushing.residual,
             "its greatest middle angle [deg]": float(np.degrees(bushing.middle)),
         }
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of this comparison alone."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    return [*measure(folder), *measure_muscles(folder), *measure_forms(folder)]

@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 from scipy.io import loadmat
 
+import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.simulated_muscles import (
     Errors,
@@ -23,14 +24,10 @@ from benchmarks.simulated_muscles import (
     swings,
     with_other_muscles,
 )
-from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.generic_map import map_generic
-from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
 
 Row = dict[str, object]
 
@@ -103,10 +100,10 @@ Found = tuple[str, str, float, bool]
 def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], float]:
     """Of each length: parameter, whether identifiable, relative error, whether within its interval; and seconds."""
     rng = np.random.default_rng(seed)
-    model = as_degroote(read_model(folder / case.model))
+    model = as_degroote(mm.read_model(folder / case.model))
     own, trials = recorded_person(model, case, rng)
     started = perf_counter()
-    found = personalize(model, trials, PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False))
+    found = mm.personalize(model, trials, mm.PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False))
     seconds = perf_counter() - started
     rows = []
     for one in found.estimates:
@@ -117,7 +114,7 @@ def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], 
     return rows, seconds
 
 
-def recorded_person(model: Model, case: Case, rng: np.random.Generator) -> tuple[Model, list[PersonalTrial]]:
+def recorded_person(model: mm.Model, case: Case, rng: np.random.Generator) -> tuple[mm.Model, list[mm.PersonalTrial]]:
     """A person and what is recorded."""
     time, muscles = np.arange(0.0, case.seconds, 0.01), len(model.muscles)
     motions = [swings(model, dict(case.ranges), time, rng) for _ in range(case.count)]
@@ -137,17 +134,21 @@ def recorded_person(model: Model, case: Case, rng: np.random.Generator) -> tuple
 
 
 def passive_trial(
-    model: Model, own: Model, ranges: Mapping[str, tuple[float, float]], rng: np.random.Generator, error: float = 0.1
-) -> PersonalTrial:
+    model: mm.Model,
+    own: mm.Model,
+    ranges: Mapping[str, tuple[float, float]],
+    rng: np.random.Generator,
+    error: float = 0.1,
+) -> mm.PersonalTrial:
     """Poses over joints' ranges and the torques of resting muscles in equilibrium, with errors [N m]."""
     poses = 80
     values = np.tile([one.default for one in model.coordinates], (poses, 1))
     for name, (low, high) in ranges.items():
         values[:, model.coordinate_names.index(name)] = rng.uniform(low - 0.1, high + 0.1, poses)
     still = np.zeros_like(values)
-    motion = Motion(np.arange(poses) * 1.0, model.coordinate_names, values, still, still)
+    motion = mm.Motion(np.arange(poses) * 1.0, model.coordinate_names, values, still, still)
     torques = resting_torques(own, motion) + error * rng.standard_normal(values.shape)
-    return PersonalTrial("passive", motion, Series(motion.time, model.coordinate_names, torques), passive=True)
+    return mm.PersonalTrial("passive", motion, mm.Series(motion.time, model.coordinate_names, torques), passive=True)
 
 
 def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
@@ -168,7 +169,7 @@ def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
                 }
 
 
-def walk_trial(walk: Walk, span: tuple[float, float], with_emg: bool = True) -> PersonalTrial:
+def walk_trial(walk: Walk, span: tuple[float, float], with_emg: bool = True) -> mm.PersonalTrial:
     """A part of a real walk, EMG on or off."""
     thin = replace(walk, every=1)
     motion, torques = thin.part(span)
@@ -177,7 +178,7 @@ def walk_trial(walk: Walk, span: tuple[float, float], with_emg: bool = True) -> 
         target = emg_targets(walk.emg, walk.channels, walk.model, motion.time, EmgOptions(delay=USUAL))
         values = np.array(target.activations)
         target = replace(target, activations=values / max(float(np.nanmax(values)), 1.0))
-    return PersonalTrial(f"{walk.name} {span[0]:g} to {span[1]:g} s", motion, torques, target)
+    return mm.PersonalTrial(f"{walk.name} {span[0]:g} to {span[1]:g} s", motion, torques, target)
 
 
 def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
@@ -189,7 +190,7 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
             spans = [first] if first == second else [(one[0], one[0] + seconds) for one in (first, second)]
             trials = [walk_trial(walk, span, with_emg) for span in spans]
             started = perf_counter()
-            found = personalize(walk.model, trials)
+            found = mm.personalize(walk.model, trials)
             took = perf_counter() - started
             checked = found.held_out
             assert checked is not None
@@ -224,7 +225,7 @@ def measure_map(folder: Path) -> Iterator[Row]:
         ),
     }
     for name, (generic, scaled) in cases.items():
-        found = map_generic(read_model(generic), read_model(scaled))
+        found = map_generic(mm.read_model(generic), mm.read_model(scaled))
         yield {
             "models": name,
             "muscles": len(found.muscles),
@@ -250,8 +251,8 @@ def measure_published(folder: Path) -> Iterator[Row]:
         "hip from images": ("Example2", "Reference_Arnold_R", "Target_LHDL_Schutte_R"),
     }
     for name, (example, generic, target) in examples.items():
-        models = [read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)]
-        theirs = read_model(at / example / "OptimModels" / f"{target}_opt_N10.osim")
+        models = [mm.read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)]
+        theirs = mm.read_model(at / example / "OptimModels" / f"{target}_opt_N10.osim")
         results = loadmat(at / example / "Results/Results_MusMapMetrics_N10_NError10.mat", squeeze_me=True)
         published = np.asarray(results["Results_MusMapMetrics"]["RMSE"].item(), dtype=np.float64)
         found = map_generic(*models)

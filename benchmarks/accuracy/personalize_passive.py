@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
+import myomorph as mm
 from benchmarks.simulated_muscles import resting_torques
-from myomorph.io.formats import read_model
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
 
 Row = dict[str, object]
 
@@ -43,13 +40,13 @@ class Curve:
     angles: Array
     torques: Array
 
-    def motion(self, model: Model) -> Motion:
+    def motion(self, model: mm.Model) -> mm.Motion:
         """Its poses, other coordinates at their defaults."""
         values = np.tile([one.default for one in model.coordinates], (len(self.angles), 1))
         for k, name in enumerate(JOINTS.values()):
             values[:, model.coordinate_names.index(name)] = np.radians(self.angles[:, k])
         still = np.zeros_like(values)
-        return Motion(np.arange(float(len(values))), model.coordinate_names, values, still, still)
+        return mm.Motion(np.arange(float(len(values))), model.coordinate_names, values, still, still)
 
 
 def curves(folder: Path) -> tuple[Curve, ...]:
@@ -66,7 +63,7 @@ def curves(folder: Path) -> tuple[Curve, ...]:
     return tuple(found)
 
 
-def recording(model: Model, some: Sequence[Curve]) -> PersonalTrial:
+def recording(model: mm.Model, some: Sequence[Curve]) -> mm.PersonalTrial:
     """Curves as one recording, each pose with the torque of one joint."""
     motions = [one.motion(model) for one in some]
     values = np.vstack([one.values for one in motions])
@@ -77,11 +74,11 @@ def recording(model: Model, some: Sequence[Curve]) -> PersonalTrial:
     for one in some:
         torques[row : row + len(one.torques), list(JOINTS).index(one.joint)] = one.torques
         row += len(one.torques)
-    motion = Motion(time, model.coordinate_names, values, still, still)
-    return PersonalTrial("passive", motion, Series(time, tuple(JOINTS.values()), torques), passive=True)
+    motion = mm.Motion(time, model.coordinate_names, values, still, still)
+    return mm.PersonalTrial("passive", motion, mm.Series(time, tuple(JOINTS.values()), torques), passive=True)
 
 
-def errors(model: Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
+def errors(model: mm.Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
     """Of each joint the torque that the model's resting muscles miss, and whether it counts as walking."""
     found: dict[str, list[tuple[Array, Array]]] = {}
     for one in some:
@@ -96,12 +93,12 @@ def errors(model: Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]
 def measure(folder: Path) -> Iterator[Row]:
     """Torque missed by generic muscles, by a published calibration, by ours fitted to all, and by ours held out."""
     every = curves(folder)
-    generic = read_model(folder / STUDY / "Rajagopal_modifiedAbductors.osim")
-    published = read_model(folder / STUDY / "Rajagopal_abductorsModified_PassiveCalibration.osim")
+    generic = mm.read_model(folder / STUDY / "Rajagopal_modifiedAbductors.osim")
+    published = mm.read_model(folder / STUDY / "Rajagopal_abductorsModified_PassiveCalibration.osim")
     models = {"generic": generic, "Uhlrich et al. 2022": published}
     for tendons in ("elastic", "rigid"):
-        options = PersonalizeOptions(tendons=tendons, hold_out=False)  # type: ignore[arg-type]
-        fitted = personalize(generic, [recording(generic, every)], options).model
+        options = mm.PersonalizeOptions(tendons=tendons, hold_out=False)  # type: ignore[arg-type]
+        fitted = mm.personalize(generic, [recording(generic, every)], options).model
         models[f"fitted to all, {tendons} tendons"] = fitted
     rows = {name: errors(model, every) for name, model in models.items()}
     parts = []
@@ -109,8 +106,8 @@ def measure(folder: Path) -> Iterator[Row]:
         # One curve of each joint is left out at a time.
         unseen = [one for k, one in enumerate(every) if k % 4 == fold]
         seen = [one for k, one in enumerate(every) if k % 4 != fold]
-        options = PersonalizeOptions(hold_out=False)
-        parts.append(errors(personalize(generic, [recording(generic, seen)], options).model, unseen))
+        options = mm.PersonalizeOptions(hold_out=False)
+        parts.append(errors(mm.personalize(generic, [recording(generic, seen)], options).model, unseen))
     rows["held out, elastic tendons"] = {
         joint: tuple(map(np.concatenate, zip(*(part[joint] for part in parts), strict=True)))  # type: ignore[misc]
         for joint in JOINTS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -12,27 +11,20 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+import myomorph as mm
 from benchmarks.accuracy.tension import ENTRY, FEET, LOADS
 from benchmarks.opensim_static import write_actuators
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto, write_sto
 from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Table, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.model.model import Actuator
+from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import JointReactions, joint_reactions
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.reaction import JointReactions
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.emg import EmgTarget
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-
 from trees import random_tree, to_pinocchio
 
 Row = dict[str, object]
@@ -64,7 +56,7 @@ SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool na
 </OpenSimDocument>"""
 
 
-def apart(found: Table, wanted: Table) -> tuple[float, float, float]:
+def apart(found: mm.Table, wanted: mm.Table) -> tuple[float, float, float]:
     """Largest wanted force, largest difference of a force [N] and of a moment [N m]."""
     columns = [wanted.names.index(name) for name in found.names]
     frames = min(len(found), len(wanted))
@@ -86,7 +78,7 @@ def measure_same(folder: Path) -> Iterator[Row]:
     yield _trees()
 
 
-def _row(case: str, against: str, frames: int, joints: int, found: Table, wanted: Table) -> Row:
+def _row(case: str, against: str, frames: int, joints: int, found: mm.Table, wanted: mm.Table) -> Row:
     size, force, moment = apart(found, wanted)
     return {
         "case": case,
@@ -108,19 +100,19 @@ def _pendulums(folder: Path) -> Iterator[Row]:
             for source in here.glob(f"{model}*"):
                 (Path(work) / source.name).write_bytes(source.read_bytes())
             result = run_tool(Path(work) / f"{model}_Setup_JointReaction{setup}.xml")
-            found = read_sto(result.written[0])
-        wanted = read_sto(here / f"std_{model}_JointReaction_ReactionLoads{setup}.sto")
+            found = mm.read_sto(result.written[0])
+        wanted = mm.read_sto(here / f"std_{model}_JointReaction_ReactionLoads{setup}.sto")
         yield _row(f"{model}{setup}", "table that comes with OpenSim", len(found), len(found.names) // 9, found, wanted)
 
 
 def write_study(folder: Path, work: Path) -> tuple[Path, Path]:
     """Two setups on the study's states and forces, one that writes to `ours`, one to `theirs`."""
-    forces = read_sto(folder / STUDY / "results_SO/results_forces.sto")
+    forces = mm.read_sto(folder / STUDY / "results_SO/results_forces.sto")
     # OpenSim reads as many columns as the model has actuators: none of other things may stand before them.
     keep = [k for k, name in enumerate(forces.names) if not name.startswith(("calcn", "patellofemoral"))]
     names = tuple(forces.names[k] for k in keep)
     values = np.hstack([forces.values[:, keep], np.zeros((len(forces), len(OWN)))])
-    write_sto(replace(forces, names=(*names, *OWN), values=values), work / "forces.sto")
+    mm.write_sto(replace(forces, names=(*names, *OWN), values=values), work / "forces.sto")
     write_actuators(study_reserves(names), work / "actuators.xml")
     write_loads(folder, work, torques=False)
     states = folder / STUDY / "results_SO/results_states.sto"
@@ -137,7 +129,7 @@ def write_spring(folder: Path, work: Path) -> tuple[Path, Path]:
     rng, clock = np.random.default_rng(0), np.linspace(0.5, 1.3, 9)
     pulls = np.abs(rng.normal(scale=200.0, size=(9, len(model.muscles))))
     pushes = rng.normal(scale=10.0, size=(9, len(helpers)))
-    write_sto(Table(clock, (*model.muscle_names, *helpers), np.hstack([pulls, pushes])), work / "forces.sto")
+    mm.write_sto(mm.Table(clock, (*model.muscle_names, *helpers), np.hstack([pulls, pushes])), work / "forces.sto")
     motion = here / "walk_subject01_Kinematics_q.sto"
     about = {"actuators": actuators, "loads": "", "start": 0.5, "stop": 1.3, "step": 10}
     return _setups(work, model=model_path, motion_kind="coordinates", motion=motion, **about)
@@ -177,7 +169,7 @@ def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
         tool = opensim.AnalyzeTool(str(theirs))
         tool.run()
         run_tool(ours)
-        found, wanted = (read_sto(Path(work) / name / "so_JR_ReactionLoads.sto") for name in ("ours", "theirs"))
+        found, wanted = (mm.read_sto(Path(work) / name / "so_JR_ReactionLoads.sto") for name in ("ours", "theirs"))
     return _row(case, "OpenSim 4.6", len(found), len(found.names) // 9, found, wanted)
 
 
@@ -187,7 +179,7 @@ def _trees() -> Row:
     for seed in range(6):
         model = random_tree(seed)
         rng = np.random.default_rng(seed)
-        motion = Motion(np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates))))
+        motion = mm.Motion(np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates))))
         tree = compile_tree(model)
         applied = rng.normal(scale=20.0, size=(1, len(tree.arrays.parent), 6))
         found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
@@ -222,52 +214,52 @@ class Line:
     """One way to get tensions for the study's motion."""
 
     name: str
-    options: TensionOptions
+    options: mm.TensionOptions
     emg: bool
 
 
 LINES = (
-    Line("ours, no EMG", TensionOptions(), False),
-    Line("ours, no EMG, with passive force", TensionOptions(passive=True), False),
-    Line("ours, EMG of 7 muscles as soft target", TensionOptions(), True),
+    Line("ours, no EMG", mm.TensionOptions(), False),
+    Line("ours, no EMG, with passive force", mm.TensionOptions(passive=True), False),
+    Line("ours, EMG of 7 muscles as soft target", mm.TensionOptions(), True),
 )
 
 
-def study_motion(folder: Path, model: Model) -> Motion:
+def study_motion(folder: Path, model: mm.Model) -> mm.Motion:
     """The study's frames, its coordinates filtered at 6 Hz by us."""
-    whole = differentiate(motion_from_table(read_sto(folder / STUDY / "results_ik.sto"), model), 6.0)
-    wanted = read_sto(folder / REACTIONS).time
+    whole = mm.differentiate(mm.read_motion(folder / STUDY / "results_ik.sto", model), 6.0)
+    wanted = mm.read_sto(folder / REACTIONS).time
     at = np.abs(whole.time[:, None] - wanted).argmin(axis=0)
     assert whole.velocities is not None
     assert whole.accelerations is not None
-    return Motion(wanted, whole.names, whole.values[at], whole.velocities[at], whole.accelerations[at])
+    return mm.Motion(wanted, whole.names, whole.values[at], whole.velocities[at], whole.accelerations[at])
 
 
 def study_emg(folder: Path, time: Array) -> EmgTarget:
     """The study's envelopes as activations; what its filter made negative is 0."""
-    table = read_sto(folder / STUDY / "EMG_allMuscles.sto")
+    table = mm.read_sto(folder / STUDY / "EMG_allMuscles.sto")
     values = np.column_stack([np.interp(time, table.time, column) for column in table.values.T])
     return EmgTarget(tuple(name.removesuffix("_activation") for name in table.names), np.clip(values, 0.0, 1.0))
 
 
 def run_line(folder: Path, line: Line) -> tuple[Tension, JointReactions]:
     """Tensions of a line and the loads of joints they make, on children in their axes."""
-    model = read_model(folder / MODEL)
+    model = mm.read_model(folder / MODEL)
     motion = study_motion(folder, model)
     with tempfile.TemporaryDirectory() as work:
-        wrenches: Wrenches = resample_wrenches(
+        wrenches: mm.Wrenches = mm.resample_wrenches(
             read_external_loads(write_loads(folder, Path(work), torques=False)), motion.time
         )
-    torques = inverse_dynamics(model, motion, wrenches)
+    torques = mm.inverse_dynamics(model, motion, wrenches)
     emg = study_emg(folder, motion.time) if line.emg else None
-    tension = solve_tension(model, motion, torques, line.options, emg=emg)
-    return tension, joint_reactions(model, motion, tension, wrenches, JOINTS)
+    tension = mm.solve_tension(model, motion, torques, line.options, emg=emg)
+    return tension, mm.joint_reactions(model, motion, tension, wrenches, JOINTS)
 
 
 def measure_tensions(folder: Path) -> Iterator[Row]:
     """Tensions and activations of every line beside the study's, and beside EMG."""
-    forces = read_sto(folder / STUDY / "results_SO/results_forces.sto")
-    states = read_sto(folder / STUDY / "results_SO/results_states.sto")
+    forces = mm.read_sto(folder / STUDY / "results_SO/results_forces.sto")
+    states = mm.read_sto(folder / STUDY / "results_SO/results_states.sto")
     emg = study_emg(folder, forces.time)
     theirs = np.column_stack([states[f"/forceset/{name}/activation"] for name in emg.muscles])
     yield {
@@ -300,7 +292,7 @@ def measure_loads(folder: Path) -> Iterator[Row]:
     """Loads of joints of every line beside the study's, as sizes of forces in body weights."""
     model = read_osim(folder / MODEL)
     weight = model.mass * float(np.linalg.norm(model.gravity))
-    table = read_sto(folder / REACTIONS)
+    table = mm.read_sto(folder / REACTIONS)
     found = {line.name: run_line(folder, line)[1] for line in LINES}
     for joint in JOINTS:
         roots = [name for name in table.names if name.startswith(f"{joint}_on_") and name[-2:] in ("fx", "fy", "fz")]
@@ -327,11 +319,3 @@ def rms(difference: Array) -> float:
 def mean_correlation(one: Array, other: Array) -> float:
     """Mean over columns of the correlation over time."""
     return float(np.mean([np.corrcoef(a, b)[0, 1] for a, b in zip(one.T, other.T, strict=True)]))
-
-
-def run() -> list[Row]:
-    """All rows of the data collection."""
-    from benchmarks.cases import data_folder
-
-    folder = data_folder()
-    return [*measure_same(folder), *measure_tensions(folder), *measure_loads(folder)]

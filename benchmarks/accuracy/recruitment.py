@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.recruitment_programs import (
     Criterion,
     Walk,
@@ -20,9 +21,7 @@ from benchmarks.recruitment_programs import (
     walk,
 )
 from myomorph.model.arrays import Array
-from myomorph.model.series import Series
 from myomorph.tension.recruitment import recruitment_terms
-from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import Tension
 
 KNEE = "walker_knee_r"
@@ -77,10 +76,10 @@ def _above(made: Solutions, by: Criterion, mine: Array, theirs: Array) -> float:
     return max((own - other) / other for own, other in pairs)
 
 
-def ours(one: Walk, by: Criterion, torques: Series) -> Tension:
+def ours(one: Walk, by: Criterion, torques: mm.Series) -> Tension:
     """Tensions as a user gets them with these options."""
     terms = recruitment_terms(one.model, one.motion, torques, one.wrenches, by.beside)
-    return solve_tension(one.model, one.motion, torques, by.tension, terms=terms)
+    return mm.solve_tension(one.model, one.motion, torques, by.tension, terms=terms)
 
 
 def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
@@ -121,21 +120,21 @@ def measure_truth(folder: Path) -> Iterator[dict[str, object]]:
         yield row
 
 
-def _torques(one: Walk, activations: Array) -> Series:
+def _torques(one: Walk, activations: Array) -> mm.Series:
     """Joint torques that these activations give; those of the pelvis as they were."""
     given = np.einsum("fmr,fm->fr", one.R, activations * one.F)
     values = np.array(one.torques.values)
     for k, name in enumerate(one.rows):
         values[:, one.torques.names.index(name)] += given[:, k] - one.tau[:, k]
-    return Series(one.torques.time, one.torques.names, values)
+    return mm.Series(one.torques.time, one.torques.names, values)
 
 
-def _noisy(one: Walk, torques: Series) -> Series:
+def _noisy(one: Walk, torques: mm.Series) -> mm.Series:
     values, draw = np.array(torques.values), np.random.default_rng(0)
     for name in one.rows:
         k = torques.names.index(name)
         values[:, k] += NOISE * _rms(values[:, k]) * draw.standard_normal(len(values))
-    return Series(torques.time, torques.names, values)
+    return mm.Series(torques.time, torques.names, values)
 
 
 def _errors(one: Walk, found: Tension, activations: Array) -> str:

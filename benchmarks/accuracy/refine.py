@@ -9,7 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from benchmarks.accuracy.identification import SUBJECTS, Subject, _loads, _markers
+import myomorph as mm
+from benchmarks.accuracy.identification import SUBJECTS, Subject, _loads, read_markers
 from benchmarks.simulated_bodies import TETRAHEDRON
 from benchmarks.simulated_engines import TreeEngine
 from benchmarks.simulated_subject import (
@@ -23,12 +24,9 @@ from benchmarks.simulated_subject import (
 from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
-from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array
-from myomorph.model.model import Marker, Model
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
+from myomorph.model.model import Marker
 from myomorph.motion.lengths import lengths_of
 
 Row = dict[str, object]
@@ -53,10 +51,10 @@ def measure(folder: Path) -> Iterator[Row]:
 
 def refined(folder: Path, subject: Subject, trials: tuple[str, ...]) -> Refinement:
     """A subject calibrated from the same trials, then refined."""
-    markers = {name: _markers(folder / subject.trials[name][0]) for name in trials}
-    static = _markers(folder / subject.static) if subject.static else None
-    settings = CalibrationOptions(mass=subject.mass, static=static)
-    model = calibrate(read_model(folder / subject.model), list(markers.values()), settings).model
+    markers = {name: read_markers(folder / subject.trials[name][0]) for name in trials}
+    static = read_markers(folder / subject.static) if subject.static else None
+    settings = mm.CalibrationOptions(mass=subject.mass, static=static)
+    model = mm.calibrate(mm.read_model(folder / subject.model), list(markers.values()), settings).model
     given = [SubjectTrial(name, one, _loads(folder / subject.trials[name][1])) for name, one in markers.items()]
     return refine(model, given, subject.mass)
 
@@ -124,7 +122,7 @@ def _percent(masses: Array, truth: Array) -> float:
     return float(100.0 * np.abs(masses / truth - 1.0).max())
 
 
-def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -> tuple[Model, Model, Refinement]:
+def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -> tuple[mm.Model, mm.Model, Refinement]:
     """A person with unequal legs and moving skin, the calibrated model at its mass, and the refinement."""
     compiled = mujoco.MjModel.from_xml_string(_person())
     model = model_from_mujoco(compiled, name="person")
@@ -141,7 +139,7 @@ def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -
     moving = with_skin(found.markers.values, found.markers.time, 0.005, seed)
     trial = SubjectTrial("exciting", replace(found.markers, values=moving), found.wrenches)
     mass = subject.person.mass
-    calibrated = calibrate(subject.generic, [trial.markers], CalibrationOptions(mass=mass)).model
+    calibrated = mm.calibrate(subject.generic, [trial.markers], mm.CalibrationOptions(mass=mass)).model
     return subject.person, calibrated, refine(calibrated, [trial], mass, options)
 
 

@@ -11,6 +11,7 @@ from time import perf_counter
 
 from threadpoolctl import threadpool_limits
 
+import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, HAMNER, OPENCAP, RAJAGOPAL, recorded
 from benchmarks.accuracy.calibration_static import KNEE, LENHART
 from benchmarks.accuracy.identification import SPACING, SUBJECTS, Subject, _loads
@@ -20,17 +21,11 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import errors_on
 from myomorph.identify.refine.refinement import Errors, SubjectTrial
 from myomorph.identify.refine.trial_data import opened
-from myomorph.identify.subject import IdentificationOptions, identify
-from myomorph.io.formats import read_model
+from myomorph.identify.subject import IdentificationOptions
 from myomorph.io.osim.marker_set import read_marker_set
-from myomorph.model.errors import BadData
 from myomorph.model.inertia import with_inertial_parameters
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Wrenches
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.sync import cut
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
-from myomorph.study.plan.plan import read_plan
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.calibrating import _recording
 from myomorph.study.subject.identifying import MAPS
@@ -56,10 +51,10 @@ class Recorded:
     """
 
     name: str
-    model: Model
+    model: mm.Model
     mass: float
-    static: Markers | None
-    trials: Mapping[str, tuple[Markers, Wrenches]]
+    static: mm.Markers | None
+    trials: Mapping[str, tuple[mm.Markers, mm.Wrenches]]
     use: str
 
 
@@ -83,14 +78,14 @@ def people(folder: Path) -> Iterator[Recorded]:
 
 def _gait(folder: Path) -> Recorded:
     files = folder / "experiment"
-    model = read_model(files / "gait2354_simbody.osim")
+    model = mm.read_model(files / "gait2354_simbody.osim")
     model = model.with_markers(read_marker_set(files / "gait2354_Scale_MarkerSet.xml", model))
     walk = recorded(files, "subject01_walk1.trc"), _loads(files / "subject01_walk1_grf.xml")
     return Recorded("gait2354", model, 72.6, recorded(files, "subject01_static.trc"), {"walk": walk}, CHOSEN)
 
 
 def _lenhart(folder: Path) -> Recorded:
-    model = read_model(folder / "lenhart2015.osim")
+    model = mm.read_model(folder / "lenhart2015.osim")
     model = model.with_markers(read_marker_set(folder / "lenhart2015_markers.xml", model))
     motion = folder / "motion"
     walk = recorded(motion, "overground_17.trc"), _loads(motion / "overground_17_ext_loads.xml")
@@ -116,7 +111,7 @@ def _analyzed(
     """What `myomorph analyze` makes of raw recordings: its generic model, and markers and forces in its axes."""
     with tempfile.TemporaryDirectory() as home:
         request = AnalyzeRequest(recordings=files, mass=mass, height=height, static=static)
-        plan = read_plan(prepare_study(request, Path(home)).study)
+        plan = mm.read_plan(prepare_study(request, Path(home)).study)
         ((subject, about),) = plan.subjects.items()
         trials = [open_trial(one, plan.settings_of(subject, one.name)) for one in about.trials]
         model = trials[0].model
@@ -135,10 +130,10 @@ def _known(folder: Path, name: str, trials: tuple[str, ...]) -> Recorded:
     static = recorded(folder, one.static) if one.static else None
     files = {trial: one.trials[trial] for trial in trials}
     found = {trial: (recorded(folder, markers), _loads(folder / loads)) for trial, (markers, loads) in files.items()}
-    return Recorded(name.split(",")[0], read_model(folder / one.model), one.mass, static, found, SEEN)
+    return Recorded(name.split(",")[0], mm.read_model(folder / one.model), one.mass, static, found, SEEN)
 
 
-Part = tuple[str, Markers, Wrenches]
+Part = tuple[str, mm.Markers, mm.Wrenches]
 
 
 def splits(person: Recorded) -> Iterator[tuple[list[Part], Part]]:
@@ -166,8 +161,8 @@ def measure(folder: Path) -> Iterator[Row]:
 
 def row(person: Recorded, train: list[Part], test: Part) -> Row:
     """Calibrated, identified and refined from the one, held against the other."""
-    settings = CalibrationOptions(mass=person.mass, static=person.static)
-    model = calibrate(person.model, [markers for _, markers, _ in train], settings).model
+    settings = mm.CalibrationOptions(mass=person.mass, static=person.static)
+    model = mm.calibrate(person.model, [markers for _, markers, _ in train], settings).model
     trials = [SubjectTrial(*one) for one in train]
     unseen, options = SubjectTrial(*test), RefineOptions()
     on_given = opened(model, unseen, options)
@@ -177,7 +172,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     found = refine(model, trials, person.mass)
     seconds = perf_counter() - begun
 
-    def errors(made: Model) -> Errors:
+    def errors(made: mm.Model) -> Errors:
         return errors_on(made, opened(made, unseen, options), None, on_given.usable.use)
 
     return {
@@ -197,14 +192,14 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     }
 
 
-def _identified(model: Model, trials: list[SubjectTrial], mass: float) -> Model | None:
+def _identified(model: mm.Model, trials: list[SubjectTrial], mass: float) -> mm.Model | None:
     """The same by `identify` with its defaults, each link's own envelope filled with points; None where it refuses."""
     points, _, _ = body_points(model, BodyShape(), mass, BodyOptions(spacing=SPACING))
     seen = [opened(model, one, RefineOptions()).usable for one in trials]
     try:
-        found = identify(model, seen, {MAPS[name]: one for name, one in points.items()}, mass=mass,
+        found = mm.identify(model, seen, {MAPS[name]: one for name, one in points.items()}, mass=mass,
                          options=IdentificationOptions())  # fmt: skip
-    except BadData:
+    except mm.BadData:
         return None
     return with_inertial_parameters(model, found.parameters[found.chosen])
 

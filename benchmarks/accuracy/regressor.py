@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -10,39 +9,32 @@ from typing import TypeVar
 import mujoco
 import numpy as np
 import pinocchio as pin
+from figaroh_base import figaroh_combination
+from test_real_models import middling
+from test_regressor import root_forces
 
-from benchmarks.cases import FORCE_CASES, ForceCase, data_folder
+import myomorph as mm
+from benchmarks.cases import FORCE_CASES, ForceCase
+from benchmarks.recordings import data_folder
 from benchmarks.speed.identify import RATE, other_masses, simulated
+from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates
+from mujoco_models import load
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.null_space import held_values, numerical_null_space, random_states, tree_null_space
 from myomorph.identify.sequential import SequentialFit
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import GROUND, Model
-from myomorph.model.series import Wrenches
-from myomorph.motion.filters import differentiate, lowpass
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.model.model import GROUND
+from myomorph.motion.filters import lowpass
+from myomorph.motion.sync import cut
+from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.regressor import base_regressor, base_wrench, reference_points, regressor_blocks
 from myomorph.rigid.tree import compile_tree
-
-TESTS = Path(__file__).resolve().parents[2] / "tests"
-# The tests' own comparisons, run here on more cases.
-sys.path[:0] = [str(TESTS), str(TESTS / "rigid"), str(TESTS / "identify")]
-
-from figaroh_base import figaroh_combination  # noqa: E402
-from test_real_models import middling  # noqa: E402
-from test_regressor import root_forces  # noqa: E402
-
-from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates  # noqa: E402
-from mujoco_models import load  # noqa: E402
-from opensim_inverse import opensim_torques  # noqa: E402
-from real_models import MODELS  # noqa: E402
-from trees import floating_tree, to_mujoco, to_pinocchio  # noqa: E402
+from opensim_inverse import opensim_torques
+from real_models import MODELS
+from trees import floating_tree, to_mujoco, to_pinocchio
 
 TREES = 20
 NOISE = BaseOptions(moment_noise=2.0, force_noise=5.0, correlated=False)
@@ -83,7 +75,7 @@ def _worst(what: str, models: list[T], compare: Callable[[T], tuple[float, float
     }
 
 
-def _against_pinocchio(model: Model) -> tuple[float, float]:
+def _against_pinocchio(model: mm.Model) -> tuple[float, float]:
     motion = random_states(model, {}, 5)
     theirs, _ = to_pinocchio(model)
     data = theirs.createData()
@@ -97,7 +89,7 @@ def _against_pinocchio(model: Model) -> tuple[float, float]:
     return float(np.abs(ours - rows).max()), float(np.abs(rows).max())
 
 
-def _against_mujoco(model: Model) -> tuple[float, float]:
+def _against_mujoco(model: mm.Model) -> tuple[float, float]:
     motion = random_states(model, {}, 5)
     theirs = to_mujoco(model)
     state = mujoco.MjData(theirs)
@@ -119,7 +111,7 @@ def _against_mujoco(model: Model) -> tuple[float, float]:
     return float(np.abs(ours - wrench).max()), float(np.abs(wrench).max())
 
 
-def _against_opensim(path: Path, model: Model) -> tuple[float, float]:
+def _against_opensim(path: Path, model: mm.Model) -> tuple[float, float]:
     motion = middling(model, 5, 0.01, 2)
     expected = opensim_torques(path, model, *motion_arrays(compile_tree(model), motion))
     ours = root_forces(model, motion, base_regressor(model, motion) @ inertial_parameters(model).ravel())
@@ -127,19 +119,19 @@ def _against_opensim(path: Path, model: Model) -> tuple[float, float]:
     return float(np.abs(ours.values - theirs).max()), float(np.abs(theirs).max())
 
 
-def _against_dynamics(model: Model) -> tuple[float, float]:
+def _against_dynamics(model: mm.Model) -> tuple[float, float]:
     """What inverse dynamics leaves for the joints to the ground once the base has the regressor's wrench."""
     motion = random_states(model, held_values(model, None), 5)
     wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
     points = reference_points(model, motion)[:, None]
-    given = Wrenches(motion.time, ("all",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
-    alone, held = inverse_dynamics(model, motion), inverse_dynamics(model, motion, given)
+    given = mm.Wrenches(motion.time, ("all",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
+    alone, held = mm.inverse_dynamics(model, motion), mm.inverse_dynamics(model, motion, given)
     roots = [name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates]
     return max(float(np.abs(held[name]).max()) for name in roots), float(np.abs(alone.values).max())
 
 
-def _opened(folder: Path, name: str) -> Model | None:
-    return read_model(folder / name) if (folder / name).exists() else None
+def _opened(folder: Path, name: str) -> mm.Model | None:
+    return mm.read_model(folder / name) if (folder / name).exists() else None
 
 
 def measure_base_parameters(folder: Path) -> Iterator[Row]:
@@ -209,7 +201,7 @@ def measure_sequential(folder: Path) -> Iterator[Row]:
         }
 
 
-def _dense(model: Model, batch: BaseFit, given: Recording) -> np.ndarray:
+def _dense(model: mm.Model, batch: BaseFit, given: Recording) -> np.ndarray:
     """(n,) the same estimate from all rows and the prior at once, by singular values."""
     rows = base_regressor(model, given.motion)[:, :, batch.base.columns] / batch.sigma[:, None]
     wrench = base_wrench(model, given.motion, given.wrenches) / batch.sigma
@@ -221,7 +213,7 @@ def _dense(model: Model, batch: BaseFit, given: Recording) -> np.ndarray:
     return solution * batch.size
 
 
-def _folded(model: Model, batch: BaseFit, given: Recording) -> SequentialFit:
+def _folded(model: mm.Model, batch: BaseFit, given: Recording) -> SequentialFit:
     fit = SequentialFit(model, batch.base, batch.sigma)
     rows = base_regressor(model, given.motion)
     wrench = base_wrench(model, given.motion, given.wrenches)
@@ -230,18 +222,18 @@ def _folded(model: Model, batch: BaseFit, given: Recording) -> SequentialFit:
     return fit
 
 
-def recording(folder: Path, case: ForceCase) -> tuple[Model, Recording]:
+def recording(folder: Path, case: ForceCase) -> tuple[mm.Model, Recording]:
     """A model and its recording, both through a low-pass of 6 Hz."""
-    model = read_model(folder / case.model)
-    motion = motion_from_table(read_sto(folder / case.motion), model)
-    motion = cut(differentiate(motion, 6.0), case.start, case.end)
-    wrenches = resample_wrenches(read_external_loads(folder / case.loads), motion.time, 6.0)
+    model = mm.read_model(folder / case.model)
+    motion = mm.read_motion(folder / case.motion, model)
+    motion = cut(mm.differentiate(motion, 6.0), case.start, case.end)
+    wrenches = mm.resample_wrenches(read_external_loads(folder / case.loads), motion.time, 6.0)
     return model, Recording(motion, wrenches)
 
 
 def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) -> Iterator[Row]:
     """Errors in standard deviations on a simulated motion of a real model, with white and with filtered noise."""
-    model = read_model(folder / "opencap-subject4-multitask/models/manually_scaled.osim")
+    model = mm.read_model(folder / "opencap-subject4-multitask/models/manually_scaled.osim")
     base = base_parameters(model)
     given = simulated(model, frames)
     zero = np.zeros((frames, 1, 3))
@@ -255,7 +247,7 @@ def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) ->
                 noise = 5.0 * np.random.default_rng(seed).normal(size=clean.shape)
                 wrench = clean + (lowpass(noise, RATE, 6.0) if filtered else noise)
                 forces, torques = wrench[:, None, 3:], wrench[:, None, :3]
-                plate = Wrenches(given.motion.time, ("plate",), (model.body_names[0],), forces, zero, torques)
+                plate = mm.Wrenches(given.motion.time, ("plate",), (model.body_names[0],), forces, zero, torques)
                 fit = fit_base(model, [Recording(given.motion, plate)], base, BaseOptions(correlated=correlated))
                 scores.append((fit.estimate - base.of(other_masses(model))) / fit.sd)
                 samples.append(fit.frames / fit.samples.mean())

@@ -14,10 +14,9 @@ import numpy as np
 import opensim
 from scipy.optimize import least_squares
 
+import myomorph as mm
 from benchmarks.opensim_tools import read_table
-from myomorph.io.formats import read_model
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.model.model import Model
 from myomorph.opensim_tools.run import run_tool
 
 opensim.Logger.setLevelString("Off")
@@ -173,7 +172,7 @@ def largest(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     return max((float(np.max(np.abs(np.asarray(a) - np.asarray(b)), initial=0.0)) for a, b in pairs), default=0.0)
 
 
-def compare_models(ours: Model, theirs: Model) -> dict[str, float]:
+def compare_models(ours: mm.Model, theirs: mm.Model) -> dict[str, float]:
     """Largest differences of joints [m], masses relative to the whole, inertias relative to the body's, and fibers."""
     mine, other = ({joint.child: joint for joint in model.joints} for model in (ours, theirs))
     places = [
@@ -196,7 +195,7 @@ def compare_models(ours: Model, theirs: Model) -> dict[str, float]:
     }
 
 
-def marker_distances(ours: Model, theirs: Model) -> np.ndarray:
+def marker_distances(ours: mm.Model, theirs: mm.Model) -> np.ndarray:
     """Distance of each marker in its body [m]; `ValueError` where the sets of markers differ."""
     if set(ours.marker_names) != set(theirs.marker_names):
         raise ValueError(f"other markers: {set(ours.marker_names) ^ set(theirs.marker_names)}")
@@ -271,14 +270,16 @@ def measure_case(data: Path, case: ScaleCase) -> dict[str, object]:
             opensim.ScaleTool(other.name).run()
         run_tool(mine)
         scaled, placed, pose = case.outputs
-        differences = compare_models(read_model(mine.parent / scaled), read_model(other.parent / scaled))
-        ours, theirs = (read_model(setup.parent / placed) for setup in (mine, other))
+        differences = compare_models(mm.read_model(mine.parent / scaled), mm.read_model(other.parent / scaled))
+        ours, theirs = (mm.read_model(setup.parent / placed) for setup in (mine, other))
         best = minimum_of_opensim(other, other.parent / scaled, pose_of(other.parent / pose))
         free = [one.name for one in ours.markers if not one.fixed]
         row: dict[str, object] = {
             "case": case.name,
             **differences,
-            "markers scaled": largest_distance(read_model(mine.parent / scaled), read_model(other.parent / scaled)),
+            "markers scaled": largest_distance(
+                mm.read_model(mine.parent / scaled), mm.read_model(other.parent / scaled)
+            ),
             "markers placed, from OpenSim's [mm]": 1000.0 * largest_distance(ours, theirs),
         }
         for name, model in (("ours", ours), ("OpenSim's", theirs)):
@@ -289,7 +290,7 @@ def measure_case(data: Path, case: ScaleCase) -> dict[str, object]:
     return row
 
 
-def largest_distance(ours: Model, theirs: Model) -> float:
+def largest_distance(ours: mm.Model, theirs: mm.Model) -> float:
     """Largest distance of a marker in its body [m]."""
     return float(marker_distances(ours, theirs).max())
 
@@ -388,10 +389,3 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
     """Rows of all cases."""
     for case in CASES:
         yield measure_case(data, case)
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of all cases of the data collection."""
-    from benchmarks.cases import data_folder
-
-    return [*measure(data_folder()), *measure_tools(data_folder())]

@@ -9,7 +9,7 @@ import importlib
 import inspect
 from collections.abc import Callable, Iterable
 
-from benchmarks.cases import data_folder
+from benchmarks.recordings import data_folder
 from benchmarks.results import Row
 
 PAGES: dict[str, dict[str, str]] = {

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
-from myomorph.model.errors import MyomorphError
 from myomorph.opensim_tools.run import run_tool
 
 ROOM = "p/q/r/s"
@@ -153,7 +153,7 @@ def ours(setup: Path) -> str:
     """Run a setup here; what was said where it is refused, "" where not."""
     try:
         run_tool(setup)
-    except MyomorphError as error:
+    except mm.MyomorphError as error:
         return str(error).replace(str(setup.parent), "").lstrip("/")
     return ""
 

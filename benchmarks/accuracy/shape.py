@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+import myomorph as mm
 from myomorph.identify.body.fit_pose import pose_model_to_skin
 from myomorph.identify.body.points import SPACING, fill, links_of
 from myomorph.identify.body.shape import DENSITY, body_shape
 from myomorph.identify.body.skin import inside
 from myomorph.identify.body.weights import links_with_mass
-from myomorph.io.formats import read_model
 from myomorph.model.segments import SEGMENTS, Segment
 
 PEOPLE = {
@@ -66,7 +66,7 @@ def measure_segments() -> Iterator[dict[str, object]]:
 def measure_poses(folder: Path) -> Iterator[dict[str, object]]:
     """Errors of models' virtual markers in the skin of a body of their mass and 1.80 m."""
     for name, path in MODELS.items():
-        model = read_model(folder / path)
+        model = mm.read_model(folder / path)
         fit = pose_model_to_skin(model, body_shape(1.80, 0.95, model.mass))
         sided = [e for n, e in zip(fit.names, fit.errors, strict=True) if n.startswith(("right ", "left "))]
         links = links_of(model, fit.motion)

@@ -9,19 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.passive import TRUNK
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
+from myomorph.model.model import Actuator
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.closed_motion import closed_motion
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.actuators import default_reserves
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
@@ -33,15 +29,15 @@ ANGLES = (30.0, 60.0, 90.0, 120.0)
 ARM = 0.05
 """Mass of an arm over that of the body (Winter 2009): the model has no legs, and the man's weight is not told."""
 
-SETTINGS: Mapping[str, TensionOptions] = {
-    "default": TensionOptions(),
-    "elastic tendons": TensionOptions(tendons="elastic"),
-    "activations from the model's minimum": TensionOptions(min_activation="model"),
-    "min/max": TensionOptions(recruitment="minmax"),
-    "exponent 3": TensionOptions(exponent=3.0),
-    "with passive force": TensionOptions(passive=True),
-    "with passive force, elastic tendons": TensionOptions(passive=True, tendons="elastic"),
-    "with passive force, model's minimum (the default before)": TensionOptions(passive=True, min_activation="model"),
+SETTINGS: Mapping[str, mm.TensionOptions] = {
+    "default": mm.TensionOptions(),
+    "elastic tendons": mm.TensionOptions(tendons="elastic"),
+    "activations from the model's minimum": mm.TensionOptions(min_activation="model"),
+    "min/max": mm.TensionOptions(recruitment="minmax"),
+    "exponent 3": mm.TensionOptions(exponent=3.0),
+    "with passive force": mm.TensionOptions(passive=True),
+    "with passive force, elastic tendons": mm.TensionOptions(passive=True, tendons="elastic"),
+    "with passive force, model's minimum (the default before)": mm.TensionOptions(passive=True, min_activation="model"),
 }
 
 
@@ -55,8 +51,8 @@ class Abduction:
     weight : of the man, from his arm's mass [N]
     """
 
-    model: Model
-    motion: Motion
+    model: mm.Model
+    motion: mm.Motion
     actuators: tuple[Actuator, ...]
     frames: tuple[int, ...]
     weight: float
@@ -64,8 +60,8 @@ class Abduction:
 
 def abduction(folder: Path) -> Abduction:
     """The motion with its loop closed; reserves of 1 N m, of the trunk, which has no muscles, as much as it takes."""
-    model = read_model(folder / MODEL)
-    motion, _ = closed_motion(model, differentiate(motion_from_table(read_sto(folder / MOTION), model), CUTOFF))
+    model = mm.read_model(folder / MODEL)
+    motion, _ = closed_motion(model, mm.differentiate(mm.read_motion(folder / MOTION, model), CUTOFF))
     actuators = tuple(
         replace(one, optimal_force=TRUNK) if "ground" in one.name else one for one in default_reserves(model, 1.0, 10.0)
     )
@@ -83,13 +79,13 @@ def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
     if not (folder / MODEL).exists():
         return
     one = abduction(folder)
-    torques = inverse_dynamics(one.model, one.motion)
+    torques = mm.inverse_dynamics(one.model, one.motion)
     ours = {
-        name: solve_tension(one.model, one.motion, torques, options, one.actuators)
+        name: mm.solve_tension(one.model, one.motion, torques, options, one.actuators)
         for name, options in SETTINGS.items()
     }
-    some = _frames(one.motion, one.frames)
-    few = solve_tension(one.model, some, inverse_dynamics(one.model, some), None, one.actuators)
+    some = take_frames(one.motion, list(one.frames))
+    few = mm.solve_tension(one.model, some, mm.inverse_dynamics(one.model, some), None, one.actuators)
     theirs = replace(few, forces=_of_opensim(folder, one, few))
     yield {"tensions": "OpenSim's static optimization", **_row(one, _force(one, some, theirs), theirs.forces)}
     for name, tension in ours.items():
@@ -104,19 +100,10 @@ def _row(one: Abduction, force: Array, forces: Array) -> dict[str, object]:
     return row | {"90 deg [BW]": float(force[at]) / one.weight, "all muscles, 90 deg [N]": float(forces[at].sum())}
 
 
-def _force(one: Abduction, motion: Motion, tension: Tension) -> Array:
+def _force(one: Abduction, motion: mm.Motion, tension: Tension) -> Array:
     """Size of the joint's force (frames,) [N]."""
-    found = joint_reactions(one.model, motion, tension, None, joints=(JOINT,), actuators=one.actuators)
+    found = mm.joint_reactions(one.model, motion, tension, None, joints=(JOINT,), actuators=one.actuators)
     return np.linalg.norm(found.forces[:, 0], axis=1)
-
-
-def _frames(motion: Motion, frames: tuple[int, ...]) -> Motion:
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    kept = list(frames)
-    return Motion(
-        motion.time[kept], motion.names, motion.values[kept], motion.velocities[kept], motion.accelerations[kept]
-    )
 
 
 def _of_opensim(folder: Path, one: Abduction, few: Tension) -> Array:

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from benchmarks.simulated_bodies import full_body, many_coordinates
 from benchmarks.simulated_engines import Engine, SimbodyEngine, TreeEngine
 from benchmarks.simulated_subject import (
@@ -29,14 +30,9 @@ from benchmarks.simulated_subject import (
 from benchmarks.simulated_truth import frames_between, joint_distances, moved, own_wrench, predicted
 from myomorph.identify import base
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions, identify
-from myomorph.io.formats import read_model
+from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Model
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.regressor import base_wrench
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
@@ -56,17 +52,17 @@ class Case:
     """A generic body and the engine that measures a person made from it."""
 
     name: str
-    make: Callable[[Path, bool], tuple[Model, Callable[[Model], Engine]]]
+    make: Callable[[Path, bool], tuple[mm.Model, Callable[[mm.Model], Engine]]]
 
 
-def _full_body(folder: Path, free: bool) -> tuple[Model, Callable[[Model], Engine]]:
+def _full_body(folder: Path, free: bool) -> tuple[mm.Model, Callable[[mm.Model], Engine]]:
     compiled, model = full_body(free)
     return model, lambda person: TreeEngine(compiled, person)
 
 
-def _many_coordinates(folder: Path, free: bool) -> tuple[Model, Callable[[Model], Engine]]:
+def _many_coordinates(folder: Path, free: bool) -> tuple[mm.Model, Callable[[mm.Model], Engine]]:
     path = folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim"
-    return many_coordinates(read_model(path), free), SimbodyEngine
+    return many_coordinates(mm.read_model(path), free), SimbodyEngine
 
 
 CASES = (Case("MyoFullBody", _full_body), Case("171 coordinates", _many_coordinates))
@@ -145,7 +141,7 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     got = trials(case, folder, free=False, size=size)
     person = got.subject.person
     yield "motion from markers: coordinates that move", len(got.exciting.motion.names), ""
-    found = calibrate(got.subject.generic, [got.exciting.markers], CalibrationOptions(noise=0.0))
+    found = mm.calibrate(got.subject.generic, [got.exciting.markers], mm.CalibrationOptions(noise=0.0))
     yield "lengths and markers from so many frames", sum(len(one) for one in found.frames), ""
     yield "noise of a marker, found and true [mm]", f"{1e3 * found.noise:.3f}, {1e3 * Instruments().marker:g}", ""
     yield from _length_facts(found.model, got.subject)
@@ -157,7 +153,7 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     mass = person.mass
     points, inside, _ = body_points(found.model, BodyShape(), mass, BodyOptions(SPACING), compare=False)
     options = IdentificationOptions(compare=False)
-    identified = identify(found.model, seen[:1], points, mass=mass, inside=inside, options=options)
+    identified = mm.identify(found.model, seen[:1], points, mass=mass, inside=inside, options=options)
     tables = {
         "the true masses": truth,
         "base parameters": standard_of(fit),
@@ -174,7 +170,7 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     yield from _held_out_facts(got, found.model, tables, seen[1].recording)
 
 
-def _length_facts(model: Model, subject: Subject) -> Facts:
+def _length_facts(model: mm.Model, subject: Subject) -> Facts:
     found, true, generic = (joint_distances(one) for one in (model, subject.person, subject.generic))
     error = np.array([abs(found[pair] - true[pair]) for pair in true])
     before = np.array([abs(generic[pair] - true[pair]) for pair in true])
@@ -189,7 +185,7 @@ def _length_facts(model: Model, subject: Subject) -> Facts:
     yield f"largest [mm] ({' to '.join(worst)})", 1e3 * float(error.max()), "<= 2"
 
 
-def _marker_facts(model: Model, person: Model, shift: tuple[Array, Array]) -> Facts:
+def _marker_facts(model: mm.Model, person: mm.Model, shift: tuple[Array, Array]) -> Facts:
     rotations, origins = shift
     true = {one.name: one for one in person.markers}
     raw, aligned = [], []
@@ -210,11 +206,11 @@ def _marker_facts(model: Model, person: Model, shift: tuple[Array, Array]) -> Fa
         )
 
 
-def fitted(model: Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
+def fitted(model: mm.Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
     """Base parameters from both noises, and both motions with their forces through the same filter."""
     seen = []
     for one in (got.exciting, got.held_out):
-        motion = inverse_kinematics(model, one.markers).motion
+        motion = mm.inverse_kinematics(model, one.markers).motion
         mass = got.subject.person.mass
         seen.append(usable(model, motion, one.wrenches, mass=mass, options=RecordingOptions(CUTOFF)))
     options = base.BaseOptions(reference=tuple(map(float, got.exciting.center)))
@@ -241,7 +237,7 @@ def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
     yield f"{name}: error / standard deviation, RMS", _rms(error), ""
 
 
-def _held_out_facts(got: Trials, model: Model, tables: Mapping[str, Array], other: base.Recording) -> Facts:
+def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], other: base.Recording) -> Facts:
     """The first table is the truth, whose error is that of the kinematics and the plate."""
     center, sigma = got.held_out.center, got.held_out.sigma
     measured = base_wrench(model, other.motion, other.wrenches, center)[other.use]

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.simulated_drums import Scene, Truth, instruments, record
 from myomorph.contact.sound import Stroke, Strokes, hear_strokes
 from myomorph.contact.strokes import calibrate_impulse, effective_mass, velocity_change
 from myomorph.model.contacts import Site
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.series import Motion
+from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import lowpass
 
@@ -96,7 +96,7 @@ def measure_motion() -> Iterator[dict[str, object]]:
     """Change of a tip's velocity as motion capture sees it, over the true one, at several frame rates and filters."""
     stick, tip = _stick()
     mass = effective_mass(
-        stick, Motion(np.zeros(1), ("turn",), np.zeros((1, 1))), "stick", tip.points[0], [1.0, 0.0, 0.0]
+        stick, mm.Motion(np.zeros(1), ("turn",), np.zeros((1, 1))), "stick", tip.points[0], [1.0, 0.0, 0.0]
     )
     for rate in (100.0, 200.0, 500.0, 1000.0):
         for cutoff in (None, 20.0, 6.0):
@@ -111,7 +111,7 @@ def measure_motion() -> Iterator[dict[str, object]]:
             }
 
 
-def _seen(stick: Model, tip: Site, rate: float, cutoff: float | None, rng: np.random.Generator) -> float:
+def _seen(stick: mm.Model, tip: Site, rate: float, cutoff: float | None, rng: np.random.Generator) -> float:
     """One stroke: the tip comes at 5 m/s, leaves at 3.5 m/s, is turned round in 5 ms and heard up to 2 ms late.
 
     Angles are 0.1 degrees rough.
@@ -128,21 +128,16 @@ def _seen(stick: Model, tip: Site, rate: float, cutoff: float | None, rng: np.ra
     if cutoff is not None and cutoff < 0.5 * rate:
         values = lowpass(values, rate, cutoff)
     heard = begin + 0.002 * rng.uniform()
-    change = velocity_change(stick, Motion(time, ("turn",), values), tip, heard)
+    change = velocity_change(stick, mm.Motion(time, ("turn",), values), tip, heard)
     return float(np.linalg.norm(change)) / 8.5
 
 
-def _stick() -> tuple[Model, Site]:
+def _stick() -> tuple[mm.Model, Site]:
     """A drum stick of 60 g and 0.4 m that turns about its end, and its tip."""
     across = 0.06 * LENGTH**2 / 12.0
     body = Body("stick", 0.06, np.array([0.0, -0.5 * LENGTH, 0.0]), np.diag([across, 1e-9, across]))
     axis = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("turn",))
     at = Transform.identity()
     joint = Joint("hand", "PinJoint", GROUND, "stick", at, at, (axis,), ("turn",))
-    model = Model("stick", (body,), (joint,), (Coordinate("turn"),), np.array([0.0, -9.81, 0.0]))
+    model = mm.Model("stick", (body,), (joint,), (Coordinate("turn"),), np.array([0.0, -9.81, 0.0]))
     return model, Site("tip", "stick", np.array([[0.0, -LENGTH, 0.0]]))
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of all recordings, and of strokes seen by motion capture."""
-    return [*measure(), *measure_motion()]

@@ -9,18 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
-from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.model import Marker
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.morph.mirror.model import with_other_side
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -46,8 +43,8 @@ class Climb:
     rung : by paw, (frames,) which one it stands on, -1 in swing
     """
 
-    model: Model
-    motion: Motion
+    model: mm.Model
+    motion: mm.Motion
     steps: tuple[Step, ...]
     sites: tuple[Site, ...]
     forces: dict[str, Array]
@@ -104,7 +101,7 @@ def climb(folder: Path) -> Climb:
     return Climb(model, motion, steps, sites, forces, points, rung)
 
 
-def _followed(model: Model, time: Array, body: Array, targets: dict[str, Array]) -> Motion:
+def _followed(model: mm.Model, time: Array, body: Array, targets: dict[str, Array]) -> mm.Motion:
     """Coordinates with which the pelvis and the paws go where they should, smooth to the second derivative."""
     corners = np.array([[0.0, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.005]])
     own = [Marker(f"P{k}", "Pelvis", corner) for k, corner in enumerate(corners)]
@@ -112,11 +109,11 @@ def _followed(model: Model, time: Array, body: Array, targets: dict[str, Array])
     values = np.concatenate([body[:, None] + corners, np.stack([targets["r"], targets["l"]], axis=1)], axis=1)
     bent = tuple(replace(one, default=BENT.get(one.name[:-2], one.default)) for one in model.coordinates)
     guided = replace(model, markers=tuple(own), coordinates=bent)
-    fit = inverse_kinematics(guided, Markers(time, tuple(one.name for one in own), values))
-    return differentiate(fit.motion, CUTOFF)
+    fit = mm.inverse_kinematics(guided, mm.Markers(time, tuple(one.name for one in own), values))
+    return mm.differentiate(fit.motion, CUTOFF)
 
 
-def _paws(model: Model, motion: Motion) -> dict[str, Array]:
+def _paws(model: mm.Model, motion: mm.Motion) -> dict[str, Array]:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     return {side: poses.origins[:, tree.body_index[name]] for side, name in PAWS.items()}
@@ -128,7 +125,7 @@ def _on(step: Step, place: Array) -> Array:
     return step.pose.apply(np.array([*np.clip(inside[:2], -half, half), 0.0]))
 
 
-def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> Series:
+def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> mm.Series:
     """What all cells read (frames, 6 x rungs), with white noise of `noise` body weights (moments: times 10 mm)."""
     rng = np.random.default_rng(seed)
     columns = []
@@ -143,10 +140,10 @@ def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> S
         if cross is not None:
             total = total @ cross.T
         columns.append(total + rng.standard_normal(total.shape) * sd + 0.1 * made.model.weight)
-    return Series(made.motion.time, tuple(name for step in made.steps for name in step.channels), np.hstack(columns))
+    return mm.Series(made.motion.time, tuple(name for step in made.steps for name in step.channels), np.hstack(columns))
 
 
-def recovered(made: Climb, axes: int, read: Series, away: float = 0.0, given: Array | None = None) -> Wrenches:
+def recovered(made: Climb, axes: int, read: mm.Series, away: float = 0.0, given: Array | None = None) -> mm.Wrenches:
     """Wrenches on the paws from cells of some axes; `away` moves the paws from where they are [m]."""
     steps = []
     for step in made.steps:
@@ -176,7 +173,7 @@ def measure(folder: Path) -> Iterator[Row]:
     yield _row(made, "6, cross-talk taken out", 0.005, 0.0, recovered(made, 6, read, given=mixed))
 
 
-def _row(made: Climb, axes: str, noise: float, away: float, found: Wrenches) -> Row:
+def _row(made: Climb, axes: str, noise: float, away: float, found: mm.Wrenches) -> Row:
     weight = made.model.weight
     vertical, level, place, right, total = [], [], [], 0.0, 0.0
     truth = []
@@ -195,7 +192,7 @@ def _row(made: Climb, axes: str, noise: float, away: float, found: Wrenches) -> 
             pressed = found.forces[:, j, 1] > 0.3 * weight
             place.append(np.linalg.norm(found.points[pressed, j] - made.points[side][pressed], axis=1))
     given = [np.stack(parts, axis=1) for parts in zip(*truth, strict=True)]
-    exact = Wrenches(made.motion.time, tuple(PAWS), tuple(PAWS.values()), *given)
+    exact = mm.Wrenches(made.motion.time, tuple(PAWS), tuple(PAWS.values()), *given)
     return {
         "axes": axes,
         "noise [% of weight]": 100.0 * noise,
@@ -207,9 +204,9 @@ def _row(made: Climb, axes: str, noise: float, away: float, found: Wrenches) -> 
     } | _torques(made, exact, found)
 
 
-def _torques(made: Climb, exact: Wrenches, found: Wrenches) -> Row:
-    truth = inverse_dynamics(made.model, made.motion, exact)
-    told = inverse_dynamics(made.model, made.motion, found)
+def _torques(made: Climb, exact: mm.Wrenches, found: mm.Wrenches) -> Row:
+    truth = mm.inverse_dynamics(made.model, made.motion, exact)
+    told = mm.inverse_dynamics(made.model, made.motion, found)
     row: Row = {}
     for joint, name in (("hip", "Hip_flexion"), ("knee", "Knee_extension"), ("ankle", "Ankle_flexion")):
         columns = [truth.names.index(f"{name}_{side}") for side in "rl"]

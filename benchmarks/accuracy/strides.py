@@ -9,23 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.analysis.cycles import over_cycles
 from myomorph.analysis.phases import contacts
-from myomorph.analysis.strides import Limb, Stride, find_strides
+from myomorph.analysis.strides import Stride
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import force_plates, wrenches_from_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.loads import read_external_loads
 from myomorph.io.qualisys_mat import read_qualisys_mat
-from myomorph.io.trc import read_trc
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
-from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
-from myomorph.study.inputs.external_forces import read_loads
-from myomorph.study.inputs.reading import open_model
 
 Row = dict[str, object]
 NEAR = 0.15
@@ -47,54 +42,30 @@ class Walk:
 
 DELAWARE = (("RCAL", "LCAL"), ("RMT2", "LMT2"), ("RASI", "LASI"))
 GAIT = (("RHEE", "LHEE"), ("RTOE", "LTOE"), ("SACR",))
+
+
+def _read(name: str, recording: str, *places: tuple[str, str]) -> Walk:
+    return Walk(name, RECORDINGS[recording].markers, *places, RECORDINGS[recording].loads, "y")
+
+
 WALKS = (
     Walk("walking2", "c3d-opensim-walking/walking2.c3d", *DELAWARE),
     Walk("walking5", "c3d-opensim-walking/walking5.c3d", *DELAWARE),
     Walk("test_walking", "c3d-opensim-walking/test_walking.c3d", *DELAWARE),
     Walk("HC002D", "c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d", *GAIT),
     Walk("HC030A, a child", "c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d", *GAIT),
-    Walk(
-        "Rajagopal",
-        "rajagopal-walk-emg/markers_walk.trc",
-        ("R.Heel", "L.Heel"),
-        ("R.Toe", "L.Toe"),
-        ("R.ASIS", "L.ASIS"),
-        "rajagopal-walk-emg/grf_walk.xml",
-        "y",
-    ),
-    Walk(
-        "gait2354",
-        "opensim-gait-subject01/experiment/subject01_walk1.trc",
-        ("R.Heel", "L.Heel"),
-        ("R.Toe.Tip", "L.Toe.Tip"),
-        ("R.ASIS", "L.ASIS"),
-        "opensim-gait-subject01/experiment/subject01_walk1_grf.xml",
-        "y",
-    ),
-    Walk(
-        "OpenCap subject 4",
-        "opencap-subject4-multitask/markers/walking1.trc",
-        ("r_calc", "L_calc"),
-        ("r_toe", "L_toe"),
-        ("r.ASIS", "L.ASIS"),
-        "opencap-subject4-multitask/grf/walking1_external_forces.xml",
-        "y",
-    ),
+    _read("Rajagopal", "rajagopal", ("R.Heel", "L.Heel"), ("R.Toe", "L.Toe"), ("R.ASIS", "L.ASIS")),
+    _read("gait2354", "gait2354", ("R.Heel", "L.Heel"), ("R.Toe.Tip", "L.Toe.Tip"), ("R.ASIS", "L.ASIS")),
+    _read("OpenCap subject 4", "opencap-walk", ("r_calc", "L_calc"), ("r_toe", "L_toe"), ("r.ASIS", "L.ASIS")),
 )
 
 
-RAJAGOPAL, GAIT2354 = "rajagopal-walk-emg", "opensim-gait-subject01"
-OPENCAP, HAMNER = "opencap-subject4-multitask", "hamner-run-subject04"
 GOING = {
-    "walk, Rajagopal": (f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/markers_walk.trc",
-                        f"{RAJAGOPAL}/grf_walk.xml"),
-    "walk, gait2354": (f"{GAIT2354}/ref_scale/std_subject01_simbody.osim", f"{GAIT2354}/experiment/subject01_walk1.trc",
-                       f"{GAIT2354}/experiment/subject01_walk1_grf.xml"),
-    "run at 2 m/s, Hamner": (f"{HAMNER}/unscaled_generic.osim", f"{HAMNER}/run200/markers.trc",
-                             f"{HAMNER}/run200/grf.mot"),
-    "run at 5 m/s, Hamner": (f"{HAMNER}/unscaled_generic.osim", f"{HAMNER}/run500/markers.trc",
-                             f"{HAMNER}/run500/grf.mot"),
-}  # fmt: skip
+    "walk, Rajagopal": RECORDINGS["rajagopal"],
+    "walk, gait2354": RECORDINGS["gait2354"],
+    "run at 2 m/s, Hamner": RECORDINGS["run-2"],
+    "run at 5 m/s, Hamner": RECORDINGS["run-5"],
+}
 """Model, markers and forces of recordings with whole strides on plates; the runner's model is calibrated."""
 SECONDS = 4.0
 """Of a recording at most."""
@@ -102,13 +73,11 @@ BESIDE = 0.08
 """A recording of a single stride begins so much before it and ends so much after [s]."""
 
 
-def recorded(folder: Path, walk: Walk) -> tuple[Markers, Wrenches, Array]:
+def recorded(folder: Path, walk: Walk) -> tuple[mm.Markers, mm.Wrenches, Array]:
     """Markers, plates and up."""
     up = np.eye(3)["xyz".index(walk.up)]
     if walk.loads:
-        markers = read_trc(folder / walk.file).markers
-        assert markers is not None
-        return markers, read_external_loads(folder / walk.loads), up
+        return read_markers(folder / walk.file), read_external_loads(folder / walk.loads), up
     trial = force_plates(read_c3d(folder / walk.file))
     assert trial.markers is not None
     return trial.markers, wrenches_from_plates(trial.plates, trial.plate_time), up
@@ -138,8 +107,8 @@ def _told(strikes: list[float], lifts: list[float]) -> Row:
 def errors(folder: Path, walk: Walk) -> tuple[list[float], list[float], float]:
     """Times from markers less those of the plates [s], strikes and lifts, and the speed [m/s]."""
     markers, plates, up = recorded(folder, walk)
-    limbs = [Limb(side, (heel,), (toe,)) for side, heel, toe in zip("rl", walk.heels, walk.toes, strict=True)]
-    found = find_strides(markers, limbs, walk.pelvis, up)
+    limbs = [mm.Limb(side, (heel,), (toe,)) for side, heel, toe in zip("rl", walk.heels, walk.toes, strict=True)]
+    found = mm.find_strides(markers, limbs, walk.pelvis, up)
     vertical = np.nan_to_num(plates.forces @ up)
     weight = float(np.percentile(vertical.sum(axis=1), 90.0))
     strikes, lifts = [], []
@@ -161,9 +130,9 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
     trial = read_qualisys_mat(folder / "mouse-markers-treadmill/treadmill_15m_per_min.mat")
     assert trial.markers is not None
     for joint in ("ankle", "knee"):
-        limbs = [Limb(f"hind_{side[0]}", (f"{side}_{joint}",)) for side in ("right", "left")]
+        limbs = [mm.Limb(f"hind_{side[0]}", (f"{side}_{joint}",)) for side in ("right", "left")]
         for told in (None, 0.25):
-            found = find_strides(
+            found = mm.find_strides(
                 trial.markers,
                 limbs,
                 ("left_hip", "right_hip"),
@@ -186,12 +155,12 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
                 yield row
 
 
-def _foot(markers: Markers, limbs: list[Limb], plates: Wrenches, k: int, middle: int) -> str:
+def _foot(markers: mm.Markers, limbs: list[mm.Limb], plates: mm.Wrenches, k: int, middle: int) -> str:
     """The foot whose heel and toes are nearest to a plate's center of pressure."""
     frame = int(np.argmin(np.abs(markers.time - plates.time[middle])))
     point = plates.points[middle, k]
 
-    def away(limb: Limb) -> float:
+    def away(limb: mm.Limb) -> float:
         places = np.array([markers[name][frame] for name in (*limb.points, *limb.lifting)])
         return float(np.linalg.norm(np.nan_to_num(places, nan=1e3).mean(axis=0) - point))
 
@@ -201,14 +170,13 @@ def _foot(markers: Markers, limbs: list[Limb], plates: Wrenches, k: int, middle:
 def measure_duty(folder: Path) -> Iterator[Row]:
     """Duty factors and peaks over strides, by plates, without them and of a single stride, beside the plates' own."""
     for name, files in GOING.items():
-        model = open_model(folder / files[0])
-        markers = read_trc(folder / files[1]).markers
-        assert markers is not None
+        model = mm.read_model(folder / files.model)
+        markers = read_markers(folder / files.markers)
         markers = cut(markers, markers.time[0], markers.time[0] + SECONDS)
         if "run" in name:
-            model = calibrate(model, [markers], CalibrationOptions(frames=60)).model
-        fit = inverse_kinematics(model, markers)
-        wrenches = read_loads(folder / files[2], model, fit.motion)
+            model = mm.calibrate(model, [markers], mm.CalibrationOptions(frames=60)).model
+        fit = mm.inverse_kinematics(model, markers)
+        wrenches = mm.read_loads(folder / files.loads, model, fit.motion)
         weight = float(np.nanmean(_vertical(wrenches).sum(axis=1))) if "run" in name else model.weight
         steps = [(body, *step) for body in dict.fromkeys(wrenches.bodies) for step in _steps(wrenches, body, weight)]
         shown = [one for one in steps if markers.time[0] <= one[1] and one[3] <= markers.time[-1]]
@@ -225,7 +193,11 @@ def measure_duty(folder: Path) -> Iterator[Row]:
 
 
 def _of_one(
-    model: Model, motion: Motion, wrenches: Wrenches, step: tuple[str, float, float, float, float], weight: float
+    model: mm.Model,
+    motion: mm.Motion,
+    wrenches: mm.Wrenches,
+    step: tuple[str, float, float, float, float],
+    weight: float,
 ) -> Row:
     """The same where a recording holds one stride only."""
     body, start, lift, stop, peak = step
@@ -241,11 +213,11 @@ def _of_one(
     return row
 
 
-def _vertical(wrenches: Wrenches) -> Array:
+def _vertical(wrenches: mm.Wrenches) -> Array:
     return np.nan_to_num(wrenches.forces[:, :, 1])
 
 
-def _steps(wrenches: Wrenches, body: str, weight: float) -> list[tuple[float, float, float, float]]:
+def _steps(wrenches: mm.Wrenches, body: str, weight: float) -> list[tuple[float, float, float, float]]:
     """Strike, lift, next strike [s] and greatest force [N] of each stride of a foot that the plates show whole."""
     own = [k for k, one in enumerate(wrenches.bodies) if one == body]
     force = _vertical(wrenches)[:, own].sum(axis=1)
@@ -258,13 +230,13 @@ def _steps(wrenches: Wrenches, body: str, weight: float) -> list[tuple[float, fl
     ]
 
 
-def _peak(strides: Sequence[Stride], wrenches: Wrenches) -> float:
+def _peak(strides: Sequence[Stride], wrenches: mm.Wrenches) -> float:
     """Greatest vertical force of the mean curve over strides, each foot's force over its own, mean of both feet [N]."""
     peaks = []
     for limb in dict.fromkeys(one.limb for one in strides):
         own = [k for k, one in enumerate(wrenches.bodies) if one == limb]
         if own:
-            force = Series(wrenches.time, (limb,), _vertical(wrenches)[:, own].sum(axis=1)[:, None])
+            force = mm.Series(wrenches.time, (limb,), _vertical(wrenches)[:, own].sum(axis=1)[:, None])
             spans = [(one.start, one.stop) for one in strides if one.limb == limb]
             peaks.append(float(np.nanmean(over_cycles(force, spans).values, axis=0).max()))
     return float(np.mean(peaks)) if peaks else float("nan")

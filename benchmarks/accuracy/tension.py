@@ -9,23 +9,21 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.opensim_static import StaticResult, static_optimization, write_actuators
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
+from benchmarks.recordings import RECORDINGS, read_torques
 from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.io.sto import table_from_motion
+from myomorph.model.model import Actuator
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import Tension
 from myomorph.tension.terms.actuators import default_reserves
 
 
@@ -62,20 +60,19 @@ LEFT_FIRST = (
     ("calcn_l", "l_ground_force_v", "l_ground_force_p", "l_ground_torque_"),
     ("calcn_r", "ground_force_v", "ground_force_p", "ground_torque_"),
 )
-ARM = "opensim-reference-small/arm26"
 GAIT10 = "opensim-gait-subject01/ref_so_10dof18musc/"
+
+
+def _case(name: str, recording: str, span: tuple[float, float], interval: int, **more: Any) -> TensionCase:
+    files = RECORDINGS[recording]
+    return TensionCase(
+        name, files.model, files.motion, files.loads, start=span[0], end=span[1], interval=interval, **more
+    )
+
 
 CASES = (
     *(
-        TensionCase(
-            f"arm26, 6 {kind}",
-            f"{ARM}_bounds.osim",
-            f"{ARM}_InverseKinematics.mot",
-            interval=4,
-            cutoff=6.0,
-            actuators="none",
-            kind=kind,
-        )
+        _case(f"arm26, 6 {kind}", "arm26", (0.0, 1.0), 4, cutoff=6.0, actuators="none", kind=kind)
         for kind in (
             "Thelen2003Muscle",
             "Thelen2003Muscle_Deprecated",
@@ -83,60 +80,15 @@ CASES = (
             "Millard2012AccelerationMuscle",
         )
     ),
-    TensionCase(
-        "walk, 18 muscles, ankle spring",
-        f"{GAIT10}subject01_adjusted_spring.osim",
-        f"{GAIT10}walk_subject01_Kinematics_q.sto",
-        "opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot",
-        LEFT_FIRST,
-        0.5,
-        1.3,
-        20,
+    replace(
+        _case("walk, 18 muscles, ankle spring", "gait10", (0.5, 1.3), 20, feet=LEFT_FIRST),
+        loads="opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot",
         actuators=f"{GAIT10}gait10dof_Actuators_weak.xml",
     ),
-    TensionCase(
-        "walk, Rajagopal, 80 muscles",
-        "rajagopal-walk-emg/subject_walk_scaled.osim",
-        "rajagopal-walk-emg/coordinates.sto",
-        "rajagopal-walk-emg/grf_walk.xml",
-        (),
-        0.6,
-        1.6,
-        50,
-    ),
-    TensionCase(
-        "treadmill walk, 80 muscles, no arms",
-        "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
-        "walk-so-jointload-emg/results_ik.sto",
-        "walk-so-jointload-emg/walking_baseline1_forces.mot",
-        FEET,
-        10.9,
-        11.7,
-        3,
-        6.0,
-    ),
-    TensionCase(
-        "treadmill walk, gait2392, 92 muscles",
-        "ceinms-emg-walk/model/gait2392.osim",
-        "ceinms-emg-walk/walk36/ik.sto",
-        "ceinms-emg-walk/walk36/XLD.mot",
-        LEFT_FIRST,
-        10.0,
-        11.2,
-        10,
-        6.0,
-    ),
-    TensionCase(
-        "walk, OpenCap, 80 muscles",
-        "opencap-subject4-multitask/models/manually_scaled.osim",
-        "opencap-subject4-multitask/ik_manual_scaling/walking1_ik.mot",
-        "opencap-subject4-multitask/grf/walking1_external_forces.xml",
-        (),
-        0.3,
-        1.2,
-        6,
-        6.0,
-    ),
+    _case("walk, Rajagopal, 80 muscles", "rajagopal", (0.6, 1.6), 50),
+    _case("treadmill walk, 80 muscles, no arms", "treadmill", (10.9, 11.7), 3, feet=FEET, cutoff=6.0),
+    _case("treadmill walk, gait2392, 92 muscles", "gait2392", (10.0, 11.2), 10, feet=LEFT_FIRST, cutoff=6.0),
+    _case("walk, OpenCap, 80 muscles", "opencap-walk", (0.3, 1.2), 6, cutoff=6.0),
 )
 
 LOADS = """<?xml version="1.0" encoding="UTF-8"?>
@@ -155,9 +107,9 @@ class Prepared:
     """A case with files that both programs read."""
 
     case: TensionCase
-    model: Model
+    model: mm.Model
     model_path: Path
-    motion: Motion
+    motion: mm.Motion
     motion_path: Path
     loads: Path | None
     actuators: tuple[Actuator, ...]
@@ -171,11 +123,11 @@ def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
         text = model_path.read_text().replace("Thelen2003Muscle", case.kind)
         model_path = work / "model.osim"
         model_path.write_text(text)
-    model = read_model(model_path)
-    given = motion_from_table(read_sto(folder / case.motion), model)
-    motion = Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
+    model = mm.read_model(model_path)
+    given = mm.read_motion(folder / case.motion, model)
+    motion = mm.Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
     motion_path = work / "motion.sto"
-    write_sto(table_from_motion(motion, model, degrees=False), motion_path)
+    mm.write_sto(table_from_motion(motion, model, degrees=False), motion_path)
     loads = folder / case.loads if case.loads else None
     if case.feet:
         entries = (ENTRY.format(body=b, force=f, point=p, torque=t) for b, f, p, t in case.feet)
@@ -195,25 +147,16 @@ def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
 def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
     """Myomorph's tensions on the frames nearest to the times `at`, or on all frames of the case."""
     case = prepared.case
-    whole = differentiate(prepared.motion, case.cutoff)
+    whole = mm.differentiate(prepared.motion, case.cutoff)
     if at is None:
         keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))
     else:
         keep = np.abs(whole.time[:, None] - at[None]).argmin(axis=0)
-    assert whole.velocities is not None
-    assert whole.accelerations is not None
-    motion = Motion(
-        whole.time[keep],
-        whole.names,
-        whole.values[keep],
-        velocities=whole.velocities[keep],
-        accelerations=whole.accelerations[keep],
+    motion = take_frames(whole, keep)
+    torques = read_torques(prepared.loads, prepared.model, motion)
+    return mm.solve_tension(
+        prepared.model, motion, torques, mm.TensionOptions(min_activation="model"), prepared.actuators
     )
-    wrenches = None
-    if prepared.loads is not None:
-        wrenches = resample_wrenches(read_external_loads(prepared.loads), motion.time)
-    torques: Series = inverse_dynamics(prepared.model, motion, wrenches)
-    return solve_tension(prepared.model, motion, torques, TensionOptions(min_activation="model"), prepared.actuators)
 
 
 def theirs(prepared: Prepared) -> StaticResult:
@@ -265,10 +208,3 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     """Rows of all cases."""
     for case in CASES:
         yield measure_case(folder, case)
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of all cases of the data collection."""
-    from benchmarks.cases import data_folder
-
-    return list(measure(data_folder()))

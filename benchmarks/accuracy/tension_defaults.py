@@ -8,28 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import USUAL, channel_means, fit_gains, shifted
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import Tension
 
 SECONDS = 8.0
 """Of each walk: some strides, so that the table is made in a minute."""
 
-SETTINGS: Mapping[str, TensionOptions] = {
-    "default": TensionOptions(),
-    "with passive force": TensionOptions(passive=True),
-    "activations from the model's minimum": TensionOptions(min_activation="model"),
-    "curves of the rigid tendon": TensionOptions(curves="rigid-tendon"),
-    "no curves": TensionOptions(curves="constant"),
-    "exponent 1.5": TensionOptions(exponent=1.5),
-    "exponent 3": TensionOptions(exponent=3.0),
-    "exponent 4": TensionOptions(exponent=4.0),
-    "exponent 10": TensionOptions(exponent=10.0),
-    "min/max": TensionOptions(recruitment="minmax"),
-    "weights by volume": TensionOptions(weights="volume"),
-    "weights by strength": TensionOptions(weights="strength"),
+SETTINGS: Mapping[str, mm.TensionOptions] = {
+    "default": mm.TensionOptions(),
+    "with passive force": mm.TensionOptions(passive=True),
+    "activations from the model's minimum": mm.TensionOptions(min_activation="model"),
+    "curves of the rigid tendon": mm.TensionOptions(curves="rigid-tendon"),
+    "no curves": mm.TensionOptions(curves="constant"),
+    "exponent 1.5": mm.TensionOptions(exponent=1.5),
+    "exponent 3": mm.TensionOptions(exponent=3.0),
+    "exponent 4": mm.TensionOptions(exponent=4.0),
+    "exponent 10": mm.TensionOptions(exponent=10.0),
+    "min/max": mm.TensionOptions(recruitment="minmax"),
+    "weights by volume": mm.TensionOptions(weights="volume"),
+    "weights by strength": mm.TensionOptions(weights="strength"),
 }
 
 
@@ -42,7 +42,7 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
         motion, torques = walk.part(walk.tested)
         emg = _measured(walk, motion.time)
         for name, options in SETTINGS.items():
-            found = solve_tension(walk.model, motion, torques, options)
+            found = mm.solve_tension(walk.model, motion, torques, options)
             r, rms = zip(*(_fit(found, walk, channel, emg[channel]) for channel in walk.channels), strict=True)
             yield {
                 "walk": walk.name,

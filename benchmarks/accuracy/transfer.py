@@ -9,15 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.identify.body.regions import centers_of, regions_of
-from myomorph.identify.transfer import Transfer, transfer
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
+from myomorph.identify.transfer import Transfer
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
-from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.model.model import Marker
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import compile_tree
@@ -40,34 +36,34 @@ def higher_models(data: Path) -> dict[str, Path]:
     return found
 
 
-def with_centers(model: Model, keys: tuple[str, ...]) -> Model:
+def with_centers(model: mm.Model, keys: tuple[str, ...]) -> mm.Model:
     """The model with its joint centers as markers."""
     centers = centers_of(model, regions_of(model))
     virtual = tuple(Marker(f"center {key}", centers[key].joint.child, centers[key].location) for key in keys)
     return replace(model, markers=(*model.markers, *virtual))
 
 
-def marker_motion(model: Model, motion: Motion) -> Markers:
+def marker_motion(model: mm.Model, motion: mm.Motion) -> mm.Markers:
     """Where a model's markers are during a motion."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[one.body] for one in model.markers])
     places = poses.points(bodies, np.array([one.location for one in model.markers]))
-    return Markers(motion.time, model.marker_names, places)
+    return mm.Markers(motion.time, model.marker_names, places)
 
 
-def same_movement(lower: Model, motion: Motion, found: Transfer) -> tuple[Motion, np.ndarray]:
+def same_movement(lower: mm.Model, motion: mm.Motion, found: Transfer) -> tuple[mm.Motion, np.ndarray]:
     """The higher model's motion that follows the lower one's markers and joint centers, and marker errors [m]."""
     keys = tuple(found.joint_errors)
     seen = marker_motion(with_centers(lower, keys), motion)
     names = set(found.model.marker_names) | {f"center {key}" for key in keys}
     kept = [i for i, name in enumerate(seen.names) if name in names]
-    seen = Markers(seen.time, tuple(seen.names[i] for i in kept), seen.values[:, kept] @ found.rotation.T)
-    fit = inverse_kinematics(with_centers(found.model, keys), seen, InverseKinematicsOptions())
+    seen = mm.Markers(seen.time, tuple(seen.names[i] for i in kept), seen.values[:, kept] @ found.rotation.T)
+    fit = mm.inverse_kinematics(with_centers(found.model, keys), seen, mm.InverseKinematicsOptions())
     return fit.motion, fit.rms
 
 
-def wrench(model: Model, motion: Motion, points: np.ndarray) -> np.ndarray:
+def wrench(model: mm.Model, motion: mm.Motion, points: np.ndarray) -> np.ndarray:
     """(frames, 6) external wrench about points (frames, 3) that a motion needs [N m, N]."""
     rows = base_regressor(model, motion, np.zeros(3))
     needed = np.einsum("fij,j->fi", rows, inertial_parameters(model).ravel())
@@ -77,19 +73,19 @@ def wrench(model: Model, motion: Motion, points: np.ndarray) -> np.ndarray:
 
 def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     """What one higher model reproduces of the lower one."""
-    lower, higher = read_model(data / LOWER), read_model(path)
-    found = transfer(lower, higher)
-    whole = motion_from_table(read_sto(data / MOTION), lower)
-    motion = Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
+    lower, higher = mm.read_model(data / LOWER), mm.read_model(path)
+    found = mm.transfer(lower, higher)
+    whole = mm.read_motion(data / MOTION, lower)
+    motion = mm.Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
     followed, rms = same_movement(lower, motion, found)
     inside = slice(10, -10)
     tree = compile_tree(lower)
     pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
-    needed = wrench(lower, differentiate(motion, CUTOFF), pelvis)
+    needed = wrench(lower, mm.differentiate(motion, CUTOFF), pelvis)
     turn, turned = np.kron(np.eye(2), found.rotation), pelvis @ found.rotation.T
     given = {
-        "transferred": wrench(found.model, differentiate(followed, CUTOFF), turned),
-        "generic": wrench(_masses_of(higher, found), differentiate(followed, CUTOFF), turned),
+        "transferred": wrench(found.model, mm.differentiate(followed, CUTOFF), turned),
+        "generic": wrench(_masses_of(higher, found), mm.differentiate(followed, CUTOFF), turned),
     }
     weight = lower.mass * float(np.linalg.norm(lower.gravity))
     row: dict[str, object] = {
@@ -111,7 +107,7 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     return row
 
 
-def _masses_of(higher: Model, found: Transfer) -> Model:
+def _masses_of(higher: mm.Model, found: Transfer) -> mm.Model:
     """The transferred model with the generic masses, grown to the same total: what lengths alone would give."""
     growth = found.model.mass / higher.mass
     bodies = tuple(
@@ -126,7 +122,7 @@ def _masses_of(higher: Model, found: Transfer) -> Model:
     return replace(found.model, bodies=bodies)
 
 
-def _least_ratio(before: Model, after: Model) -> float:
+def _least_ratio(before: mm.Model, after: mm.Model) -> float:
     """Least eigenvalue of any body's pseudo-inertia relative to before, of bodies that were possible before."""
     least = [np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0] for model in (before, after)]
     possible = least[0] > 1e-12
@@ -141,10 +137,3 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
     """Rows of all higher models."""
     for name, path in higher_models(data).items():
         yield measure_model(data, name, path)
-
-
-def run() -> list[dict[str, object]]:
-    """Rows of all higher models, on the data collection."""
-    from benchmarks.cases import data_folder
-
-    return list(measure(data_folder()))

@@ -17,25 +17,18 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.knee import BODY_WEIGHT, MODEL, PARTS, STRIDES, STUDY, at_times, left_knee, measured
 from myomorph.cli import main
 from myomorph.io.loads import write_external_loads
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
 from myomorph.model.segments import joint_labels
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import common_time, cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.sync import common_time, cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import read_result
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.trial_files import TrialFiles
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.solve import TensionOptions, solve_tension
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
@@ -153,7 +146,7 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
     truth = _truth(model, body, moved, wrenches, draw)
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
-        write_trc(drawn_markers(body, _markers(body, moved), draw, {}), here / "markers.trc")
+        mm.write_trc(drawn_markers(body, _markers(body, moved), draw, {}), here / "markers.trc")
         write_external_loads(drawn_wrenches(wrenches, model.up, draw), here / "loads.sto", here / "loads.xml")
         (here / "study.toml").write_text(STUDY_FILE.format(draws=DRAWS, model=str(path)), encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
@@ -175,7 +168,7 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
     return apart
 
 
-def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[Model, Motion, Wrenches]:
+def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it acts on."""
     home = folder / HOME
     files = TrialFiles(
@@ -188,28 +181,28 @@ def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[Mod
     model, given = trial.model, poses.recorded
     wrenches = trial.loads(given)
     start, end = common_time(given, wrenches)
-    smooth = differentiate(given, CUTOFF)
-    used = cut(Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))
-    return model, used, resample_wrenches(wrenches, used.time, CUTOFF)
+    smooth = mm.differentiate(given, CUTOFF)
+    used = cut(mm.Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))
+    return model, used, mm.resample_wrenches(wrenches, used.time, CUTOFF)
 
 
-def _markers(model: Model, motion: Motion) -> Markers:
+def _markers(model: mm.Model, motion: mm.Motion) -> mm.Markers:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_number(one.body) for one in model.markers], np.int64)
     points = poses.points(bodies, np.array([one.location for one in model.markers]))
-    return Markers(motion.time, model.marker_names, points)
+    return mm.Markers(motion.time, model.marker_names, points)
 
 
-def _truth(model: Model, body: Model, motion: Motion, wrenches: Wrenches, draw: Draw) -> Truth:
+def _truth(model: mm.Model, body: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches, draw: Draw) -> Truth:
     """What is true of a body that the user does not know."""
-    moved = differentiate(motion, None)
-    torques = inverse_dynamics(body, moved, wrenches)
+    moved = mm.differentiate(motion, None)
+    torques = mm.inverse_dynamics(body, moved, wrenches)
     cubed = draw.normals.uniform(draw.number, "criterion", "exponent") > 0.5
     volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
-    options = TensionOptions(exponent=3.0 if cubed else 2.0, weights="volume" if volume else "equal")
-    tension = solve_tension(body, moved, torques, options)
-    loads = joint_reactions(body, moved, tension, wrenches).table(joint_labels(body))
+    options = mm.TensionOptions(exponent=3.0 if cubed else 2.0, weights="volume" if volume else "equal")
+    tension = mm.solve_tension(body, moved, torques, options)
+    loads = mm.joint_reactions(body, moved, tension, wrenches).table(joint_labels(body))
     free = [name for name in model.coordinate_names if not model.coordinate(name).locked]
     free = [name for name in free if name not in {one.dependent for one in model.couplers}]
     sizes = [name for name in loads.names if name.endswith("_force")]
@@ -235,7 +228,7 @@ def measure_knee(folder: Path) -> Iterator[Row]:
             files = ("--model", here / MODEL, "--motion", here / f"{stride}_ik.mot")
             points = ("--contact-points", "auto", "--draws", 200, "--uncertainty", sizes)
             command("tension", *files, "--loads", here / f"{stride}_grf.xml", *points, "--out", out)
-            tables = [left_knee(read_sto(out / f"joint_contact_forces{end}.sto")) for end in ("_low", "", "_high")]
+            tables = [left_knee(mm.read_sto(out / f"joint_contact_forces{end}.sto")) for end in ("_low", "", "_high")]
         truth, clock = measured(folder, stride)
         low, found, high = (at_times(one, clock) for one in tables)
         apart = np.abs(truth - 0.5 * (low + high)) / np.maximum(0.5 * (high - low), 1e-9)

@@ -16,21 +16,17 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from benchmarks.accuracy.uncertainty import command
 from benchmarks.hands_lift import LIFTS, hands_measured, man, recorded, tracked
 from benchmarks.hands_lift_forces import HANDS, holding, plate_on_feet
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
+from benchmarks.recordings import read_markers
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.io.formats import read_model
 from myomorph.io.loads import write_external_loads
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import read_sto, table_from_motion, write_sto
-from myomorph.io.trc import read_trc, write_trc
+from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Table
-from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.uncertainty.spread import LEVEL
@@ -172,7 +168,7 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     start, stop = float(used[0]), float(min(used[-1], used[0] + LASTS))
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
-        write_osim(hidden.model, here / "model.osim")
+        mm.write_osim(hidden.model, here / "model.osim")
         recording = f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}"
         text = STUDY_FILE.format(
             draws=DRAWS,
@@ -188,7 +184,9 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     return _beside_plates(hidden, tables, start, stop)
 
 
-def _beside_plates(hidden: Hidden, tables: tuple[Table, Table, Table], start: float, stop: float) -> dict[str, Held]:
+def _beside_plates(
+    hidden: Hidden, tables: tuple[mm.Table, mm.Table, mm.Table], start: float, stop: float
+) -> dict[str, Held]:
     time = hidden.motion.time
     frames = np.flatnonzero(hidden.use & (time >= start - 1e-6) & (time <= stop + 1e-6))
     parts: dict[str, list[list[Array]]] = {axis: [] for axis in AXES}
@@ -203,27 +201,26 @@ def _beside_plates(hidden: Hidden, tables: tuple[Table, Table, Table], start: fl
     return {axis: Held(*(np.concatenate(one) for one in zip(*own, strict=True))) for axis, own in parts.items()}
 
 
-def limits(path: Path) -> tuple[Table, Table, Table]:
+def limits(path: Path) -> tuple[mm.Table, mm.Table, mm.Table]:
     """Lower limits, values and upper limits of a table that a command wrote."""
     return (
-        read_sto(path.with_name(f"{path.stem}_low{path.suffix}")),
-        read_sto(path),
-        read_sto(path.with_name(f"{path.stem}_high{path.suffix}")),
+        mm.read_sto(path.with_name(f"{path.stem}_low{path.suffix}")),
+        mm.read_sto(path),
+        mm.read_sto(path.with_name(f"{path.stem}_high{path.suffix}")),
     )
 
 
 def measure_pins(folder: Path) -> Iterator[Row]:
     """Angles of a shoulder by bone pins, found from fewer markers: share inside the limits, and their widths."""
     home, factor = folder / PINS, FACTORS["coordinates"]
-    markers = read_trc(home / PIN_MARKERS).markers
-    assert markers is not None
+    markers = read_markers(home / PIN_MARKERS)
     time, truth = _of_bones(folder, markers)
     for words, left_out in SUBSETS.items():
         kept = _without(markers, (*left_out, *NOT_USED))
         for stated, sizes in SIZES.items():
             with tempfile.TemporaryDirectory() as work:
                 here = Path(work)
-                write_trc(kept, here / "markers.trc")
+                mm.write_trc(kept, here / "markers.trc")
                 (here / "sizes.toml").write_text(f"{sizes}contributions = 0\nwidened = false\n", encoding="utf-8")
                 files = ("--model", home / PIN_MODEL, "--markers", here / "markers.trc", "--out", here / "angles.mot")
                 command("ik", *files, "--time", *PIN_SPAN, "--draws", DRAWS, "--uncertainty", here / "sizes.toml")
@@ -244,17 +241,17 @@ def measure_pins(folder: Path) -> Iterator[Row]:
             yield row
 
 
-def _of_bones(folder: Path, markers: Markers) -> tuple[Array, dict[str, Array]]:
+def _of_bones(folder: Path, markers: mm.Markers) -> tuple[Array, dict[str, Array]]:
     """Times, and angles [deg] that the pins of each bone show by themselves.
 
     Those of the scapula from its own markers and the thorax's alone, without clavicle and humerus; those of the
     humerus from the rotations of scapula and humerus, each of its own markers.
     """
-    model = read_model(folder / PINS / PIN_MODEL)
+    model = mm.read_model(folder / PINS / PIN_MODEL)
     some = np.flatnonzero(markers.time <= PIN_SPAN[1])[::PIN_EVERY]
     shown = replace(markers, time=markers.time[some], values=markers.values[some])
     apart = tuple(one for one in model.markers if one.body in ("thorax", "scapula"))
-    alone = inverse_kinematics(replace(model, loops=(), markers=apart), _without(shown, NOT_USED)).motion
+    alone = mm.inverse_kinematics(replace(model, loops=(), markers=apart), _without(shown, NOT_USED)).motion
     found = {name: np.degrees(alone[name]) for name in SCAPULA}
     scapula, humerus = (_rotations(model, body, shown) for body in ("scapula", "humerus"))
     turned = np.einsum("fji,fjk->fik", scapula, humerus)
@@ -275,7 +272,7 @@ def _of_bones(folder: Path, markers: Markers) -> tuple[Array, dict[str, Array]]:
     return shown.time, found | dict(zip(HUMERUS, np.degrees(angles.T), strict=True))
 
 
-def _rotations(model: Model, body: str, markers: Markers) -> Array:
+def _rotations(model: mm.Model, body: str, markers: mm.Markers) -> Array:
     """(frames, 3, 3) of a body from its own markers."""
     own = [one for one in model.markers if one.body == body and one.name not in NOT_USED]
     places = np.array([one.location for one in own])
@@ -284,7 +281,7 @@ def _rotations(model: Model, body: str, markers: Markers) -> Array:
     return np.array([Rotation.align_vectors(frame, places)[0].as_matrix() for frame in seen])
 
 
-def _without(markers: Markers, names: tuple[str, ...]) -> Markers:
+def _without(markers: mm.Markers, names: tuple[str, ...]) -> mm.Markers:
     kept = [k for k, name in enumerate(markers.names) if name not in names]
     return replace(markers, names=tuple(markers.names[k] for k in kept), values=markers.values[:, kept])
 
@@ -298,8 +295,8 @@ def measure_box(folder: Path) -> Iterator[Row]:
         held = holding(folder, lift)[1].max(axis=1) > 0.0
         with tempfile.TemporaryDirectory() as work:
             here = Path(work)
-            write_osim(model, here / "model.osim")
-            write_sto(table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot")
+            mm.write_osim(model, here / "model.osim")
+            mm.write_sto(table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot")
             loads = plate_on_feet(recorded(folder, lift), motion.time)
             write_external_loads(loads, here / "plate.sto", here / "plate.xml")
             hands = body_sites(model, HANDS)

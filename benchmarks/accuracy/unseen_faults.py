@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import myomorph as mm
 from benchmarks.accuracy.faults import FORCE_FAULTS, Fault, Recorded, Row, counted_faults, late, scaled_mass
 from myomorph.cli import main
-from myomorph.io.formats import read_model
 from myomorph.study.inputs.external_forces import on_feet
-from myomorph.study.trial.load import load
 
 SAMPLES, GAIT = "c3d-vendor-samples/C3DSamples", "c3d-gait-plugingait"
 CARRIED = re.compile(r"the plates carry ([\d.]+) kg")
@@ -107,10 +106,10 @@ def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
             status, said = typed("run", study, "--out", out, "--workers", "1")
         if status:
             return None, said.rpartition("\n")[2].replace(f"{folder / raw.file}: ", "")
-        ((_, trial),) = load(out).items()
+        ((_, trial),) = mm.load(out).items()
         if trial.motion is None or trial.wrenches is None:
             return None, "no forces on feet"
-        return Recorded(raw.name, read_model(out / "calibrated.osim"), trial.motion, trial.wrenches), said
+        return Recorded(raw.name, mm.read_model(out / "calibrated.osim"), trial.motion, trial.wrenches), said
 
 
 def typed(*words: object) -> tuple[int, str]:

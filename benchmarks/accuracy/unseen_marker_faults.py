@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy import unseen_faults
 from benchmarks.accuracy.marker_faults import (
     ABOUT_THE_MODEL,
@@ -27,17 +28,12 @@ from benchmarks.accuracy.marker_faults import (
 from benchmarks.accuracy.unseen_faults import GAIT, SAMPLES, typed
 from benchmarks.accuracy.unseen_faults import RAW as OF_FORCES
 from benchmarks.accuracy.unseen_faults import Raw as RawForces
-from myomorph.io.formats import read_model
-from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
 from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.store.finding_store import get_findings
 from myomorph.study.analyze.recordings import Recording, bare, look_at
 from myomorph.study.subject.calibrating import stored_findings
-from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.ik import FINDINGS
 
 Row = dict[str, object]
@@ -95,8 +91,8 @@ class Result:
     said : all that was printed
     """
 
-    model: Model | None
-    motion: Motion | None
+    model: mm.Model | None
+    motion: mm.Motion | None
     findings: tuple[Finding, ...]
     said: str
 
@@ -140,7 +136,7 @@ def clean_after_calibration(folder: Path) -> Iterator[Row]:
 
 
 @cache
-def calibrated(folder: Path, raw: RawForces) -> tuple[str, Model, Markers] | None:
+def calibrated(folder: Path, raw: RawForces) -> tuple[str, mm.Model, mm.Markers] | None:
     """Name, model as the commands calibrate it, and markers in its ground; None where the commands refuse."""
     one, _ = unseen_faults.analyzed(folder, raw)
     return None if one is None else (raw.name, one.model, most_seen(folder / raw.file)[0])
@@ -214,7 +210,7 @@ def same_angles(one: Result, other: Result) -> bool:
     return bool(np.degrees(np.nanmax(apart)) < ALIKE)
 
 
-def most_seen(path: Path) -> tuple[Markers, Recording]:
+def most_seen(path: Path) -> tuple[mm.Markers, Recording]:
     """Markers of a recording in a model's ground, those of the frames that show most of the body."""
     one = look_at(path)
     turned = one.laboratory.trial(one.trial).markers
@@ -225,11 +221,11 @@ def most_seen(path: Path) -> tuple[Markers, Recording]:
     most = min(MOST_FRAMES, len(turned))
     first = int(np.argmax(np.convolve(seen, np.ones(most), "valid")))
     part = slice(first, first + most)
-    return Markers(turned.time[part], names, turned.values[part]), one
+    return mm.Markers(turned.time[part], names, turned.values[part]), one
 
 
 @cache
-def clean(folder: Path, raw: Raw) -> tuple[Markers, Result]:
+def clean(folder: Path, raw: Raw) -> tuple[mm.Markers, Result]:
     """Markers of a recording, and what becomes of them with nothing put in."""
     markers, _ = most_seen(folder / raw.file)
     found = analyzed(folder, markers, raw.static)
@@ -238,12 +234,12 @@ def clean(folder: Path, raw: Raw) -> tuple[Markers, Result]:
     return markers, found
 
 
-def analyzed(folder: Path, markers: Markers, static: str) -> Result:
+def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
     """What `analyze` and `run` make of markers."""
     with tempfile.TemporaryDirectory() as name:
         home = Path(name)
         out, study = home / "out", home / "out" / "study.toml"
-        write_trc(markers, home / "motion.trc", "m")
+        mm.write_trc(markers, home / "motion.trc", "m")
         more = ("--static", folder / static) if static else ()
         status, said = typed("analyze", home / "motion.trc", "--mass", "70", *more, "--prepare", "--out", out)
         if not status:
@@ -254,6 +250,6 @@ def analyzed(folder: Path, markers: Markers, static: str) -> Result:
         if status:
             line = said.rpartition("\n")[2]
             return Result(None, None, (Finding("refused", "recording", line),), said)
-        ((_, trial),) = load(out).items()
+        ((_, trial),) = mm.load(out).items()
         findings = (*stored_findings(out / "calibration"), *get_findings(trial.stored, FINDINGS))
-        return Result(read_model(out / "calibrated.osim"), trial.motion, findings, said)
+        return Result(mm.read_model(out / "calibrated.osim"), trial.motion, findings, said)

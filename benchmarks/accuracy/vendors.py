@@ -13,8 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from myomorph.model.errors import MyomorphError
-from myomorph.study.inputs.reading import read_recording
+import myomorph as mm
 
 Row = dict[str, object]
 SETS = ("c3d-vendor-samples", "c3d-shoulder-emg-handle", "wheelchair-pushrim", "shoulder-bonepin", "odd-trc-mot")
@@ -64,8 +63,8 @@ def _row(path: Path, folder: Path) -> Row:
 def _window(path: Path) -> list[str]:
     """The middle of a recording; nothing where it cannot be read or is shorter."""
     try:
-        markers = read_recording(path).markers
-    except MyomorphError:
+        markers = mm.read_recording(path).markers
+    except mm.MyomorphError:
         return []
     if markers is None or len(markers) < 2:
         return []

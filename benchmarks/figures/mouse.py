@@ -11,8 +11,8 @@ matplotlib.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.cases import data_folder
 from benchmarks.mouse_motion import lengths_of
+from benchmarks.recordings import data_folder
 from myomorph.analysis.cycles import band
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "mouse-lengths.svg"

@@ -17,10 +17,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
 from myomorph.morph.species.counterparts import Posed
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species
@@ -83,7 +82,7 @@ def draw(file: Path) -> None:
 def _leg(
     axes: Axes,
     bones: Bodies,
-    model: Model,
+    model: mm.Model,
     bodies: tuple[str, ...],
     species: str,
     wanted: Mapping[str, tuple[str, ...]],
@@ -97,7 +96,7 @@ def _leg(
             flat = posed.within(body, root).apply(surface.vertices) @ side.T
             axes.add_collection(PolyCollection(flat[surface.faces], facecolor="#e3ddd0", rasterized=True))
     names = tuple(posture)
-    at = Motion(np.zeros(1), names, np.array([[posture[one] for one in names]]))
+    at = mm.Motion(np.zeros(1), names, np.array([[posture[one] for one in names]]))
     paths = compile_paths(model)
     nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
     root_pose = posed.within("ground", root)

@@ -7,19 +7,14 @@ another body. The target is 10 s for 500 frames of a 40-coordinate model.
 
 from __future__ import annotations
 
-import multiprocessing
-import time
-
 import numpy as np
 
-from benchmarks.cases import data_folder
-from benchmarks.speed.size import MEGABYTE, peak, resident
-from myomorph.io.formats import read_model
-from myomorph.model.model import Model
+import myomorph as mm
+from benchmarks.recordings import data_folder
+from benchmarks.speed.timing import clocked, in_own_process
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.lengths import factors_of, lengths_of
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -30,41 +25,39 @@ NOISE = 3e-4
 
 def run() -> list[dict[str, object]]:
     """A row for each number of frames, in a process of its own so that memory is theirs alone."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(_rows)
+    return in_own_process(_rows)
 
 
 def _rows() -> list[dict[str, object]]:
-    generic = read_model(data_folder() / "rajagopal-walk-emg/raw/Rajagopal2016.osim")
+    generic = mm.read_model(data_folder() / "rajagopal-walk-emg/raw/Rajagopal2016.osim")
     markers = simulated(generic, max(SIZES))
-    calibrate(generic, [markers], CalibrationOptions(frames=20))
+    mm.calibrate(generic, [markers], mm.CalibrationOptions(frames=20))
     rows = []
     for frames in SIZES:
-        before, began, cpu = resident(), time.perf_counter(), time.process_time()
-        part = Markers(markers.time[:frames], markers.names, markers.values[:frames])
-        found = calibrate(generic, [part], CalibrationOptions(frames=frames))
-        seconds = time.perf_counter() - began
-        used = sum(len(one) for one in found.frames)
+        part = take_frames(markers, slice(frames))
+        taken = clocked(lambda part=part: mm.calibrate(generic, [part], mm.CalibrationOptions(frames=len(part))))
+        found = taken.result
+        used = sum(map(len, found.frames))
         rows.append(
             {
                 "frames": used,
                 "coordinates": len(generic.coordinates),
                 "lengths": len(found.lengths),
                 "markers": len(found.markers),
-                "seconds": seconds,
-                "CPU seconds": time.process_time() - cpu,
-                "ms/frame": 1e3 * seconds / used,
+                "seconds": taken.seconds,
+                "CPU seconds": taken.cpu,
+                "ms/frame": 1e3 * taken.seconds / used,
                 "steps of the last stage": len(found.costs),
                 "converged": found.converged,
                 "RMSE before [mm]": 1e3 * found.rms_before,
                 "after [mm]": 1e3 * found.rms_after,
-                "peak beyond start [MB]": (peak() - before) / MEGABYTE,
+                "peak beyond start [MB]": taken.peak,
             }
         )
     return rows
 
 
-def simulated(generic: Model, frames: int) -> Markers:
+def simulated(generic: mm.Model, frames: int) -> mm.Markers:
     """Markers of a moving body whose lengths differ from the model's by about 5 %, with noise."""
     rng = np.random.default_rng(0)
     lengths = lengths_of(generic, symmetric=True)
@@ -85,4 +78,4 @@ def simulated(generic: Model, frames: int) -> Markers:
     couple_frames(tree.arrays, values)
     bodies = np.array([tree.body_index[one.body] for one in person.markers])
     places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in person.markers]))
-    return Markers(clock, person.marker_names, places + NOISE * rng.normal(size=places.shape))
+    return mm.Markers(clock, person.marker_names, places + NOISE * rng.normal(size=places.shape))

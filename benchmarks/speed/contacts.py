@@ -7,32 +7,25 @@ those of other solvers. The frames of the walk are recorded, with the plates hid
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
-from benchmarks.speed.qp import QuadraticFrames, by_clarabel, by_dual, by_piqp, by_proxqp
+import myomorph as mm
+from benchmarks.recordings import data_folder, read_markers
+from benchmarks.speed.qp import QuadraticFrames, solvers_of
 from benchmarks.speed.size import simulated
 from benchmarks.speed.timing import alternate
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts, strengths
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.trc import read_trc
+from myomorph.contact.states import strengths
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.join import join_models, join_motions
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.frames import over_frames, thread_count
 from myomorph.tension.problem import Balance, TensionProblem
-from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.solve import tension_problem
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
@@ -46,40 +39,32 @@ class ContactCase:
     """A motion without measured forces, what may touch, frames a second asked for, frames that all solvers solve."""
 
     name: str
-    model: Model
-    motion: Motion
+    model: mm.Model
+    motion: mm.Motion
     task: ContactTask
     asked: float
     compared: int = 30
-    options: TensionOptions = field(default_factory=TensionOptions)
+    options: mm.TensionOptions = field(default_factory=mm.TensionOptions)
 
 
-def at_rate(motion: Motion, rate: float, start: float = -np.inf, stop: float = np.inf) -> Motion:
+def at_rate(motion: mm.Motion, rate: float, start: float = -np.inf, stop: float = np.inf) -> mm.Motion:
     """Every n-th frame of a motion between two times, so that about `rate` are left a second."""
     step = max(1, round(motion.rate / rate))
     keep = np.flatnonzero((motion.time >= start) & (motion.time <= stop))[::step]
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    return replace(
-        motion,
-        time=motion.time[keep],
-        values=motion.values[keep],
-        velocities=motion.velocities[keep],
-        accelerations=motion.accelerations[keep],
-    )
+    return take_frames(motion, keep)
 
 
-def walk(folder: Path, rate: float = RATE) -> tuple[Model, Motion]:
+def walk(folder: Path, rate: float = RATE) -> tuple[mm.Model, mm.Motion]:
     """The recorded walk of the Rajagopal model, filtered at 6 Hz."""
-    model = read_model(folder / (WALK + "subject_walk_scaled.osim"))
-    whole = differentiate(motion_from_table(read_sto(folder / (WALK + "coordinates.sto")), model), 6.0)
+    model = mm.read_model(folder / (WALK + "subject_walk_scaled.osim"))
+    whole = mm.differentiate(mm.read_motion(folder / (WALK + "coordinates.sto"), model), 6.0)
     return model, at_rate(whole, rate, 0.5, 1.75)
 
 
-def on_feet(model: Model, motion: Motion) -> tuple[tuple[Site, ...], np.ndarray]:
+def on_feet(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], np.ndarray]:
     """Sites under the feet and how ready each is."""
     sites = foot_sites(model)
-    contacts = find_contacts(model, motion, sites)
+    contacts = mm.find_contacts(model, motion, sites)
     return sites, strengths(model, motion, sites, contacts).values
 
 
@@ -94,7 +79,7 @@ def two_walkers(folder: Path) -> ContactCase:
     """Two walkers side by side whose hands hold each other."""
     model, motion = walk(folder)
     feet, values = on_feet(model, motion)
-    parts: Mapping[str, Model] = {"one": model, "two": model}
+    parts: Mapping[str, mm.Model] = {"one": model, "two": model}
     joined = join_models(parts)
     together = join_motions(dict.fromkeys(parts, motion))
     sites = [
@@ -111,22 +96,21 @@ def two_walkers(folder: Path) -> ContactCase:
 
 def cyclist(folder: Path) -> ContactCase:
     """The largest model on eight patches of four points, swinging slowly about its recorded static pose."""
-    model = read_model(folder / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
-    recorded = read_trc(folder / "fullbody-many-muscles/s01_static.trc").markers
-    assert recorded is not None
-    pose = inverse_kinematics(model, recorded).motion.values[0]
-    motion = differentiate(simulated(model, pose, 60)[1])
+    model = mm.read_model(folder / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
+    recorded = read_markers(folder / "fullbody-many-muscles/s01_static.trc")
+    pose = mm.inverse_kinematics(model, recorded).motion.values[0]
+    motion = mm.differentiate(simulated(model, pose, 60)[1])
     bodies = ("calcn_r", "calcn_l", "toes_r", "toes_l", "hand_r", "hand_l", "pelvis", "thoracic5")
     corners = [[x, 0.0, z] for x in (-0.03, 0.03) for z in (-0.03, 0.03)]
     sites = tuple(Site(body, body, corners, Cone(torsion=0.01)) for body in bodies)
     task = _task(motion, sites, np.ones((len(motion), len(sites))))
     name = "simulated swing, 520 muscles, 171 coordinates, 8 patches of 4 points"
     # Some of its muscles are stretched so far in this pose that their passive forces mean nothing.
-    return ContactCase(name, model, motion, task, 50.0, 10, TensionOptions(passive=False))
+    return ContactCase(name, model, motion, task, 50.0, 10, mm.TensionOptions(passive=False))
 
 
-def _task(motion: Motion, sites: tuple[Site, ...], values: np.ndarray, smoothness: float = 0.0) -> ContactTask:
-    ready = Series(motion.time, tuple(site.name for site in sites), values)
+def _task(motion: mm.Motion, sites: tuple[Site, ...], values: np.ndarray, smoothness: float = 0.0) -> ContactTask:
+    ready = mm.Series(motion.time, tuple(site.name for site in sites), values)
     return ContactTask(sites, ready, options=ContactOptions(smoothness=smoothness))
 
 
@@ -144,7 +128,7 @@ def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> Quad
 
 def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     """Frames a second on all cores: the QP step alone, everything, and everything with forces smoothed."""
-    torques = inverse_dynamics(case.model, case.motion)
+    torques = mm.inverse_dynamics(case.model, case.motion)
     smooth = replace(case.task, options=ContactOptions())
     problem, _ = tension_problem(case.model, case.motion, torques, case.options, contacts=case.task)
     frames = len(case.motion)
@@ -157,8 +141,8 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     seconds = alternate(
         {
             "qp": qp,
-            "whole": lambda: solve_tension(case.model, case.motion, torques, case.options, contacts=case.task),
-            "smooth": lambda: solve_tension(case.model, case.motion, torques, case.options, contacts=smooth),
+            "whole": lambda: mm.solve_tension(case.model, case.motion, torques, case.options, contacts=case.task),
+            "smooth": lambda: mm.solve_tension(case.model, case.motion, torques, case.options, contacts=smooth),
         },
         rounds,
     )
@@ -178,35 +162,20 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
 
 def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, object]]:
     """Milliseconds a frame on one core: ours and maintained solvers, same frames, alternating."""
-    torques = inverse_dynamics(case.model, case.motion)
+    torques = mm.inverse_dynamics(case.model, case.motion)
     problem, _ = tension_problem(case.model, case.motion, torques, case.options, contacts=case.task)
     keep = (len(case.motion) - case.compared) // 2 + np.arange(case.compared)
     frames = quadratic(problem, problem.balance(0, len(case.motion)), keep)
-    solvers: dict[str, Callable[[], np.ndarray]] = {
-        "ours, warm": lambda: by_dual(frames, True),
-        "ours, cold": lambda: by_dual(frames, False),
-        "piqp dense": by_piqp(frames, False),
-        "piqp sparse": by_piqp(frames, True),
-        "proxqp dense": by_proxqp(frames),
-        "clarabel": by_clarabel(frames),
-    }
-    found: dict[str, np.ndarray] = {}
-    times: dict[str, list[float]] = {name: [] for name in solvers}
-    for _ in range(rounds):
-        for name, solver in solvers.items():
-            if sum(times[name]) > 1e3 * PATIENCE / len(keep):
-                continue
-            began = time.perf_counter()
-            found[name] = solver()
-            times[name].append(1e3 * (time.perf_counter() - began) / len(keep))
-    ours = float(np.median(times["ours, warm"]))
+    solvers = solvers_of(frames)
+    found = {name: solver() for name, solver in solvers.items()}
+    times = {name: 1e3 * taken / len(keep) for name, taken in alternate(solvers, rounds, PATIENCE).items()}
     least = np.sum(found["ours, warm"] ** 2, axis=1)
-    for name in solvers:
+    for name, taken in times.items():
         yield {
             "case": case.name,
             "solver": name,
-            "ms/frame, one core": float(np.median(times[name])),
-            "times ours": float(np.median(times[name])) / ours,
+            "ms/frame, one core": taken,
+            "times ours": taken / times["ours, warm"],
             "cost beyond ours [%], greatest": 100.0 * float(np.max(np.sum(found[name] ** 2, axis=1) / least - 1.0)),
         }
 

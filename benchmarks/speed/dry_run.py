@@ -17,8 +17,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.cases import data_folder
-from myomorph.study.plan.plan import read_plan
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, data_folder
 from myomorph.study.run.dry_run import DryRun, dry_run
 from myomorph.study.run.learned_times import VARIABLE
 
@@ -26,15 +26,11 @@ WORKERS = 1
 LIMIT = 0.5
 """By so much of what a run took may it differ."""
 
-WALK = """model = '{data}/rajagopal-walk-emg/subject_walk_scaled.osim'
-trials = [{{markers = '{data}/rajagopal-walk-emg/markers_walk.trc', loads = '{data}/rajagopal-walk-emg/grf_walk.xml'}}]
+TRIAL = """model = '{{data}}/{files.model}'
+{mass}trials = [{{{{markers = '{{data}}/{files.markers}', loads = '{{data}}/{files.loads}'}}}}]
 """
-GAIT = """model = '{data}/opensim-gait-subject01/ref_scale/std_subject01_simbody.osim'
-mass = 72.6
-[[subject.trials]]
-markers = '{data}/opensim-gait-subject01/experiment/subject01_walk1.trc'
-loads = '{data}/opensim-gait-subject01/experiment/subject01_walk1_grf.xml'
-"""
+WALK = TRIAL.format(files=RECORDINGS["rajagopal"], mass="")
+GAIT = TRIAL.format(files=RECORDINGS["gait2354"], mass="mass = 72.6\n")
 
 KNEE = """model = '{data}/knee-implant-walk/nominal.osim'
 [[subject.trials]]
@@ -156,7 +152,7 @@ def _first(home: Path, chosen: list[Study]) -> dict[str, object]:
 
 def _expected(study: Path, out: Path, times: Path, fresh: bool = False) -> DryRun:
     os.environ[VARIABLE] = str(times)
-    return dry_run(read_plan(study), out, fresh, WORKERS)
+    return dry_run(mm.read_plan(study), out, fresh, WORKERS)
 
 
 def _timed(study: Path, out: Path, times: Path, *more: str, environment: dict[str, str] | None = None) -> float:

@@ -7,32 +7,25 @@ noise of 0.5 N and 0.5 N m.
 
 from __future__ import annotations
 
-import multiprocessing
-import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
-from benchmarks.speed.size import MEGABYTE, peak, resident
+import myomorph as mm
+from benchmarks.recordings import data_folder
+from benchmarks.speed.timing import clocked, in_own_process
 from myomorph.identify.base import fit_base
 from myomorph.identify.base_parameters import base_parameters
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.sequential import SequentialFit
-from myomorph.io.formats import read_model
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Axis, Coordinate, Model
-from myomorph.model.series import Motion, Wrenches
+from myomorph.model.model import Axis, Coordinate
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import compile_tree
-
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "tests")]
-
-from trees import floating_tree  # noqa: E402
+from trees import floating_tree
 
 FRAMES = 36_000
 RATE = 200.0
@@ -42,11 +35,8 @@ SEQUENTIAL = 4_000
 
 def run() -> list[dict[str, object]]:
     """A row a model, each measured in a process of its own so that memory is its alone."""
-    rows = []
-    for name in ("53 links, 155 DOF (synthetic tree)", "80 links, 171 coordinates (real model)"):
-        with multiprocessing.get_context("spawn").Pool(1) as pool:
-            rows.append(pool.apply(measure, (name,)))
-    return rows
+    names = ("53 links, 155 DOF (synthetic tree)", "80 links, 171 coordinates (real model)")
+    return [in_own_process(measure, name) for name in names]
 
 
 def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
@@ -55,32 +45,28 @@ def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
     # Kernels compile first, on a few frames.
     fit_base(model, [simulated(model, 40)])
     given = simulated(model, frames)
-    began = time.perf_counter()
-    base = base_parameters(model)
-    structural = time.perf_counter() - began
-    before = resident()
-    began, busy = time.perf_counter(), time.process_time()
-    fit = fit_base(model, [given], base)
-    batch, cpu = time.perf_counter() - began, time.process_time() - busy
-    most = peak()
+    structure = clocked(lambda: base_parameters(model))
+    base = structure.result
+    batch = clocked(lambda: fit_base(model, [given], base))
+    fit = batch.result
     truth = base.of(other_masses(model))
     fold, cpu_fold = recursion(model, base, given, min(SEQUENTIAL, frames))
     return {
         "model": name,
         "frames": frames,
         "base parameters": len(base),
-        "structure [s]": structural,
-        "batch [s]": batch,
-        "batch CPU [s]": cpu,
-        "peak [MB]": most / MEGABYTE,
-        "of it the recording and Python before [MB]": before / MEGABYTE,
+        "structure [s]": structure.seconds,
+        "batch [s]": batch.seconds,
+        "batch CPU [s]": batch.cpu,
+        "peak [MB]": batch.before + batch.peak,
+        "of it the recording and Python before [MB]": batch.before,
         "recursion [frames/s]": fold,
         "recursion [frames/s of CPU]": cpu_fold,
         "within 3 SD": float(np.mean(np.abs(fit.estimate - truth) < 3.0 * fit.sd)),
     }
 
 
-def recursion(model: Model, base, given: Recording, frames: int) -> tuple[float, float]:
+def recursion(model: mm.Model, base, given: Recording, frames: int) -> tuple[float, float]:
     """Frames folded in a second, by the clock and by the processor; the regressor's rows are there already."""
     fit = SequentialFit(model, base, NOISE)
     wrench = np.concatenate([given.wrenches.torques[:, 0], given.wrenches.forces[:, 0]], axis=1)
@@ -96,7 +82,7 @@ def recursion(model: Model, base, given: Recording, frames: int) -> tuple[float,
     return fit.frames / seconds, fit.frames / busy
 
 
-def of_the_papers_size() -> Model:
+def of_the_papers_size() -> mm.Model:
     """53 links and 155 degrees of freedom: 6 of the base, 45 joints of three, 7 of two."""
     model = floating_tree(0, 53)
     joints, coordinates = [model.joints[0]], list(model.coordinates[:6])
@@ -108,17 +94,17 @@ def of_the_papers_size() -> Model:
     return replace(model, joints=tuple(joints), coordinates=tuple(coordinates))
 
 
-def real_model() -> Model:
+def real_model() -> mm.Model:
     """The full body of 520 muscles."""
-    return read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
+    return mm.read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
 
 
-def other_masses(model: Model) -> np.ndarray:
+def other_masses(model: mm.Model) -> np.ndarray:
     """(bodies, 10) the body that moves: the model's parameters changed by up to a fifth."""
     return inertial_parameters(model) * np.random.default_rng(1).uniform(0.8, 1.2, (len(model.bodies), 10))
 
 
-def simulated(model: Model, frames: int) -> Recording:
+def simulated(model: mm.Model, frames: int) -> Recording:
     """Every free coordinate swings by itself; exact derivatives."""
     rng = np.random.default_rng(0)
     tree = compile_tree(model)
@@ -132,14 +118,14 @@ def simulated(model: Model, frames: int) -> Recording:
         values[:, j] += size * np.sin(rate * t + phase)
         velocities[:, j] = size * rate * np.cos(rate * t + phase)
         accelerations[:, j] = -size * rate**2 * np.sin(rate * t + phase)
-    values = tree.coordinates_of(Motion(t, model.coordinate_names, values))
+    values = tree.coordinates_of(mm.Motion(t, model.coordinate_names, values))
     couple_rates_frames(tree.arrays, values, velocities, accelerations)
-    motion = Motion(t, model.coordinate_names, values, velocities, accelerations)
+    motion = mm.Motion(t, model.coordinate_names, values, velocities, accelerations)
     truth = other_masses(model).ravel()
     wrench = np.empty((frames, 6))
     for block in regressor_blocks(model, motion, np.zeros(3)):
         wrench[block.frames] = block.rows @ truth
     wrench += NOISE * rng.normal(size=wrench.shape)
     zero = np.zeros((frames, 1, 3))
-    plate = Wrenches(t, ("plate",), (model.body_names[0],), wrench[:, None, 3:], zero, wrench[:, None, :3])
+    plate = mm.Wrenches(t, ("plate",), (model.body_names[0],), wrench[:, None, 3:], zero, wrench[:, None, :3])
     return Recording(motion, plate)

@@ -11,14 +11,12 @@ import time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from myomorph.identify.online import OnlineOptions
 from myomorph.live.identification import LiveResult, identify_frames
 from myomorph.live.sources import LiveRecording, Replay, open_recording
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
 from myomorph.report.scene.body_view import BodyView
-from myomorph.study.inputs.reading import open_model
 
 ROUNDS = 3
 SECONDS = 20.0
@@ -31,17 +29,17 @@ def run() -> list[Row]:
     """One row a recording."""
     data = data_folder()
     subject = data / "opencap-subject4-multitask"
-    model = open_model(subject / "models/manually_scaled.osim")
+    model = mm.read_model(subject / "models/manually_scaled.osim")
     rows = []
     for trial in ("walking1", "DJ1"):
         loads = subject / f"grf/{trial}_external_forces.xml"
         recording = open_recording(model, subject / f"markers/{trial}.trc", loads)
         rows.append(measured(f"{trial}, markers", model, recording))
-    whole = open_model(data / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
+    whole = mm.read_model(data / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
     return [*rows, measured("made motion, coordinates", whole, made(whole))]
 
 
-def measured(name: str, model: Model, recording: LiveRecording) -> Row:
+def measured(name: str, model: mm.Model, recording: LiveRecording) -> Row:
     """Median over a few plays."""
     plays: list[LiveResult] = []
     looks = []
@@ -67,7 +65,7 @@ def measured(name: str, model: Model, recording: LiveRecording) -> Row:
     }
 
 
-def made(model: Model) -> LiveRecording:
+def made(model: mm.Model) -> LiveRecording:
     """Every coordinate in a sine of its own phase, and a constant force on the base."""
     random = np.random.default_rng(0)
     clock = np.arange(0.0, SECONDS, 0.01)
@@ -78,5 +76,5 @@ def made(model: Model) -> LiveRecording:
     zero = np.zeros((len(ticks), 1, 3))
     weight = model.mass * float(np.linalg.norm(model.gravity))
     force = np.tile([0.0, weight, 0.0], (len(ticks), 1, 1))
-    wrenches = Wrenches(ticks, ("plate",), (model.body_names[0],), force, zero, zero)
-    return LiveRecording(Motion(clock, model.coordinate_names, values), wrenches)
+    wrenches = mm.Wrenches(ticks, ("plate",), (model.body_names[0],), force, zero, zero)
+    return LiveRecording(mm.Motion(clock, model.coordinate_names, values), wrenches)

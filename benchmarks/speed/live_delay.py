@@ -15,7 +15,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
 from myomorph.live.limits import LimitOptions
@@ -23,9 +24,6 @@ from myomorph.live.loop import Delays, Output, Spread, follow
 from myomorph.live.page import LivePage
 from myomorph.live.sources import Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Wrenches
-from myomorph.study.inputs.reading import open_model
 
 SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""
@@ -49,11 +47,11 @@ def run() -> list[Row]:
 
 def _rows() -> Iterator[Row]:
     data = data_folder()
-    walk: tuple[Model, Markers, Wrenches] | None = None
+    walk: tuple[mm.Model, mm.Markers, mm.Wrenches] | None = None
     for name, model_path, path, loads in CASES:
-        model = open_model(data / model_path)
+        model = mm.read_model(data / model_path)
         markers, wrenches = open_recording(model, data / path, (data / path).with_name(loads))
-        assert isinstance(markers, Markers)
+        assert isinstance(markers, mm.Markers)
         assert wrenches is not None
         for recording in (markers, doubled(markers)):
             plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
@@ -66,18 +64,18 @@ def _rows() -> Iterator[Row]:
     yield over_streams(*walk)
 
 
-def doubled(markers: Markers) -> Markers:
+def doubled(markers: mm.Markers) -> mm.Markers:
     """Twice as many frames, those between halfway between their neighbours."""
     values = np.empty((2 * len(markers) - 1, *markers.values.shape[1:]))
     values[::2], values[1::2] = markers.values, 0.5 * (markers.values[1:] + markers.values[:-1])
     clock = np.empty(len(values))
     clock[::2], clock[1::2] = markers.time, 0.5 * (markers.time[1:] + markers.time[:-1])
-    return Markers(clock, markers.names, values)
+    return mm.Markers(clock, markers.names, values)
 
 
 def measured(
     name: str,
-    model: Model,
+    model: mm.Model,
     sources: Sequence[Source],
     outputs: Sequence[Output] = (),
     late: Sequence[Output] = (),
@@ -91,7 +89,7 @@ def measured(
     return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
 
 
-def row_of(name: str, model: Model, rate: float, delays: Sequence[Delays], filter_delay: float) -> Row:
+def row_of(name: str, model: mm.Model, rate: float, delays: Sequence[Delays], filter_delay: float) -> Row:
     """What some plays say."""
     table = np.concatenate([one.table for one in delays])
     ages, busy = Spread.of(table[:, 2]), Spread.of(table[:, 3])
@@ -111,14 +109,14 @@ def row_of(name: str, model: Model, rate: float, delays: Sequence[Delays], filte
     }
 
 
-def with_limits(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+def with_limits(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
     """The same with limits of all results."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
     return measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
 
 
-def with_page(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
     """The same while a page draws it in another process."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
@@ -129,7 +127,7 @@ def with_page(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
         page.close()
 
 
-def over_streams(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
+def over_streams(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
     """The walk sent from another process, results sent on: from the sender's time stamp to the result's being sent."""
     name = f"myomorph-benchmark-{time.time_ns()}"
     context = multiprocessing.get_context("spawn")
@@ -147,7 +145,7 @@ def over_streams(model: Model, markers: Markers, wrenches: Wrenches) -> Row:
     return row_of("walk, over streams", model, source.rate, [session.delays], session.filter_delay)
 
 
-def _send(name: str, markers: Markers, wrenches: Wrenches, plays: int) -> None:
+def _send(name: str, markers: mm.Markers, wrenches: mm.Wrenches, plays: int) -> None:
     """Send a recording several times over, on time."""
     import pylsl
 

@@ -11,17 +11,15 @@ from __future__ import annotations
 
 import multiprocessing
 import resource
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from benchmarks.speed.size import MEGABYTE, peak, resident
+from benchmarks.speed.timing import MEGABYTE, clocked, resident
 from myomorph.identify.body.points import Links, MassPoints, point_moments
 from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, nearest_weights
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
@@ -123,23 +121,25 @@ def full_size(name: str) -> Iterator[Row | None]:
     warm = made_body(1_000, WEIGHTS[name])
     solve_mass_points(warm, *measured(warm), mass=MASS)
     yield None
-    before = resident()
-    seconds, body = _timed(lambda: made_body(FULL, WEIGHTS[name]))
+    before = resident() / MEGABYTE
+    made = clocked(lambda: made_body(FULL, WEIGHTS[name]))
+    body = made.result
     A, b = measured(body)
-    solving, fit = _timed(lambda: solve_mass_points(body, A, b, mass=MASS))
+    solved = clocked(lambda: solve_mass_points(body, A, b, mass=MASS))
+    fit = solved.result
     yield {
         "solver": "ours",
         "points": len(body.points),
         "links": LINKS,
         "weights": name,
         "links a point": body.weights.nnz / len(body.points),
-        "grid and weights [s]": seconds,
-        "QP [s]": solving,
+        "grid and weights [s]": made.seconds,
+        "QP [s]": solved.seconds,
         "Newton steps": fit.iterations,
         "on the bound": fit.on_bound,
         "converged": fit.converged,
         "optimality residual": fit.optimality.worst,
-        "peak beyond start, points included [MB]": (peak() - before) / MEGABYTE,
+        "peak beyond start, points included [MB]": max(part.before + part.peak for part in (made, solved)) - before,
     }
 
 
@@ -154,14 +154,13 @@ def conic_size(words: str) -> Iterator[Row | None]:
     b += CONIC[words] * np.random.default_rng(2).normal(size=len(b))
     reference = body.parameters(body.reference)
     yield None
-    before = resident()
-    seconds, fit = _timed(lambda: solve_pseudo_inertia(A, b, reference, mass=MASS))
+    taken = clocked(lambda: solve_pseudo_inertia(A, b, reference, mass=MASS))
     yield {
         "solver": words,
         "links": LINKS,
-        "seconds": seconds,
-        "status": fit.status,
-        "peak beyond start [MB]": (peak() - before) / MEGABYTE,
+        "seconds": taken.seconds,
+        "status": taken.result.status,
+        "peak beyond start [MB]": taken.peak,
     }
 
 
@@ -170,27 +169,20 @@ def general_size(name: str, points: int) -> Iterator[Row | None]:
     body = made_body(points, cog_weights)
     A, b = measured(body)
     ours = solve_mass_points(body, A, b)
-    before = resident()
     yield None
     if name == "ours":
-        seconds, masses = _timed(lambda: solve_mass_points(body, A, b).masses)
+        taken = clocked(lambda: solve_mass_points(body, A, b).masses)
     else:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         program = Program.of(body, A, b)
-        seconds, masses = _timed(lambda: body.reference + program.sd * GENERAL[name](program))
+        taken = clocked(lambda: body.reference + program.sd * GENERAL[name](program))
     yield {
         "solver": name,
         "points": len(body.points),
-        "seconds": seconds,
-        "peak beyond start [MB]": (peak() - before) / MEGABYTE,
-        "farthest from ours [of a mean mass]": float(np.abs(masses - ours.masses).max() / body.reference.mean()),
+        "seconds": taken.seconds,
+        "peak beyond start [MB]": taken.peak,
+        "farthest from ours [of a mean mass]": float(np.abs(taken.result - ours.masses).max() / body.reference.mean()),
     }
-
-
-def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    began = time.perf_counter()
-    result = work()
-    return time.perf_counter() - began, result
 
 
 @dataclass(frozen=True, eq=False)

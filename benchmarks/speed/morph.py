@@ -8,17 +8,15 @@ a real model's 520 muscles into such bones: points, joints, wrap objects, fibers
 from __future__ import annotations
 
 import statistics
-import time
-from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.cases import data_folder
-from myomorph.io.formats import read_model
+import myomorph as mm
+from benchmarks.recordings import data_folder
+from benchmarks.speed.timing import clocked
 from myomorph.model.arrays import Array
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map, inverted
 from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.transfer.model import morph_model
 
 BONES, ELEMENTS, POINTS, FEATURES = 53, 997, 3000, 2000
 REPEATS = 5
@@ -34,9 +32,8 @@ def run() -> list[dict[str, object]]:
 def measure(kind: MapKind, features: int, where: str) -> dict[str, object]:
     """Seconds by the clock and by the processor, the median of some runs."""
     bones = [made_bone(k, features) for k in range(BONES)]
-    began, used = time.perf_counter(), time.process_time()
-    maps = [fit_map(one, MapOptions(map=kind)) for one in bones]
-    fitted, fit_busy = time.perf_counter() - began, time.process_time() - used
+    fitted = clocked(lambda: [fit_map(one, MapOptions(map=kind)) for one in bones])
+    maps = fitted.result
     places = muscle_points(bones)
     moved = [clocked(lambda: apply(maps, places)) for _ in range(REPEATS)]
     whole = [clocked(lambda: carry(maps, places)) for _ in range(REPEATS)]
@@ -45,31 +42,31 @@ def measure(kind: MapKind, features: int, where: str) -> dict[str, object]:
         "features": f"{FEATURES} {where}",
         "elements": ELEMENTS,
         "points": POINTS,
-        "points carried [s]": statistics.median(one[0] for one in moved),
-        "with Jacobians and folds [s]": statistics.median(one[0] for one in whole),
-        "of the processor [s]": statistics.median(one[1] for one in whole),
-        "maps fitted [s]": fitted,
-        "fitted, of the processor [s]": fit_busy,
+        "points carried [s]": statistics.median(one.seconds for one in moved),
+        "with Jacobians and folds [s]": statistics.median(one.seconds for one in whole),
+        "of the processor [s]": statistics.median(one.cpu for one in whole),
+        "maps fitted [s]": fitted.seconds,
+        "fitted, of the processor [s]": fitted.cpu,
     }
 
 
 def measure_transfer() -> dict[str, object]:
     """`morph_model` on the full body of 520 muscles, its maps given."""
-    model = read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
+    model = mm.read_model(data_folder() / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
     bones = {}
     for number, body in enumerate(model.body_names):
         given = made_bone(number, FEATURES)
         whole = procrustes(given.source, given.target, True)
         bones[body] = BoneMap(body, body, fit_map(given), whole, "given", features=given)
-    morph = morph_model(model, bones)
-    times = [clocked(lambda: morph_model(model, bones)) for _ in range(REPEATS)]
+    morph = mm.morph_model(model, bones)
+    times = [clocked(lambda: mm.morph_model(model, bones)) for _ in range(REPEATS)]
     return {
         "transfer": "520 muscles (real model), ssd",
         "bodies": len(bones),
         "features": f"{FEATURES} {EACH[1]}",
         "points": len(morph.points),
-        "all carried [s]": statistics.median(one[0] for one in times),
-        "of the processor [s]": statistics.median(one[1] for one in times),
+        "all carried [s]": statistics.median(one.seconds for one in times),
+        "of the processor [s]": statistics.median(one.cpu for one in times),
     }
 
 
@@ -82,13 +79,6 @@ def carry(maps: list[PointMap], places: list[Array]) -> list[tuple[Array, Array,
     """Points, what turns directions there, and where space is inside out."""
     pairs = zip(maps, places, strict=True)
     return [(one.apply(points), one.jacobian(points), inverted(one, points)) for one, points in pairs]
-
-
-def clocked(call: Callable[[], object]) -> tuple[float, float]:
-    """Seconds by the clock and by the processor."""
-    began, used = time.perf_counter(), time.process_time()
-    call()
-    return time.perf_counter() - began, time.process_time() - used
 
 
 def made_bone(seed: int, features: int) -> FeaturePoints:

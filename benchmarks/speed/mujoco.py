@@ -7,9 +7,9 @@ import os
 import mujoco
 import numpy as np
 
+import myomorph as mm
 from benchmarks.speed.timing import alternate, compared
 from myomorph.io.mjcf.read import read_mjcf
-from myomorph.model.series import Motion
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import compile_tree
 
@@ -36,7 +36,7 @@ def run() -> list[dict[str, object]]:
     for j, coordinate in enumerate(model.coordinates):
         if np.isfinite(coordinate.range).all():
             values[:, j] = rng.uniform(*coordinate.range, FRAMES)
-    values = tree.coordinates_of(Motion(np.arange(FRAMES) * 0.01, model.coordinate_names, values))
+    values = tree.coordinates_of(mm.Motion(np.arange(FRAMES) * 0.01, model.coordinate_names, values))
 
     def ours() -> None:
         paths.evaluate(values, None)

@@ -10,22 +10,16 @@ from pathlib import Path
 import numpy as np
 import opensim
 
+import myomorph as mm
 from benchmarks import opensim_static, opensim_tools
 from benchmarks.accuracy import tension as accuracy_tension
 from benchmarks.accuracy.kinematics import written_whole
-from benchmarks.cases import data_folder
+from benchmarks.recordings import RECORDINGS, Recording, data_folder, read_markers
 from benchmarks.speed.timing import alternate, compared
-from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads, read_load_entries
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.model import Model
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.motion.sync import cut
 from myomorph.muscles.path import compile_paths
-from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
 
 COUPLED = "Rajagopal 2016 (generic), 39 coordinates, 80 muscles, coupled knees"
@@ -35,87 +29,59 @@ PLAIN = "gait2354, 23 coordinates, 54 muscles, no couplers"
 def run() -> list[dict[str, object]]:
     """Rows of ms a frame and ratios for each step."""
     folder = data_folder()
-    rajagopal = folder / "rajagopal-walk-emg"
-    gait = folder / "opensim-gait-subject01"
+    rajagopal, bone_pins = RECORDINGS["rajagopal"], RECORDINGS["bone-pins"]
+    scaled = "Rajagopal, scaled, 33 coordinates"
     return [
-        inverse_kinematics_row(
-            "Rajagopal, scaled, 33 coordinates, coupled knees",
-            rajagopal / "subject_walk_scaled.osim",
-            rajagopal / "markers_walk.trc",
-            rajagopal / "ik_tasks_walk.xml",
-        ),
-        inverse_kinematics_row(
-            PLAIN,
-            gait / "ref_scale/std_subject01_simbody.osim",
-            gait / "experiment/subject01_walk1.trc",
-            gait / "ref_ik/gait2354_IK_Tasks.xml",
-        ),
-        inverse_kinematics_row(
-            "bone-pin shoulder, 17 coordinates, a closed loop, first 3 s",
-            folder / "shoulder-bonepin/subject1_abdbonepin.osim",
-            folder / "shoulder-bonepin/abdbonepin.trc",
-            folder / "shoulder-bonepin/setup_ik_abdbonepin.xml",
-            end=3.0,
-        ),
-        inverse_dynamics_row(
-            "Rajagopal, scaled, 33 coordinates",
-            rajagopal / "subject_walk_scaled.osim",
-            rajagopal / "coordinates.sto",
-            rajagopal / "grf_walk.xml",
-        ),
-        inverse_dynamics_row(
-            PLAIN,
-            gait / "ref_id/subject01.osim",
-            gait / "ref_id/subject01_walk1_ik.mot",
-            gait / "ref_id/subject01_walk1_grf.xml",
-        ),
-        muscle_row(COUPLED, rajagopal / "raw/Rajagopal2016.osim", rajagopal / "coordinates.sto"),
+        inverse_kinematics_row(f"{scaled}, coupled knees", folder, rajagopal),
+        inverse_kinematics_row(PLAIN, folder, RECORDINGS["gait2354"]),
+        inverse_kinematics_row("bone-pin shoulder, 17 coordinates, a closed loop, first 3 s", folder, bone_pins, 3.0),
+        inverse_dynamics_row(scaled, folder, rajagopal),
+        inverse_dynamics_row(PLAIN, folder, RECORDINGS["gait2354-dynamics"]),
+        muscle_row(COUPLED, folder / rajagopal.generic, folder / rajagopal.motion),
         static_optimization_row(folder),
     ]
 
 
-def inverse_kinematics_row(
-    name: str, model_path: Path, markers_path: Path, tasks: Path, end: float = np.inf
-) -> dict[str, object]:
+def inverse_kinematics_row(name: str, folder: Path, files: Recording, end: float = np.inf) -> dict[str, object]:
     """A marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
-    model = read_model(model_path)
-    markers = read_trc(markers_path).markers
-    assert markers is not None
+    model_path, markers_path = folder / files.model, folder / files.markers
+    model, markers = mm.read_model(model_path), read_markers(markers_path)
     markers = cut(markers, float(markers.time[0]), min(end, float(markers.time[-1])))
     weights = {
         marker: weight
-        for marker, weight in read_ik_tasks(tasks).marker_weights.items()
+        for marker, weight in read_ik_tasks(folder / files.tasks).marker_weights.items()
         if marker in markers.names and marker in model.marker_names
     }
-    options = InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
+    options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
     start, last = float(markers.time[0]), float(markers.time[-1])
     taken: list[float] = []
 
     def theirs() -> None:
         taken.append(opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, last).seconds)
 
-    seconds = alternate({"ours": lambda: inverse_kinematics(model, markers, options), "OpenSim": theirs}, rounds=3)
+    seconds = alternate({"ours": lambda: mm.inverse_kinematics(model, markers, options), "OpenSim": theirs}, rounds=3)
     # Without the reading of the model, which ours has behind it as well.
     seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("inverse kinematics", name, len(markers), seconds)
 
 
-def inverse_dynamics_row(name: str, model_path: Path, motion_path: Path, loads: Path) -> dict[str, object]:
+def inverse_dynamics_row(name: str, folder: Path, files: Recording) -> dict[str, object]:
     """Derivatives, external loads at the motion's times and generalized forces.
 
     Neither program's time counts the reading of the two tables: OpenSim's is measured and taken off.
     """
-    model = read_model(model_path)
+    model_path, loads = folder / files.model, folder / files.loads
+    model = mm.read_model(model_path)
     wrenches = read_external_loads(loads)
     taken: list[float] = []
     frames: list[int] = []
     with tempfile.TemporaryDirectory() as work:
-        motion, whole = written_whole(model, motion_from_table(read_sto(motion_path), model), Path(work))
+        motion, whole = written_whole(model, mm.read_motion(folder / files.motion, model), Path(work))
         tables = [whole, read_load_entries(loads)[0].data]
 
         def ours() -> None:
-            moving = differentiate(motion)
-            inverse_dynamics(model, moving, resample_wrenches(wrenches, moving.time))
+            moving = mm.differentiate(motion)
+            mm.inverse_dynamics(model, moving, mm.resample_wrenches(wrenches, moving.time))
 
         def theirs() -> None:
             result = opensim_tools.inverse_dynamics(
@@ -134,8 +100,8 @@ def inverse_dynamics_row(name: str, model_path: Path, motion_path: Path, loads: 
 
 def muscle_row(name: str, model_path: Path, motion_path: Path) -> dict[str, object]:
     """All lengths and the whole moment-arm matrix; OpenSim by its Python loop, on a few frames."""
-    model = read_model(model_path)
-    motion = motion_from_table(read_sto(motion_path), model)
+    model = mm.read_model(model_path)
+    motion = mm.read_motion(motion_path, model)
     tree = compile_tree(model)
     values = tree.coordinates_of(motion)
     paths = compile_paths(model)
@@ -145,7 +111,7 @@ def muscle_row(name: str, model_path: Path, motion_path: Path) -> dict[str, obje
     return compared("lengths and moment-arm matrix", name, len(values), seconds, len(few))
 
 
-def opensim_muscles(model_path: Path, model: Model, values: np.ndarray) -> Callable[[], None]:
+def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Callable[[], None]:
     """A loop over frames, muscles and coordinates, as OpenSim's users write it."""
     theirs = opensim.Model(str(model_path))
     state = theirs.initSystem()

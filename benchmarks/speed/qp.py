@@ -6,7 +6,6 @@ of matrices is not timed; every solver gets the matrices in the form it likes be
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +13,13 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from benchmarks.cases import data_folder
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, data_folder, read_torques
+from benchmarks.speed.timing import alternate
+from myomorph.motion.sync import take_frames
 from myomorph.tension.dual import solve_separable
 from myomorph.tension.separable import Separable, no_links, no_penalties
-from myomorph.tension.solve import TensionOptions, tension_problem
+from myomorph.tension.solve import tension_problem
 from myomorph.tension.terms.actuators import free_coordinates
 
 
@@ -43,25 +37,15 @@ class QpCase:
     cutoff: float | None = 6.0
 
 
+def _case(name: str, recording: str, start: float, end: float, step: int, loads: bool = True) -> QpCase:
+    files = RECORDINGS[recording]
+    return QpCase(name, files.model, files.motion, files.loads if loads else "", start, end, step)
+
+
 CASES = (
-    QpCase(
-        "gait, 18 muscles, 10 coordinates",
-        "opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim",
-        "opensim-gait-subject01/ref_so_10dof18musc/walk_subject01_Kinematics_q.sto",
-        start=0.5,
-        end=1.3,
-        step=10,
-    ),
-    QpCase(
-        "Rajagopal walk, 80 muscles, 31 free coordinates",
-        "rajagopal-walk-emg/subject_walk_scaled.osim",
-        "rajagopal-walk-emg/coordinates.sto",
-        "rajagopal-walk-emg/grf_walk.xml",
-        0.6,
-        1.6,
-        20,
-    ),
-    QpCase("made motion, 520 muscles, 115 free coordinates", "fullbody-many-muscles/cyclistFullBodyMuscle.osim"),
+    _case("gait, 18 muscles, 10 coordinates", "gait10", 0.5, 1.3, 10, loads=False),
+    _case("Rajagopal walk, 80 muscles, 31 free coordinates", "rajagopal", 0.6, 1.6, 20),
+    QpCase("made motion, 520 muscles, 115 free coordinates", RECORDINGS["cyclist"].model),
 )
 
 
@@ -77,7 +61,7 @@ class QuadraticFrames:
     upper: np.ndarray
 
 
-def made_motion(model: Model, frames: int) -> Motion:
+def made_motion(model: mm.Model, frames: int) -> mm.Motion:
     """Every free coordinate of a model swings a little about its default, at 100 frames a second."""
     names = free_coordinates(model)
     time = 0.01 * np.arange(frames)
@@ -87,32 +71,21 @@ def made_motion(model: Model, frames: int) -> Motion:
         reach = 0.5 if coordinate.motion == "rotational" else 0.01
         low, high = np.clip(coordinate.range, coordinate.default - reach, coordinate.default + reach)
         columns.append(coordinate.default + 0.03 * (high - low) * np.sin(2.0 * np.pi * (0.7 + 0.01 * k) * time + k))
-    return Motion(time, names, np.column_stack(columns))
+    return mm.Motion(time, names, np.column_stack(columns))
 
 
 def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
     """The quadratic programs of a case."""
-    model = read_model(folder / case.model)
+    model = mm.read_model(folder / case.model)
     whole = (
-        differentiate(motion_from_table(read_sto(folder / case.motion), model), case.cutoff)
+        mm.differentiate(mm.read_motion(folder / case.motion, model), case.cutoff)
         if case.motion
-        else differentiate(made_motion(model, 30))
+        else mm.differentiate(made_motion(model, 30))
     )
     keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))[:: case.step]
-    assert whole.velocities is not None
-    assert whole.accelerations is not None
-    motion = Motion(
-        whole.time[keep],
-        whole.names,
-        whole.values[keep],
-        velocities=whole.velocities[keep],
-        accelerations=whole.accelerations[keep],
-    )
-    wrenches: Wrenches | None = None
-    if case.loads:
-        wrenches = resample_wrenches(read_external_loads(folder / case.loads), motion.time)
-    torques = inverse_dynamics(model, motion, wrenches)
-    problem, _ = tension_problem(model, motion, torques, TensionOptions(passive=False, reserve=10.0, residual=100.0))
+    motion = take_frames(whole, keep)
+    torques = read_torques(folder / case.loads if case.loads else None, model, motion)
+    problem, _ = tension_problem(model, motion, torques, mm.TensionOptions(passive=False, reserve=10.0, residual=100.0))
     values, right = problem.balance(0, len(motion))[:2]
     S = problem.separable
     columns = np.repeat(np.arange(len(S.weight)), np.diff(S.start))
@@ -237,28 +210,26 @@ def by_daqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
     return run
 
 
-def measure_case(folder: Path, case: QpCase, rounds: int = 5) -> Iterator[dict[str, object]]:
-    """Rows of one case: solver, milliseconds a frame, how many times ours, distance from ours."""
-    frames = frames_of(folder, case)
-    solvers: dict[str, Callable[[], np.ndarray]] = {
+def solvers_of(frames: QuadraticFrames) -> dict[str, Callable[[], np.ndarray]]:
+    """Ours and maintained ones, ready to run."""
+    return {
         "ours, warm": lambda: by_dual(frames, True),
         "ours, cold": lambda: by_dual(frames, False),
         "piqp dense": by_piqp(frames, False),
         "piqp sparse": by_piqp(frames, True),
         "proxqp dense": by_proxqp(frames),
         "clarabel": by_clarabel(frames),
-        "daqp": by_daqp(frames),
     }
-    times: dict[str, list[float]] = {name: [] for name in solvers}
+
+
+def measure_case(folder: Path, case: QpCase, rounds: int = 5) -> Iterator[dict[str, object]]:
+    """Rows of one case: solver, milliseconds a frame, how many times ours, distance from ours."""
+    frames = frames_of(folder, case)
+    solvers = solvers_of(frames) | {"daqp": by_daqp(frames)}
     found = {name: solver() for name, solver in solvers.items()}
-    for _ in range(rounds):
-        for name, solver in solvers.items():
-            began = time.perf_counter()
-            solver()
-            times[name].append(1e3 * (time.perf_counter() - began) / len(frames.values))
-    ours = float(np.median(times["ours, warm"]))
-    for name in solvers:
-        spent = float(np.median(times[name]))
+    times = {name: 1e3 * taken / len(frames.values) for name, taken in alternate(solvers, rounds).items()}
+    ours = times["ours, warm"]
+    for name, spent in times.items():
         apart = np.abs(found[name] - found["ours, warm"])
         yield {
             "case": case.name,
@@ -272,12 +243,6 @@ def measure_case(folder: Path, case: QpCase, rounds: int = 5) -> Iterator[dict[s
         }
 
 
-def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """Rows of all cases."""
-    for case in CASES:
-        yield from measure_case(folder, case)
-
-
 def run() -> list[dict[str, object]]:
     """Rows of all cases, for `python -m benchmarks qp`."""
-    return list(measure(data_folder()))
+    return [row for case in CASES for row in measure_case(data_folder(), case)]

@@ -13,9 +13,8 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.cases import data_folder
-from myomorph.model.model import Model
-from myomorph.study.inputs.reading import open_model
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, Recording, data_folder
 from myomorph.study.run.expected_time import COLUMNS, RATES
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject
@@ -32,28 +31,14 @@ ROUNDS = 5
 class _Case:
     """A recording, whole and in a part [s]."""
 
-    model: str
-    markers: str
+    files: Recording
     whole: tuple[float, float]
     part: tuple[float, float]
-    loads: str = ""
 
 
 CASES = (
-    _Case(
-        "opensim-gait-subject01/ref_scale/std_subject01_simbody.osim",
-        "opensim-gait-subject01/experiment/subject01_walk1.trc",
-        (0.0, 2.5),
-        (0.5, 1.2),
-        "opensim-gait-subject01/experiment/subject01_walk1_grf.xml",
-    ),
-    _Case(
-        "rajagopal-walk-emg/subject_walk_scaled.osim",
-        "rajagopal-walk-emg/markers_walk.trc",
-        (0.0, 100.0),
-        (0.5, 1.2),
-        "rajagopal-walk-emg/grf_walk.xml",
-    ),
+    _Case(RECORDINGS["gait2354"], (0.0, 2.5), (0.5, 1.2)),
+    _Case(RECORDINGS["rajagopal"], (0.0, 100.0), (0.5, 1.2)),
 )
 
 
@@ -72,10 +57,11 @@ def run() -> list[dict[str, object]]:
 
 
 def _rows(case: _Case) -> list[dict[str, object]]:
-    data = data_folder()
-    model = open_model(data / case.model)
-    loads = data / case.loads if case.loads else None
-    files = TrialFiles(data / case.model, "rate", "rate", data / case.markers, loads=loads, mass=model.mass)
+    model_path, markers, loads = (
+        data_folder() / name for name in (case.files.model, case.files.markers, case.files.loads)
+    )
+    model = mm.read_model(model_path)
+    files = TrialFiles(model_path, "rate", "rate", markers, loads=loads, mass=model.mass)
     taken: dict[str, list[tuple[int, float]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for span in (case.part, case.whole):
@@ -91,7 +77,7 @@ def _rows(case: _Case) -> list[dict[str, object]]:
     return rows
 
 
-def _fastest(files: TrialFiles, model: Model, folder: Path) -> dict[str, tuple[int, float]]:
+def _fastest(files: TrialFiles, model: mm.Model, folder: Path) -> dict[str, tuple[int, float]]:
     """Frames and the shortest seconds of each step."""
     best: dict[str, tuple[int, float]] = {}
     for _ in range(ROUNDS):

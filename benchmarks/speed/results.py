@@ -13,12 +13,11 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from benchmarks.cases import data_folder
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from benchmarks.speed.study import write_study
 from benchmarks.speed.timing import alternate
 from myomorph.store.netcdf import new_netcdf, open_netcdf
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
 
 WALK = """[study]
 name = "walk"
@@ -35,15 +34,15 @@ def run() -> list[dict[str, object]]:
     """A row a file."""
     with tempfile.TemporaryDirectory() as made:
         home = Path(made)
-        short = read_plan(write_study(home, 1, few=1))
+        short = mm.read_plan(write_study(home, 1, few=1))
         (home / "walk.toml").write_text(WALK.format(folder=(data_folder() / "opensim-gait-subject01").as_posix()))
-        plans = {"30 frames": short, "a whole walk": read_plan(home / "walk.toml")}
+        plans = {"30 frames": short, "a whole walk": mm.read_plan(home / "walk.toml")}
         return [compared(name, plan, home / name) for name, plan in plans.items()]
 
 
 def compared(name: str, plan: Any, out: Path) -> dict[str, object]:
     """Milliseconds of both writers, and their ratio."""
-    (outcome,) = run_study(plan, out)
+    (outcome,) = mm.run_study(plan, out)
     if outcome.error:
         raise RuntimeError(outcome.error)
     (path,) = (path for path in out.rglob("*.nc") if ".steps" not in path.parts)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 
-from benchmarks.cases import data_folder
+from benchmarks.recordings import data_folder
 from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
-from benchmarks.speed.size import MEGABYTE, peak
+from benchmarks.speed.timing import clocked
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
@@ -24,25 +23,21 @@ def run() -> list[dict[str, object]]:
     given = source.model, source.surfaces, target.model, target.surfaces, table
     # Kernels compile first, with the few features of landmarks.
     species_morph(*given, match=MatchOptions(features="landmarks"))
-    rows = []
-    for name, work in (
-        ("maps of five bones", lambda: species_bones(*given)),
-        ("and 40 muscles", lambda: species_morph(*given)),
-        ("from files to model, tables and report", lambda: _files(data)),
-    ):
-        began, busy = time.perf_counter(), time.process_time()
-        work()
-        seconds = time.perf_counter() - began
-        rows.append(
-            {
-                "what": name,
-                "seconds": seconds,
-                "CPU seconds": time.process_time() - busy,
-                "of the 5 min allowed": seconds / ALLOWED,
-                "peak [MB]": peak() / MEGABYTE,
-            }
-        )
-    return rows
+    parts = {
+        "maps of five bones": lambda: species_bones(*given),
+        "and 40 muscles": lambda: species_morph(*given),
+        "from files to model, tables and report": lambda: _files(data),
+    }
+    return [
+        {
+            "what": name,
+            "seconds": taken.seconds,
+            "CPU seconds": taken.cpu,
+            "of the 5 min allowed": taken.seconds / ALLOWED,
+            "peak [MB]": taken.before + taken.peak,
+        }
+        for name, taken in ((name, clocked(work)) for name, work in parts.items())
+    ]
 
 
 def _files(data: Path) -> None:

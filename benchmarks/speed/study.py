@@ -19,15 +19,12 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from benchmarks.cases import data_folder
+import myomorph as mm
 from benchmarks.cluster import cluster_in
-from myomorph.io.trc import write_trc
+from benchmarks.recordings import data_folder
 from myomorph.store.outcome import Outcome
-from myomorph.study.inputs.reading import read_recording
-from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.local_workers import LocalWorkers
-from myomorph.study.run.run import run_study
 
 TRIALS = 1000
 FRAMES = 30
@@ -71,7 +68,7 @@ def run(trials: int = TRIALS) -> list[Row]:
 def write_study(home: Path, trials: int, few: int = 4) -> Path:
     """A study of short recordings, and beside it one of only a few of them; returns the file of the first."""
     data = data_folder() / "opensim-gait-subject01"
-    recorded = read_recording(data / "experiment/subject01_walk1.trc").markers
+    recorded = mm.read_recording(data / "experiment/subject01_walk1.trc").markers
     assert recorded is not None
     random = np.random.default_rng(1)
     for folder, count in (("trials", trials), ("few", few)):
@@ -81,7 +78,7 @@ def write_study(home: Path, trials: int, few: int = 4) -> Path:
             part = slice(start, start + FRAMES)
             values = recorded.values[part] + random.normal(0.0, NOISE, recorded.values[part].shape)
             short = replace(recorded, time=recorded.time[part], values=values)
-            write_trc(short, home / folder / f"walk{index:04d}.trc")
+            mm.write_trc(short, home / folder / f"walk{index:04d}.trc")
     text = STUDY.format(model=data / "ref_ik/subject01_simbody.osim")
     (home / "few.toml").write_text(text.replace("trials/*", "few/*"), encoding="utf-8")
     (home / "study.toml").write_text(text, encoding="utf-8")
@@ -136,7 +133,7 @@ def watched(hands: LocalWorkers | DaskWorkers) -> Iterator[Memory]:
 
 def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: bool = False) -> Row:
     """A run by so many workers; the time that processes take to begin is told apart."""
-    plan = read_plan(study.with_name("few.toml") if few else study)
+    plan = mm.read_plan(study.with_name("few.toml") if few else study)
     count = hands.count
     ends: list[float] = []
 
@@ -145,7 +142,7 @@ def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: boo
 
     own, began = time.process_time(), time.perf_counter()
     with watched(hands) as memory:
-        outcomes = run_study(plan, out, workers=hands, report=said)
+        outcomes = mm.run_study(plan, out, workers=hands, report=said)
     failures = [one.error for one in outcomes if one.error]
     if failures:
         raise RuntimeError(f"{len(failures)} trials failed, the first with: {failures[0]}")

@@ -1,22 +1,61 @@
-"""Fair times: the programs take turns in one process, and the median of each counts."""
+"""Fair times: programs take turns in one process and the median counts; and memory, on Linux."""
 
 from __future__ import annotations
 
+import multiprocessing
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+MEGABYTE = 2.0**20
+T = TypeVar("T")
 
 
-def alternate(programs: dict[str, Callable[[], object]], rounds: int = 5) -> dict[str, float]:
-    """Median seconds of each program, run in turn `rounds` times after one round to warm up."""
+@dataclass(frozen=True)
+class Taken(Generic[T]):
+    """A result, seconds by the clock and by the processor, and memory [MB]: before, and its peak beyond that."""
+
+    result: T
+    seconds: float
+    cpu: float
+    before: float
+    peak: float
+
+
+def clocked(work: Callable[[], T]) -> Taken[T]:
+    """What some work gives and takes."""
+    before, began, used = resident(), time.perf_counter(), time.process_time()
+    result = work()
+    seconds, cpu = time.perf_counter() - began, time.process_time() - used
+    return Taken(result, seconds, cpu, before / MEGABYTE, (peak() - before) / MEGABYTE)
+
+
+def in_own_process(work: Callable[..., T], *arguments: Any) -> T:
+    """The result of some work in a fresh process, so that memory is its alone."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(work, arguments)
+
+
+def alternate(
+    programs: dict[str, Callable[[], object]], rounds: int = 5, patience: float = float("inf")
+) -> dict[str, float]:
+    """Median seconds of each program, run in turn `rounds` times after one round to warm up.
+
+    Parameters
+    ----------
+    patience : a program that has taken longer has no further round [s]
+    """
     for program in programs.values():
         program()
     seconds: dict[str, list[float]] = {name: [] for name in programs}
     for _ in range(rounds):
         for name, program in programs.items():
-            began = time.perf_counter()
-            program()
-            seconds[name].append(time.perf_counter() - began)
+            if sum(seconds[name]) <= patience:
+                began = time.perf_counter()
+                program()
+                seconds[name].append(time.perf_counter() - began)
     return {name: statistics.median(taken) for name, taken in seconds.items()}
 
 
@@ -34,3 +73,20 @@ def compared(
         f"{other} [ms/frame]": theirs_ms,
         "times faster": theirs_ms / ours_ms,
     }
+
+
+def _status(key: str) -> int:
+    with open("/proc/self/status") as file:
+        return next((int(line.split()[1]) * 1024 for line in file if line.startswith(key)), 0)
+
+
+def resident() -> int:
+    """Memory in use now, the peak forgotten [bytes]; Linux only."""
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+    return _status("VmRSS")
+
+
+def peak() -> int:
+    """Most memory in use since `resident` [bytes]."""
+    return _status("VmHWM")

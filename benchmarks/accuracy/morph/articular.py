@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.leg_shapes import leg_shapes
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface, pieces_of, turned_outward
+from myomorph.model.surface import pieces_of, turned_outward
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
 from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
@@ -85,14 +84,14 @@ def measure_centers(folder: Path) -> Iterator[Row]:
         ("left femur, generic (OpenSim)", "l_femur"),
         ("right humerus, generic (OpenSim)", "humerus_rv"),
     ):
-        yield _against(name, _head(read_mesh(bones / f"{file}.vtp")), np.zeros(3), "the body's origin")
+        yield _against(name, _head(mm.read_mesh(bones / f"{file}.vtp")), np.zeros(3), "the body's origin")
 
 
-def _head(femur: Surface) -> SphereFit:
+def _head(femur: mm.Surface) -> SphereFit:
     return spherical_patches(femur)[0]
 
 
-def _hip(name: str, head: SphereFit, pelvis: Surface) -> Row:
+def _hip(name: str, head: SphereFit, pelvis: mm.Surface) -> Row:
     socket = articular_sphere(pelvis, head.center, SOCKET * head.radius, hollow=True)
     return _center_row(name, head, socket, socket.center, "the socket's center")
 
@@ -128,7 +127,7 @@ def measure_persons() -> Iterator[Row]:
         yield _found_again("pelvis", f"socket {number}", socket)
 
 
-def _condyles(femur: Surface, head: SphereFit) -> CylinderFit:
+def _condyles(femur: mm.Surface, head: SphereFit) -> CylinderFit:
     """The cylinder of a femur's condyles: the two largest round patches far from the head start it."""
     length = float(np.linalg.norm(np.ptp(femur.vertices, axis=0)))
     far = [one for one in spherical_patches(femur) if np.linalg.norm(one.center - head.center) > 0.6 * length]
@@ -153,7 +152,7 @@ def _found_again(bone: str, name: str, fit: SphereFit | CylinderFit) -> Row:
         mapped.append(float(np.linalg.norm(start - part.apply(center))))
         try:
             place, angle = _again(fit, target, start, whole, part)
-        except BadData:
+        except mm.BadData:
             refused += 1
             continue
         fitted.append(place)
@@ -171,19 +170,19 @@ def _found_again(bone: str, name: str, fit: SphereFit | CylinderFit) -> Row:
 
 
 def _again(
-    fit: SphereFit | CylinderFit, target: Surface, start: np.ndarray, whole: Similarity, part: Similarity
+    fit: SphereFit | CylinderFit, target: mm.Surface, start: np.ndarray, whole: Similarity, part: Similarity
 ) -> tuple[float, float]:
     """How far the center (or the axis) lies from where the points around it were carried [m], and its angle [°]."""
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
         sphere = articular_sphere(target, start, radius, fit.hollow)
         if told := warning_of(sphere):
-            raise BadData(told)
+            raise mm.BadData(told)
         return float(np.linalg.norm(sphere.center - part.apply(fit.center))), 0.0
     width = whole.scale * (fit.length + fit.radius)
     cylinder = articular_cylinder(target, start, whole.rotation @ fit.axis, radius, width)
     if told := warning_of(cylinder):
-        raise BadData(told)
+        raise mm.BadData(told)
     beside = np.cross(cylinder.point - part.apply(fit.point), cylinder.axis)
     cosine = min(1.0, abs(float(cylinder.axis @ part.rotation @ fit.axis)))
     return float(np.linalg.norm(beside)), float(np.degrees(np.arccos(cosine)))
@@ -200,7 +199,7 @@ def measure_landmarks() -> Iterator[Row]:
             target = _person(bone, k)
             try:
                 found = automatic_landmarks(source, target)
-            except BadData:
+            except mm.BadData:
                 refused += 1
                 continue
             truth = _carried(source, target, found.source)
@@ -222,7 +221,7 @@ def measure_landmarks() -> Iterator[Row]:
         }
 
 
-def _carried(source: Surface, target: Surface, points: np.ndarray) -> np.ndarray:
+def _carried(source: mm.Surface, target: mm.Surface, points: np.ndarray) -> np.ndarray:
     """Where the vertices around points carry them: the nearest dozen, more for a point off the surface."""
     apart = np.abs(Shape(source).signed(points))
     carried = []
@@ -244,13 +243,13 @@ def _others() -> list[int]:
     return [k for k in range(26) if k != _average()]
 
 
-def _person(bone: str, k: int) -> Surface:
+def _person(bone: str, k: int) -> mm.Surface:
     shape = leg_shapes()[bone]
     nodes = shape.nodes[0]
     faces = np.concatenate([turned_outward(nodes, piece) for piece in pieces_of(len(nodes), shape.faces)])
-    return Surface(shape.nodes[k], faces)
+    return mm.Surface(shape.nodes[k], faces)
 
 
-def _meters(path: Path) -> Surface:
-    surface = read_mesh(path)
-    return Surface(1e-3 * surface.vertices, surface.faces)
+def _meters(path: Path) -> mm.Surface:
+    surface = mm.read_mesh(path)
+    return mm.Surface(1e-3 * surface.vertices, surface.faces)

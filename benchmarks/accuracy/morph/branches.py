@@ -8,15 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.laws import sheared, similar
 from myomorph.io.osim.read import read_osim
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.branch_points import branch_load
-from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.kinematics import muscle_kinematics
 
 MODEL = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 LINK = "Abdomen"
@@ -62,16 +59,16 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def _morphed(model: Model, bones: dict[str, BoneMap], balance: bool) -> Morph:
+def _morphed(model: mm.Model, bones: dict[str, BoneMap], balance: bool) -> Morph:
     options = MorphOptions(joints="mapped", clear=False, fibers="keep", force="keep", balance=balance)
-    return morph_model(model, bones, options, surrounding={LINK: AROUND})
+    return mm.morph_model(model, bones, options, surrounding={LINK: AROUND})
 
 
-def _changed(before: Model, after: Model, strands: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _changed(before: mm.Model, after: mm.Model, strands: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for model in (before, after):
         own = replace(model, muscles=tuple(model.muscle(name) for name in strands))
-        found.append(muscle_kinematics(own, Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False))
+        found.append(mm.muscle_kinematics(own, mm.Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False))
     columns = [found[0].coordinates.index(name) for name in ABOUT]
     arms = found[1].moment_arms[0][:, columns] - found[0].moment_arms[0][:, columns]
     return found[1].lengths[0] - found[0].lengths[0], arms

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.demo import demo_morph
 from benchmarks.accuracy.morph.real_bones import persons
 from myomorph.morph.checks.clearance import WEIGHT, Clearance, clear_paths
@@ -15,7 +16,6 @@ from myomorph.morph.checks.moment_arms import compared_coordinates
 from myomorph.morph.checks.path_changes import path_changes
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.transfer.model import morph_model
 
 Row = dict[str, object]
 
@@ -27,7 +27,7 @@ def measure(folder: Path) -> Iterator[Row]:
     legs = [("demo, known deformation", demo_morph(), False)]
     legs += [(one.name, one.morph, True) for one in persons(folder)]
     for name, morph, together in legs:
-        mapped = morph_model(
+        mapped = mm.morph_model(
             morph.source, morph.bones, MorphOptions(clear=False, fibers="keep", force="keep"), together=together
         )
         pairs = compared_coordinates(mapped.source, mapped.model)

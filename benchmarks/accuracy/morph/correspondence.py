@@ -14,15 +14,13 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from benchmarks.accuracy.morph.shapes import attachments, cases
-from benchmarks.cases import data_folder
 from benchmarks.leg_shapes import leg_shapes
-from myomorph.io.formats import read_model
-from myomorph.model.surface import Surface
+from benchmarks.recordings import data_folder
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.bone_checks import repaired_bone
-from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.transfer.carrier import Carrier
 from myomorph.morph.transfer.points import place_of, put_on_surface
@@ -59,7 +57,7 @@ Row = dict[str, object]
 class Deformation:
     """A random map of space: rotated, stretched and, unless `bend` is 0, smoothly bent."""
 
-    def __init__(self, surface: Surface, seed: int, bend: float = BEND, width: float = WIDTH):
+    def __init__(self, surface: mm.Surface, seed: int, bend: float = BEND, width: float = WIDTH):
         random = np.random.default_rng(seed)
         self.middle = surface.vertices.mean(axis=0)
         axes = np.linalg.svd(surface.vertices - self.middle, full_matrices=False)[2]
@@ -83,13 +81,13 @@ class Deformation:
 
 
 @cache
-def bone(body: str) -> tuple[Surface, np.ndarray, np.ndarray]:
+def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
     """A bone of the model, the muscle points fixed to it, and which of them are on it.
 
     On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`; the rest are points in the flesh
     beside it. Of the talus, which has no muscle points, points of its surface.
     """
-    model = read_model(data_folder() / MODEL)
+    model = mm.read_model(data_folder() / MODEL)
     surface = repaired_bone(source_bones(model, data_folder() / GEOMETRY, [])[body], body, [])
     coordinates = {one.name: one for one in model.coordinates}
     paths = [muscle.path.points for muscle in model.muscles]
@@ -103,14 +101,14 @@ def bone(body: str) -> tuple[Surface, np.ndarray, np.ndarray]:
     return surface, places, ends | (away <= WITHIN * np.ptp(surface.vertices, axis=0).max())
 
 
-def deformed(surface: Surface, deformation: Deformation) -> Surface:
+def deformed(surface: mm.Surface, deformation: Deformation) -> mm.Surface:
     """The bone after a deformation, cut into smaller triangles before."""
     edge = EDGE * deformation.length
     vertices, faces = trimesh.remesh.subdivide_to_size(surface.vertices, surface.faces, edge)
-    return Surface(deformation(vertices), faces)
+    return mm.Surface(deformation(vertices), faces)
 
 
-def three_landmarks(surface: Surface) -> np.ndarray:
+def three_landmarks(surface: mm.Surface) -> np.ndarray:
     """Vertices (3, 3) as far from each other as they go: ends of the bone."""
     vertices = surface.vertices
     chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]
@@ -122,10 +120,10 @@ def three_landmarks(surface: Surface) -> np.ndarray:
 
 
 def carried(
-    body: str, source: Surface, target: Surface, points: np.ndarray, landmarks: FeaturePoints | None = None
+    body: str, source: mm.Surface, target: mm.Surface, points: np.ndarray, landmarks: FeaturePoints | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where points (n, 3) of a bone go without a hand, and within which distance (n,) they belong with 90 % [m]."""
-    carrier = Carrier(map_bone(body, source, target, landmarks), body)
+    carrier = Carrier(mm.map_bone(body, source, target, landmarks), body)
     return put_on_surface(carrier, points, WITHIN).points, carrier.within(points)
 
 
@@ -208,7 +206,7 @@ def measure_persons() -> Iterator[Row]:
         faces, points = leg_shapes()[name].faces, attachments()[name]
         ways: dict[str, list[tuple[np.ndarray, ...]]] = {}
         for case in some:
-            source, target = Surface(case.template, faces), Surface(case.person, faces)
+            source, target = mm.Surface(case.template, faces), mm.Surface(case.person, faces)
             here, truth = points.on(case.template), points.on(case.person)
             whole = procrustes(case.template, case.person, True)
             scaled = np.linalg.norm(whole.apply(here) - truth, axis=1)

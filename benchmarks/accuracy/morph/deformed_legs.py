@@ -8,19 +8,16 @@ from functools import cache
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.correspondence import BONES, MODEL, Deformation, bone, deformed
 from benchmarks.accuracy.morph.held_out import DEFAULT, DENSE, EXACT, given_map, spread_nodes
-from benchmarks.cases import data_folder
-from myomorph.io.formats import read_model
-from myomorph.model.model import Model
+from benchmarks.recordings import data_folder
 from myomorph.morph.arm_intervals import with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.moment_arms import compare_moment_arms
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph
-from myomorph.morph.registration.map_bone import map_bone
-from myomorph.morph.transfer.model import morph_model
 
 Row = dict[str, object]
 
@@ -29,9 +26,9 @@ SEEDS = range(22, 26)
 
 
 @cache
-def leg() -> Model:
+def leg() -> mm.Model:
     """The model with the muscles of its right leg."""
-    model = read_model(data_folder() / MODEL)
+    model = mm.read_model(data_folder() / MODEL)
     return replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_r")))
 
 
@@ -42,7 +39,7 @@ def legs(seed: int) -> tuple[Morph, Morph]:
     for body in BONES:
         surface, *_ = bone(body)
         change = Deformation(surface, seed)
-        found[body] = map_bone(body, surface, deformed(surface, change))
+        found[body] = mm.map_bone(body, surface, deformed(surface, change))
         target, features = found[body].target, found[body].features
         assert target is not None
         assert features is not None
@@ -51,7 +48,7 @@ def legs(seed: int) -> tuple[Morph, Morph]:
         # Turned as the places that were matched are, so that both legs stand alike.
         whole = procrustes(features.source, change(features.source), True)
         true[body] = replace(given_map(body, fit_map(pairs), surface, target), whole=whole)
-    return morph_model(leg(), true, EXACT), morph_model(leg(), found, replace(DEFAULT, clear=False))
+    return mm.morph_model(leg(), true, EXACT), mm.morph_model(leg(), found, replace(DEFAULT, clear=False))
 
 
 def measure(seeds: range = SEEDS) -> Iterator[Row]:

@@ -13,19 +13,16 @@ from functools import cache
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.correspondence import three_landmarks
 from benchmarks.accuracy.morph.shapes import BODIES, attachments, mean_shape
-from benchmarks.cases import data_folder
 from benchmarks.leg_shapes import leg_shapes
-from myomorph.io.formats import read_model
+from benchmarks.recordings import data_folder
 from myomorph.model.arrays import Array
-from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.registration.map_bone import map_bone
-from myomorph.morph.transfer.model import morph_model
 from myomorph.study.subject.morph_files import source_bones
 
 Row = dict[str, object]
@@ -62,16 +59,16 @@ class Leg:
 @cache
 def leg() -> Leg:
     """Rajagopal's left leg, without landmarks, in the mean bones of persons with an odd number."""
-    model = read_model(data_folder() / MODEL)
+    model = mm.read_model(data_folder() / MODEL)
     model = replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_l")))
     ours = source_bones(model, data_folder() / GEOMETRY, [])
     nodes = {BODIES[name]: mean_shape(shapes.nodes[1::2]) for name, shapes in leg_shapes().items()}
     faces = {BODIES[name]: shapes.faces for name, shapes in leg_shapes().items()}
-    bones = {body: map_bone(body, ours[body], Surface(nodes[body], faces[body])) for body in nodes}
-    return Leg(morph_model(model, bones, DEFAULT), nodes)
+    bones = {body: mm.map_bone(body, ours[body], mm.Surface(nodes[body], faces[body])) for body in nodes}
+    return Leg(mm.morph_model(model, bones, DEFAULT), nodes)
 
 
-def given_map(body: str, mapping: PointMap, source: Surface, target: Surface) -> BoneMap:
+def given_map(body: str, mapping: PointMap, source: mm.Surface, target: mm.Surface) -> BoneMap:
     """A bone that goes by a map."""
     whole = procrustes(source.vertices, mapping.apply(source.vertices), True)
     return BoneMap(body, body, mapping, whole, "given", source, target)
@@ -83,7 +80,7 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
     for name, shapes in leg_shapes().items():
         body = BODIES[name]
         template, there = leg().nodes[body], shapes.nodes[person]
-        pairs[body] = (name, Surface(template, shapes.faces), Surface(there, shapes.faces))
+        pairs[body] = (name, mm.Surface(template, shapes.faces), mm.Surface(there, shapes.faces))
 
     def through(count: int) -> dict[str, BoneMap]:
         found = {}
@@ -102,7 +99,7 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
                 ends = three_landmarks(source)
                 index = [int(np.argmin(np.linalg.norm(source.vertices - one, axis=1))) for one in ends]
                 marks = FeaturePoints(("a", "b", "c"), ends, target.vertices[index])
-            found[body] = map_bone(body, source, target, marks)
+            found[body] = mm.map_bone(body, source, target, marks)
         return found
 
     yield "truth", through(DENSE), EXACT
@@ -134,7 +131,7 @@ def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
     for person in persons:
         true: Morph | None = None
         for way, bones, options in ways(person):
-            found = morph_model(leg().morph.model, bones, options)
+            found = mm.morph_model(leg().morph.model, bones, options)
             if true is None:
                 true = found
                 continue

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from given_maps import given, grown, poses_of, sheared, similar
 
-TESTS = Path(__file__).resolve().parents[3] / "tests"
-sys.path[:0] = [str(TESTS), str(TESTS / "morph")]
-
-from given_maps import given, grown, poses_of, sheared, similar  # noqa: E402
-
-from mujoco_models import load  # noqa: E402
-from myomorph.io.osim.read import read_osim  # noqa: E402
-from myomorph.model.model import GROUND, Model  # noqa: E402
-from myomorph.model.paths import PathWrap  # noqa: E402
-from myomorph.model.series import Motion  # noqa: E402
-from myomorph.model.sides import split_side  # noqa: E402
-from myomorph.model.spatial import rotation_from_euler_xyz  # noqa: E402
-from myomorph.morph.checks.penetration import standing_poses  # noqa: E402
-from myomorph.morph.maps.fields import BoneMap  # noqa: E402
-from myomorph.morph.mirror.model import mirrored_motion  # noqa: E402
-from myomorph.morph.morphed import TransferredPoint  # noqa: E402
-from myomorph.morph.transfer.model import morph_model  # noqa: E402
-from myomorph.muscles.kinematics import muscle_kinematics  # noqa: E402
+import myomorph as mm
+from mujoco_models import load
+from myomorph.io.osim.read import read_osim
+from myomorph.model.model import GROUND
+from myomorph.model.paths import PathWrap
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import rotation_from_euler_xyz
+from myomorph.morph.checks.penetration import standing_poses
+from myomorph.morph.maps.fields import BoneMap
+from myomorph.morph.mirror.model import mirrored_motion
+from myomorph.morph.morphed import TransferredPoint
 
 OPENSIM = (
     "ceinms-emg-walk/model/gait2392.osim",
@@ -44,7 +37,7 @@ POSES = 10
 Row = dict[str, object]
 
 
-def models(folder: Path) -> Iterator[tuple[str, Model]]:
+def models(folder: Path) -> Iterator[tuple[str, mm.Model]]:
     """The models by name."""
     for name in OPENSIM:
         yield Path(name).stem, read_osim(folder / name)
@@ -69,12 +62,12 @@ def of_bones(points: Sequence[TransferredPoint], errors: Iterable[float]) -> flo
     return max(error / lengths[one.body] for one, error in zip(points, errors, strict=True))
 
 
-def identity(model: Model) -> Row:
+def identity(model: mm.Model) -> Row:
     """What a map that changes nothing changes: points, and moment arms."""
-    morph = morph_model(model, similar(model, 1.0))
+    morph = mm.morph_model(model, similar(model, 1.0))
     errors = (float(np.linalg.norm(one.target - one.source)) for one in morph.points)
     motion = poses_of(model, POSES)
-    ours, theirs = (muscle_kinematics(one, motion, velocities=False) for one in (morph.model, model))
+    ours, theirs = (mm.muscle_kinematics(one, motion, velocities=False) for one in (morph.model, model))
     return {
         "identity: points [bone lengths]": of_bones(morph.points, errors),
         "identity: lengths [m]": float(np.abs(ours.lengths - theirs.lengths).max()),
@@ -82,13 +75,13 @@ def identity(model: Model) -> Row:
     }
 
 
-def twin(model: Model) -> Row:
+def twin(model: mm.Model) -> Row:
     """A model larger by `SIZE` in bodies' frames that lie anyhow: lengths and moment arms must grow by it."""
     bones = similar(model, SIZE, seed=3) | {GROUND: given(GROUND, SIZE * np.eye(3), np.zeros(3))}
-    morph = morph_model(model, bones)
+    morph = mm.morph_model(model, bones)
     motion = poses_of(model, POSES)
-    ours = muscle_kinematics(morph.model, grown(model, motion, SIZE), velocities=False)
-    theirs = muscle_kinematics(model, motion, velocities=False)
+    ours = mm.muscle_kinematics(morph.model, grown(model, motion, SIZE), velocities=False)
+    theirs = mm.muscle_kinematics(model, motion, velocities=False)
     lengths = np.abs(ours.lengths / SIZE - theirs.lengths).max(axis=0)
     turning = np.array([one.motion == "rotational" for one in model.coordinates])
     arms = np.abs(ours.moment_arms / SIZE - theirs.moment_arms)[:, :, turning].max(axis=(0, 2))
@@ -101,7 +94,7 @@ def twin(model: Model) -> Row:
     }
 
 
-def _surfaces(model: Model, morphed: Model, bones: dict[str, BoneMap]) -> float:
+def _surfaces(model: mm.Model, morphed: mm.Model, bones: dict[str, BoneMap]) -> float:
     """How far sizes, middles and axes of wrap objects are from those of the twin, as a share of their size."""
     error = 0.0
     for before, after in zip(model.wrap_objects, morphed.wrap_objects, strict=True):
@@ -116,11 +109,11 @@ def _surfaces(model: Model, morphed: Model, bones: dict[str, BoneMap]) -> float:
     return error
 
 
-def affine(model: Model) -> Row:
+def affine(model: mm.Model) -> Row:
     """One matrix for the whole body as it stands: every point must be where it puts it, joints on the way included."""
     rng = np.random.default_rng(5)
     matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3)))
-    morph = morph_model(model, sheared(model, matrix))
+    morph = mm.morph_model(model, sheared(model, matrix))
     before, after = standing_poses(model), standing_poses(morph.model)
     _, d, vt = np.linalg.svd(matrix)
     stretch = vt.T * d @ vt
@@ -132,7 +125,7 @@ def affine(model: Model) -> Row:
     return {"affine: points in place [bone lengths]": of_bones(morph.points, errors)}
 
 
-def sides(name: str, model: Model) -> Row:
+def sides(name: str, model: mm.Model) -> Row:
     """Mirrored maps for left and right: how unlike mirrored muscles become, beside how unlike they were."""
     title = "left and right: lengths apart, {} [m]"
     row: Row = {title.format("before"): "", title.format("after"): ""}
@@ -150,13 +143,13 @@ def sides(name: str, model: Model) -> Row:
             bones[body] = given(body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset))
     motion = poses_of(model, POSES)
     other_motion = mirrored_motion(model, motion)
-    for when, one in (("before", model), ("after", morph_model(model, bones).model)):
+    for when, one in (("before", model), ("after", mm.morph_model(model, bones).model)):
         row[title.format(when)] = _apart(one, motion, other_motion)
     return row
 
 
-def _apart(model: Model, motion: Motion, other: Motion) -> float:
-    here, there = (muscle_kinematics(model, one, velocities=False).lengths for one in (motion, other))
+def _apart(model: mm.Model, motion: mm.Motion, other: mm.Motion) -> float:
+    here, there = (mm.muscle_kinematics(model, one, velocities=False).lengths for one in (motion, other))
     names = model.muscle_names
     pairs = [(i, names.index(other)) for i, name in enumerate(names) if (other := _other(name, names))]
     return max(float(np.abs(here[:, i] - there[:, j]).max()) for i, j in pairs)
@@ -165,10 +158,3 @@ def _apart(model: Model, motion: Motion, other: Motion) -> float:
 def _other(name: str, names: tuple[str, ...]) -> str:
     base, side = split_side(name)
     return next((one for one in names if side and one != name and split_side(one)[0] == base), "")
-
-
-def run() -> list[Row]:
-    """Rows of all models, on the data collection."""
-    from benchmarks.cases import data_folder
-
-    return list(measure(data_folder()))

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from myomorph.io.osim.read import read_osim
-from myomorph.model.model import Model
 from myomorph.model.scale import scale
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import Morph
@@ -42,23 +41,23 @@ def measure(folder: Path) -> Iterator[Row]:
             yield {"model": model.name, "flesh": name} | compared(morph.model, found)
 
 
-def smaller(model: Model, bones: dict[str, Surface]) -> Morph:
+def smaller(model: mm.Model, bones: dict[str, mm.Surface]) -> Morph:
     """The morph that makes the model uniformly smaller."""
     shrunk = AffineMap(SIZE * np.eye(3), np.zeros(3))
     whole = Similarity(np.eye(3), np.zeros(3), SIZE)
     maps = {
-        name: BoneMap(name, name, shrunk, whole, "bone", one, Surface(SIZE * one.vertices, one.faces))
+        name: BoneMap(name, name, shrunk, whole, "bone", one, mm.Surface(SIZE * one.vertices, one.faces))
         for name, one in bones.items()
     }
     grown = scale(model, {name: np.full(3, SIZE) for name in model.body_names})
     return Morph(model, grown, maps, (), (), ())
 
 
-def _surfaces(morph: Morph) -> dict[str, Surface]:
+def _surfaces(morph: Morph) -> dict[str, mm.Surface]:
     return {bone.target_body: bone.target for bone in morph.bones.values() if bone.target is not None}
 
 
-def compared(model: Model, found: Model) -> Row:
+def compared(model: mm.Model, found: mm.Model) -> Row:
     """Masses, mass centers and moments of inertia against the scaled model's own."""
     own = np.array([body.mass for body in model.bodies])
     new = np.array([body.mass for body in found.bodies])

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[3] / "tests")]
-
-from benchmarks.mouse_hindlimb import mouse_hindlimb_model  # noqa: E402
-from mujoco_models import load  # noqa: E402
-from myomorph.io.formats import read_model  # noqa: E402
-from myomorph.model.arrays import Array  # noqa: E402
-from myomorph.model.model import Model  # noqa: E402
-from myomorph.model.series import Motion  # noqa: E402
-from myomorph.model.sides import mirror_names  # noqa: E402
-from myomorph.morph.mirror.model import mirrored, mirrored_motion  # noqa: E402
-from myomorph.morph.mirror.sides import other_side_of  # noqa: E402
-from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics  # noqa: E402
+import myomorph as mm
+from benchmarks.mouse_hindlimb import mouse_hindlimb_model
+from mujoco_models import load
+from myomorph.model.arrays import Array
+from myomorph.model.sides import mirror_names
+from myomorph.morph.mirror.model import mirrored_motion
+from myomorph.morph.mirror.sides import other_side_of
+from myomorph.muscles.kinematics import MuscleKinematics
 
 Row = dict[str, object]
 FRAMES = 20
@@ -35,10 +30,10 @@ OPENSIM = (
 MUJOCO = (("myolegs", "x"), ("myofullbody", "x"), ("mouse arm", "z"))
 
 
-def models(folder: Path) -> Iterator[tuple[str, Model, str]]:
+def models(folder: Path) -> Iterator[tuple[str, mm.Model, str]]:
     """Name, model, and the axis across the plane of symmetry."""
     for name, path in OPENSIM:
-        yield name, read_model(folder / path), "z"
+        yield name, mm.read_model(folder / path), "z"
     yield "mouse hindlimb", mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json"), "z"
     for name, axis in MUJOCO:
         yield f"{name} (MuJoCo)", load(name, lambda file: folder / file)[1], axis
@@ -49,14 +44,14 @@ def measure(folder: Path) -> Iterator[Row]:
     for name, model, axis in models(folder):
         side = other_side_of(model, axis)
         motion = _through(model)
-        own = muscle_kinematics(model, motion, velocities=False)
-        other = mirrored(model, axis)
+        own = mm.muscle_kinematics(model, motion, velocities=False)
+        other = mm.mirrored(model, axis)
         turned = mirrored_motion(model, motion, axis)
-        there = muscle_kinematics(other, turned, velocities=False)
+        there = mm.muscle_kinematics(other, turned, velocities=False)
         rows = [there.muscles.index(side.named("muscles", one)) for one in own.muscles]
         columns = [there.coordinates.index(side.named("coordinates", one)) for one in own.coordinates]
         arms = there.moment_arms[:, rows][:, :, columns] * np.array(side.of(own.coordinates))
-        twice = muscle_kinematics(mirrored(other, axis), motion, velocities=False)
+        twice = mm.muscle_kinematics(mm.mirrored(other, axis), motion, velocities=False)
         back = [twice.muscles.index(one) for one in own.muscles]
         yield {
             "model": name,
@@ -67,21 +62,21 @@ def measure(folder: Path) -> Iterator[Row]:
         } | _sides(model, there, turned)
 
 
-def _through(model: Model) -> Motion:
+def _through(model: mm.Model) -> mm.Motion:
     """Random values within the ranges, at most 1 rad or m from 0."""
     rng = np.random.default_rng(0)
     low = np.array([max(one.range[0], -1.0) for one in model.coordinates])
     high = np.maximum(low, [min(one.range[1], 1.0) for one in model.coordinates])
     values = low + (high - low) * rng.random((FRAMES, len(low)))
-    return Motion(0.01 * np.arange(FRAMES), model.coordinate_names, values)
+    return mm.Motion(0.01 * np.arange(FRAMES), model.coordinate_names, values)
 
 
-def _sides(model: Model, there: MuscleKinematics, turned: Motion) -> Row:
+def _sides(model: mm.Model, there: MuscleKinematics, turned: mm.Motion) -> Row:
     """How far the file's muscles of each side are from those made of the other side, in the same poses."""
     known = [one for one in model.muscle_names if one in there.muscles and mirror_names(model.muscle_names).get(one)]
     if not known or set(model.coordinate_names) != set(there.coordinates):
         return {"pairs": 0, "sides, median [mm]": "", "sides, largest [mm]": "", "largest of": ""}
-    given = muscle_kinematics(model, turned, velocities=False, moment_arms=False)
+    given = mm.muscle_kinematics(model, turned, velocities=False, moment_arms=False)
     own, other = ([one.muscles.index(name) for name in known] for one in (given, there))
     apart: Array = 1000.0 * np.abs(given.lengths[:, own] - there.lengths[:, other]).max(axis=0)
     worst = int(np.argmax(apart))

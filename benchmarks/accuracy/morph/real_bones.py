@@ -9,20 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.cases import data_folder
-from myomorph.io.formats import read_model
+import myomorph as mm
+from benchmarks.recordings import data_folder
 from myomorph.io.landmarks import read_landmarks
-from myomorph.io.mesh import read_mesh
-from myomorph.model.model import Model
-from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph
-from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.transfer.carrier import Carrier
-from myomorph.morph.transfer.model import morph_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, map_bones
 
@@ -87,7 +82,7 @@ class Person:
 @cache
 def persons(folder: Path) -> tuple[Person, ...]:
     """Both, their bones as one scan shows them, without landmarks."""
-    model = right_leg(read_model(folder / MODEL))
+    model = right_leg(mm.read_model(folder / MODEL))
     settings = MorphSettings()
     found = []
     for name, files in BONES.items():
@@ -95,13 +90,13 @@ def persons(folder: Path) -> tuple[Person, ...]:
         if len(files["pelvis"]) == 1:
             pelvis = next(body for body in model.bodies if body.name == "pelvis")
             parts = [mesh for mesh in pelvis.meshes if "sacrum" not in mesh.file]
-            ours["pelvis"] = joined([scaled(read_mesh(folder / GEOMETRY / mesh.file), mesh.scale) for mesh in parts])
+            ours["pelvis"] = joined([scaled(mm.read_mesh(folder / GEOMETRY / mesh.file), mesh.scale) for mesh in parts])
         theirs = {
-            body: joined([scaled(read_mesh(folder / "bones-mri-two-adults" / one), 1e-3) for one in paths])
+            body: joined([scaled(mm.read_mesh(folder / "bones-mri-two-adults" / one), 1e-3) for one in paths])
             for body, paths in files.items()
         }
         bones = map_bones(model, ours, theirs, {}, settings, together=True)
-        morph = morph_model(model, bones, settings.morph, together=True)
+        morph = mm.morph_model(model, bones, settings.morph, together=True)
         checks = check_morph(
             morph, None, {one: (one, 1.0, 0.0) for one in ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")}
         )
@@ -109,7 +104,7 @@ def persons(folder: Path) -> tuple[Person, ...]:
     return tuple(found)
 
 
-def right_leg(model: Model) -> Model:
+def right_leg(model: mm.Model) -> mm.Model:
     """The model with the muscles of the right leg alone."""
     return replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_r")))
 
@@ -182,7 +177,7 @@ def measure_round(folder: Path) -> Iterator[dict[str, object]]:
     """A row a bone that both persons have whole: muscle points on the woman's directly and by way of the man's."""
     man, woman = (one.morph for one in persons(folder))
     for body in ("femur_r", "tibia_r"):
-        between = map_bone(body, man.bones[body].target, woman.bones[body].target)
+        between = mm.map_bone(body, man.bones[body].target, woman.bones[body].target)
         yield {"bone": body} | round_trip(man, woman, between, body)
 
 
@@ -239,16 +234,16 @@ def spread(values: np.ndarray) -> str:
     return f"{sizes.min():.0f} to {sizes.max():.0f}"
 
 
-def scaled(surface: Surface, factor: float | np.ndarray) -> Surface:
+def scaled(surface: mm.Surface, factor: float | np.ndarray) -> mm.Surface:
     """A surface in another size."""
-    return Surface(surface.vertices * factor, surface.faces)
+    return mm.Surface(surface.vertices * factor, surface.faces)
 
 
-def joined(parts: list[Surface]) -> Surface:
+def joined(parts: list[mm.Surface]) -> mm.Surface:
     """Several surfaces as one."""
     first = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     faces = [part.faces + start for part, start in zip(parts, first, strict=True)]
-    return Surface(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return mm.Surface(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
 if __name__ == "__main__":

@@ -15,13 +15,11 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.cases import data_folder
+import myomorph as mm
 from benchmarks.leg_shapes import BONES, leg_shapes
-from myomorph.io.formats import read_model
-from myomorph.io.mesh import read_mesh
+from benchmarks.recordings import data_folder
 from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
 from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
@@ -103,14 +101,16 @@ def attachments() -> dict[str, Attachments]:
 
     Which places these are does not depend on a person much, and every person has the same places.
     """
-    model = read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
+    model = mm.read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
     folder, found = data_folder() / "bones-opensim-rajagopal" / "Geometry", {}
     paths = [muscle.path for muscle in model.muscles if muscle.name.endswith("_l")]
     for bone, shapes in leg_shapes().items():
         body = next(one for one in model.bodies if one.name == BODIES[bone])
-        surface = _joined([read_mesh(folder / mesh.file) for mesh in body.meshes])
+        surface = _joined([mm.read_mesh(folder / mesh.file) for mesh in body.meshes])
         mean = mean_shape(shapes.nodes)
-        fit = register_surface(surface, Surface(mean, shapes.faces), None, SurfaceOptions(mirror=False, partial=False))
+        fit = register_surface(
+            surface, mm.Surface(mean, shapes.faces), None, SurfaceOptions(mirror=False, partial=False)
+        )
         places = [
             point.location / body.meshes[0].scale
             for path in paths
@@ -371,7 +371,7 @@ def _normals(nodes: Array, faces: Indices) -> Array:
     return outward
 
 
-def _joined(parts: list[Surface]) -> Surface:
+def _joined(parts: list[mm.Surface]) -> mm.Surface:
     starts = np.cumsum([0, *(len(one.vertices) for one in parts)])
     faces = [one.faces + start for one, start in zip(parts, starts, strict=False)]
-    return Surface(np.vstack([one.vertices for one in parts]), np.vstack(faces))
+    return mm.Surface(np.vstack([one.vertices for one in parts]), np.vstack(faces))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import spearmanr
 
+import myomorph as mm
 from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from benchmarks.species_cases import (
     METHODS,
@@ -22,10 +23,7 @@ from benchmarks.species_cases import (
     from_man_by_joints,
     mouse,
 )
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
 from myomorph.morph.species.counterparts import MuscleHomology, Posed
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species
 
@@ -75,10 +73,10 @@ class Compared:
 class Muscles:
     """Ends, paths and moment arms of a model's muscles in one posture."""
 
-    def __init__(self, model: Model, ground: Ground):
+    def __init__(self, model: mm.Model, ground: Ground):
         self.model = model
         names = tuple(ground.posture)
-        at = Motion(np.zeros(1), names, np.array([[ground.posture[one] for one in names]]))
+        at = mm.Motion(np.zeros(1), names, np.array([[ground.posture[one] for one in names]]))
         paths = compile_paths(model)
         nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
         # Files begin a muscle at either end; here the one on the body nearer to the root comes first.
@@ -94,8 +92,10 @@ class Muscles:
             values = np.tile([ground.posture.get(one, 0.0) for one in (*names, name)], (STEPS, 1))
             values[:, -1] = np.linspace(low, high, STEPS)
             kept = [i for i, one in enumerate((*names, name)) if i == len(names) or one != name]
-            motion = Motion(np.arange(STEPS, dtype=np.float64), tuple((*names, name)[i] for i in kept), values[:, kept])
-            found = muscle_kinematics(model, motion, velocities=False)
+            motion = mm.Motion(
+                np.arange(STEPS, dtype=np.float64), tuple((*names, name)[i] for i in kept), values[:, kept]
+            )
+            found = mm.muscle_kinematics(model, motion, velocities=False)
             column = model.coordinate_names.index(name)
             self.arms[word] = found.moment_arms[:, :, column]
 
@@ -325,7 +325,7 @@ def measure_signs(data: Path) -> Iterator[dict[str, object]]:
             yield row
 
 
-def with_ends(ours: Model, theirs: Model, pair: MuscleHomology, ends: tuple[int, ...]) -> Model:
+def with_ends(ours: mm.Model, theirs: mm.Model, pair: MuscleHomology, ends: tuple[int, ...]) -> mm.Model:
     """Our muscles with the ends (0 first, -1 last) of the anatomist's, of several parts those of the middle one."""
     given = theirs.muscle(pair.targets[len(pair.targets) // 2]).path.points
     muscles = []

@@ -11,16 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, arms_row, compare, percent
 from benchmarks.species_cases import MAN, from_arm, given_map, man, mouse, segment_frame
-from myomorph.model.model import Model
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.species.architecture import QUANTILE, Size, architectures
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import joint_distances
 from myomorph.morph.transfer.model import graft_muscles
-from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.species_morphing import read_species
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
@@ -29,14 +28,14 @@ RIGHT = np.array([1.0, 0.0, 0.0])
 SHOULDER, ELBOW, WRIST = "mouse__RHumerus", "mouse__RUlna", "mouse__RCarpus"
 
 
-def forelimb(data: Path) -> Model:
+def forelimb(data: Path) -> mm.Model:
     """The forelimb, without the bone meshes that its file names and the collection lacks."""
     text = (data / FORELIMB).read_text(encoding="utf-8-sig")
     bare = re.sub(r"<(?:mesh|geom)\b[^>]*mesh[^>]*/>|<mesh\b[^>]*/>", "", text)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "forelimb.xml"
         file.write_text(bare)
-        return open_model(file)
+        return mm.read_model(file)
 
 
 @cache

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph import species_arm
 from benchmarks.accuracy.morph.species import ANATOMIST, Ground, Muscles, on_skeleton
 from benchmarks.species_cases import BONES, MAN, MOUSE, anatomist_on_skeleton
-from myomorph.model.model import Model
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species.counterparts import MuscleHomology
 from myomorph.study.subject.morphing import Morphed, MorphSettings
@@ -49,7 +49,7 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
                 yield {"of": f"moment arms about the {word}"} | _row(apart, sure)
 
 
-def _ends(morph: Morph, truth: Model, pairs: list[MuscleHomology], ground: Ground) -> tuple[np.ndarray, np.ndarray]:
+def _ends(morph: Morph, truth: mm.Model, pairs: list[MuscleHomology], ground: Ground) -> tuple[np.ndarray, np.ndarray]:
     """(ends,) distances from the truth and intervals [m]; of several parts of a muscle the middle and the mean."""
     ours, theirs = Muscles(morph.model, ground), Muscles(truth, ground)
     away, within = [], []
@@ -63,7 +63,7 @@ def _ends(morph: Morph, truth: Model, pairs: list[MuscleHomology], ground: Groun
 
 
 def _arms(
-    found: Morphed, truth: Model, pairs: list[MuscleHomology], ground: Ground, word: str, name: str
+    found: Morphed, truth: mm.Model, pairs: list[MuscleHomology], ground: Ground, word: str, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """(muscles,) mean moment arms over the range, how far from the truth's, and the mean of their intervals [m]."""
     ours, theirs = Muscles(found.morph.model, ground), Muscles(truth, ground)

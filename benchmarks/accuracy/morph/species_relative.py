@@ -8,9 +8,9 @@ from typing import get_args
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.accuracy.morph.species import percent
 from benchmarks.species_cases import MOUSE, bones_of_man
-from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import FeaturePoints, MapKind, MapOptions, fit_map
 from myomorph.study.subject.species_morphing import read_species
 
@@ -40,7 +40,7 @@ def _left_out(names: tuple[str, ...], source: np.ndarray, target: np.ndarray, op
         others = tuple(name for i, name in enumerate(names) if i != k)
         try:
             found = fit_map(FeaturePoints(others, source[kept], target[kept]), options).apply(source[k])
-        except BadData:
+        except mm.BadData:
             return "none"
         errors.append(float(np.linalg.norm(found - target[k]) / np.ptp(target, axis=0).max()))
     return percent(errors)

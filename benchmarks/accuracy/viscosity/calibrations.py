@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+import myomorph as mm
 from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_calibration import MarkedWeight, Placement, calibrate_plate, check_plate, find_placements
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
 from myomorph.io.c3d.read import read_c3d
-from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.registration.clusters import surface_parts
 from myomorph.morph.registration.rigid import register_surface
@@ -218,7 +217,7 @@ def _recorded(
 def measure_scans(folder: Path) -> Iterator[Row]:
     """Scans made of real bone meshes laid on the models' bones, without picked points."""
     for name, path in _bones(folder):
-        bone = read_mesh(path)
+        bone = mm.read_mesh(path)
         for part, cut, mirrored in (
             ("whole", 0.0, False),
             ("without 40 %", 0.4, False),
@@ -253,11 +252,11 @@ def measure_persons(folder: Path) -> Iterator[Row]:
             if not path.is_file():
                 continue
             # The scanner's tibia comes with its fibula, the model's without.
-            whole = surface_parts(read_mesh(path))[0]
-            scan = Surface(0.001 * whole.vertices, whole.faces)
+            whole = surface_parts(mm.read_mesh(path))[0]
+            scan = mm.Surface(0.001 * whole.vertices, whole.faces)
             for side in ("r", "l"):
                 found = register_surface(
-                    scan, read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp")
+                    scan, mm.read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp")
                 )
                 yield {
                     "scan (real)": f"{person} right {bone}",
@@ -283,7 +282,7 @@ def _bones(folder: Path) -> Iterator[tuple[str, Path]]:
         yield f"myo-sim {name}", Path(myo_sim.MODELS_DIR) / "meshes" / f"{name}.stl"
 
 
-def _scan(bone: Surface, seed: int, cut: float, mirrored: bool) -> tuple[Surface, Similarity]:
+def _scan(bone: mm.Surface, seed: int, cut: float, mirrored: bool) -> tuple[mm.Surface, Similarity]:
     """Turned anywhere, 2 % smaller, 0.3 mm of noise, four times the triangles, perhaps cut off or mirrored."""
     import trimesh
 
@@ -299,7 +298,7 @@ def _scan(bone: Surface, seed: int, cut: float, mirrored: bool) -> tuple[Surface
         vertices, faces = vertices[used], index.reshape(-1, 3)
     vertices = vertices + 3e-4 * random.normal(size=vertices.shape)
     back = Similarity(rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / 1.02)
-    return Surface(back.apply(vertices), faces), back.inverse()
+    return mm.Surface(back.apply(vertices), faces), back.inverse()
 
 
 def measure_handle(folder: Path) -> Iterator[Row]:

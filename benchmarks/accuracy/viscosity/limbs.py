@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from myomorph.model.arrays import Array
-from myomorph.model.model import Model
 from myomorph.model.provenance import Estimate
 from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
 from myomorph.simulate.limb import HeldLimb, SoftTissue, fixed_points, swing_mjcf
@@ -173,7 +173,7 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     return FaultyLimb(known, trials, truth)
 
 
-def with_moved_attachments(model: Model, sd: float, random: np.random.Generator) -> Model:
+def with_moved_attachments(model: mm.Model, sd: float, random: np.random.Generator) -> mm.Model:
     """The model whose muscles' points are off, all points of a muscle on one bone alike; paths keep their surfaces."""
     if sd <= 0.0:
         return model

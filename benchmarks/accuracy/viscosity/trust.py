@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import myomorph as mm
 from benchmarks.mechanical_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 from myomorph.model.paths import PathPoint
-from myomorph.motion.filters import differentiate
 from myomorph.simulate.laboratory import measured_markers, measured_wrench, simulate
 from myomorph.simulate.shoulder import virtual_specimen
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
@@ -120,7 +120,7 @@ def measure_attachments() -> Iterator[Row]:
     assert found.without is not None
     assert found.intact is not None
     parameters, joint = found.intact.parameters, found.without.viscosity.value
-    motions = [differentiate(one.motion, CUTOFF) for one in tracked[1].trials]
+    motions = [mm.differentiate(one.motion, CUTOFF) for one in tracked[1].trials]
     slopes = [limb_motion(tracked[1].specimen, motion).slopes for motion in motions]
     random = np.random.default_rng(0)
     for size in (2e-3, 4e-3, OFFSET):

@@ -43,11 +43,16 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
             f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} "
             f"to {series.time[-1]:g} s"
         )
-    changes: dict[str, Any] = {"time": series.time[kept], "values": series.values[kept]}
+    return take_frames(series, kept)
+
+
+def take_frames(series: SeriesKind, chosen: Array | slice) -> SeriesKind:
+    """Some frames of a recording: their numbers, a mask over all frames, or a slice."""
+    changes: dict[str, Any] = {"time": series.time[chosen], "values": series.values[chosen]}
     if isinstance(series, Motion):
         for name in ("velocities", "accelerations"):
-            given = getattr(series, name)
-            changes[name] = None if given is None else given[kept]
+            rates = getattr(series, name)
+            changes[name] = None if rates is None else rates[chosen]
     return replace(series, **changes)
 
 
