@@ -1,4 +1,4 @@
-"""`python -m benchmarks NAME [--save] [--csv FILE] [--json FILE]`: run one comparison and print its medians and ratios.
+"""`python -m benchmarks NAME [--save] [--json FILE]`: run one comparison and print its medians and ratios.
 
 With `--save` its rows become the table of docs/results/performance that docs/performance.md shows.
 """
@@ -6,7 +6,6 @@ With `--save` its rows become the table of docs/results/performance that docs/pe
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib
 import json
 from pathlib import Path
@@ -57,7 +56,6 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    parser.add_argument("--csv", type=Path, help="write the rows to this table too")
     parser.add_argument("--save", action="store_true", help="write the rows to docs/results/performance")
     options, rest = parser.parse_known_args()
     comparison = importlib.import_module(COMPARISONS[options.name][0])
@@ -68,8 +66,6 @@ def main() -> None:
     print_rows(rows)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1, default=float))
-    if options.csv:
-        write_csv(options.csv, rows)
     if options.save:
         words = " ".join([options.name, *rest])
         save(f"performance/{'-'.join(words.replace('--', '').split())}", rows, f"python -m benchmarks {words} --save")
@@ -79,14 +75,6 @@ def print_rows(rows: list[dict[str, object]]) -> None:
     """Rows as text, one line each."""
     for row in rows:
         print("; ".join(f"{key}: {_short(value)}" for key, value in row.items()))
-
-
-def write_csv(path: Path, rows: list[dict[str, object]]) -> None:
-    """Rows as a table with a column for each key; floats with four digits."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in rows for key in row)))
-        writer.writeheader()
-        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
 
 
 def _short(value: object) -> str:

@@ -1,6 +1,6 @@
 """Mutation run: how many small wrong changes of the science rooms their own tests notice, with cosmic-ray.
 
-`python -m benchmarks mutants --work FOLDER [--count N] [--seed S] [--rooms morph ...] [--csv FILE]`. Each mutant is one
+`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`. Each mutant is one
 change of one line in a copy of the tree; then the test files of its room run that import the changed module, nearest
 first, as many as take `--budget` seconds without a change. FOLDER keeps the copy, its compiled kernels, the seconds of
 test files and cosmic-ray's session: a run that was stopped goes on there. An hour for forty on one core; not for
@@ -20,6 +20,7 @@ import random
 import resource
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import chdir
 from itertools import pairwise
@@ -60,23 +61,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=40, help="mutants of all rooms together")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests for a mutant, nearest first")
-    parser.add_argument("--work", type=Path, required=True, help="folder of the copy and of the session")
+    parser.add_argument("--work", type=Path, help="folder of the copy and of the session, else one of the seed")
 
 
-def run(rooms: list[str], count: int, seed: int, budget: float, work: Path) -> list[dict[str, object]]:
+def run(rooms: list[str], count: int, seed: int, budget: float, work: Path | None = None) -> list[dict[str, object]]:
     """One row a mutant, and one for all."""
-    tree, kernels = work.resolve() / "tree", work.resolve() / "kernels"
+    work = (work or Path(tempfile.gettempdir(), f"myomorph-mutants-{seed}")).resolve()
+    tree, kernels = work / "tree", work / "kernels"
+    kernels.mkdir(parents=True, exist_ok=True)
     for name in () if tree.exists() else COPIED:
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
         tree.mkdir(parents=True, exist_ok=True)
         copy(ROOT / name, tree / name)
     os.environ |= {"PYTHONPATH": f"{tree / 'src'}:{tree}", "MYOMORPH_DATA": str(data_folder())}
-    with chdir(tree), use_db(str(work.resolve() / "session.sqlite"), WorkDB.Mode.create) as session:
+    with chdir(tree), use_db(str(work / "session.sqlite"), WorkDB.Mode.create) as session:
         if not session.num_work_items:
             session.add_work_items(sample(rooms, count, seed))
         graph = grimp.build_graph("myomorph", cache_dir=None)
         for item in list(session.pending_work_items):
-            files, seconds = chosen_tests(graph, item.mutations[0].module_path, budget, work.resolve())
+            files, seconds = chosen_tests(graph, item.mutations[0].module_path, budget, work)
             shutil.rmtree(changed := kernels.with_name("changed"), ignore_errors=True)
             shutil.copytree(kernels, changed, copy_function=os.link)
             os.environ["NUMBA_CACHE_DIR"] = str(changed)

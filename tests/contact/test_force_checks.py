@@ -134,7 +134,7 @@ def on_body(wrenches: Wrenches, body: str, motion: Motion):
 
 def test_opencaps_plates_that_are_all_on_one_foot(data):
     """The data set's own file puts both plates on the right talus; the left one is found without any injection."""
-    folder = faults.OPENCAP
+    folder = "opencap-subject4-multitask"
     model = open_model(data(f"{folder}/models/manually_scaled.osim"))
     motion = read_motion(data(f"{folder}/ik_manual_scaling/walking1_ik.mot"), model)
     found = on_feet(faults.raw_loads(data(f"{folder}/grf/walking1_external_forces.xml"), model, motion), model, motion)

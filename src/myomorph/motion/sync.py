@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -46,7 +47,7 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
     return take_frames(series, kept)
 
 
-def take_frames(series: SeriesKind, chosen: Array | slice) -> SeriesKind:
+def take_frames(series: SeriesKind, chosen: NDArray[Any] | slice) -> SeriesKind:
     """Some frames of a recording: their numbers, a mask over all frames, or a slice."""
     changes: dict[str, Any] = {"time": series.time[chosen], "values": series.values[chosen]}
     if isinstance(series, Motion):
