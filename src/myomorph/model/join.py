@@ -221,9 +221,17 @@ def _prefixed(part: str, name: str) -> str:
 
 def _renamed(model: Model, part: str) -> Model:
     """The model with its part's name before every name."""
+    warnings = tuple(f"{part}: {warning}" for warning in model.warnings)
+    return replace(renamed_model(model, lambda name: _prefixed(part, name)), warnings=warnings)
 
-    def own(name: str) -> str:
-        return _prefixed(part, name)
+
+def renamed_model(model: Model, own: Callable[[str], str]) -> Model:
+    """The model with other names of its bodies, joints, coordinates, muscles and all that refers to them.
+
+    Parameters
+    ----------
+    own : new name of an old one; an old name may be that of parts of different kinds, which then go together
+    """
 
     def renamed(one: Any, texts: tuple[str, ...]) -> Any:
         changes: dict[str, Any] = {text: own(getattr(one, text)) for text in ("name", *texts)}
@@ -240,7 +248,7 @@ def _renamed(model: Model, part: str) -> Model:
         table: tuple(renamed(one, texts) for one in getattr(model, table)) for table, texts in NAMED.items()
     }
     kept = tuple(_kept_part(one, model, own) for one in model.kept)
-    return replace(model, kept=kept, warnings=tuple(f"{part}: {warning}" for warning in model.warnings), **tables)
+    return replace(model, kept=kept, **tables)
 
 
 def _path(path: Path, own: Callable[[str], str]) -> Path:

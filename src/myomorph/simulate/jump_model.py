@@ -154,8 +154,8 @@ def events_of(trial: Trial) -> tuple[Event, ...]:
     return tuple(Event(float(time), label) for label, time in found.items())
 
 
-TRUNK_BEND = "flex_extension"
-LOCKED = ("lat_bending", "axial_rotation", "mtp_angle_r", "mtp_angle_l")
+TRUNK_BEND = "lumbar_extension"
+LOCKED = ("lumbar_bending", "lumbar_rotation", "mtp_angle_r", "mtp_angle_l")
 FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
 """A jumper's ankle bends further than the model's range."""
 # Where the model has what the recording's joint centers and bony landmarks name [m]; the spines of the

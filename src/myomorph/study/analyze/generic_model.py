@@ -12,8 +12,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.functions import linear
+from myomorph.model.join import renamed_model
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
+from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
 from myomorph.muscles.scaling import default_path_lengths
@@ -22,6 +24,22 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
 
 NAME = "myolegs_abdomen"
+COORDINATES = {
+    "flex_extension": "lumbar_extension",
+    "lat_bending": "lumbar_bending",
+    "axial_rotation": "lumbar_rotation",
+}
+"""Those of the trunk as Rajagopal's model names them; their axes and signs are the same."""
+JOINTS = {
+    "lumbar5": "back",
+    "femur": "hip",
+    "tibia": "knee",
+    "patella": "patellofemoral",
+    "ankle_angle": "ankle",
+    "subtalar_angle": "subtalar",
+    "mtp_angle": "mtp",
+}
+"""Joints, which MuJoCo has no names for, by the body or coordinate that they are called after, without the side."""
 HEIGHT = 1.70
 """Of a body whose bones are as long as the model's [m]."""
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
@@ -100,6 +118,8 @@ def legs_and_trunk() -> Model:
     The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
     and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`.
 
+    Joints and the coordinates of the trunk have the names of the field (`knee_r`, `lumbar_extension`).
+
     Raises
     ------
     BadData : myo-sim is not installed
@@ -107,7 +127,7 @@ def legs_and_trunk() -> Model:
     # Brings MuJoCo and myo-sim: loaded only where it is needed.
     from myomorph.io.mjcf.composed import composed_model
 
-    model = composed_model(NAME)
+    model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
     root = model.joints[0]
@@ -116,10 +136,15 @@ def legs_and_trunk() -> Model:
     return replace(
         model,
         name="myolegs",
-        joints=(joint, *model.joints[1:]),
+        joints=(joint, *(replace(other, name=_joint_name(other.name)) for other in model.joints[1:])),
         coordinates=(*coordinates, *model.coordinates[6:]),
         gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
     )
+
+
+def _joint_name(name: str) -> str:
+    stem, side = split_side(name)
+    return JOINTS.get(stem, stem) + (f"_{side[0]}" if side else "")
 
 
 def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ...]]:
