@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import RECORDINGS, Recording, data_folder, read_markers
+from benchmarks.recordings import RECORDINGS, Recording, read_markers
+from data_collection import data_folder
 
 FRAMES = 24
 OFFSET, NOISE = 2e-3, 5e-4

@@ -15,11 +15,11 @@ from made_bones import deformed, errors, made_target, real_bone
 from scipy.interpolate import RBFInterpolator
 
 import myomorph as mm
-from benchmarks.leg_shapes import leg_shapes
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.registration.nonrigid import vertex_normals
 from myomorph.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
 from myomorph.morph.shapes.surface_points import Shape
+from truths.leg_shapes import leg_shapes
 
 POINTS = 4000
 """Of the target, in the ways that know points alone."""

@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import myomorph as mm
-from benchmarks.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
-from benchmarks.mouse_recordings import TREADMILL, gait_files
 from benchmarks.species_cases import from_arm, from_man, mouse
 from myomorph.analysis.cycles import Cycles
 from myomorph.analysis.groups import Animal
@@ -38,6 +36,8 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.tension.solve import Tension
+from truths.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
+from truths.mouse_recordings import TREADMILL, gait_files
 
 MASS = 0.025
 """Of each mouse [kg]; no recording tells it."""

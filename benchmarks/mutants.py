@@ -34,7 +34,7 @@ from cosmic_ray.testing import run_tests
 from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkItem
 
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")

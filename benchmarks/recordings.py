@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import myomorph as mm
 from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table
 from myomorph.io.trc import read_trc
-
-
-def data_folder() -> Path:
-    """The data collection: `MYOMORPH_DATA`, or the folder beside the checkout."""
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    return Path(os.environ.get("MYOMORPH_DATA", beside))
 
 
 @dataclass(frozen=True)
@@ -52,11 +44,6 @@ def read_markers(path: Path) -> mm.Markers:
     markers = read_trc(path).markers
     assert markers is not None
     return markers
-
-
-def read_coordinates(path: Path, model: mm.Model, cutoff: float | None = None) -> mm.Motion:
-    """A table of coordinates with velocities and accelerations, low-pass filtered [Hz] or not."""
-    return mm.differentiate(motion_from_table(mm.read_sto(path), model), cutoff)
 
 
 def read_torques(path: Path | None, model: mm.Model, motion: mm.Motion) -> mm.Series:

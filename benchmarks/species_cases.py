@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.model.paths import PathPoint
 from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
@@ -30,6 +29,7 @@ from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
+from truths.mouse_hindlimb import mouse_hindlimb_model
 
 MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"
 BONES = "bones-opensim-rajagopal/Geometry"

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from data_collection import data_folder
+
 # The matrices of tests are small: threads of BLAS get into each other's way, and into that of what runs beside.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What tests take on a busy machine teaches no dry run.
@@ -16,8 +18,7 @@ os.environ["MYOMORPH_STEP_TIMES"] = ""
 
 pytest_plugins = ["arm_files"]
 
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
-DATA = Path(os.environ.get("MYOMORPH_DATA", BESIDE))
+DATA = data_folder()
 
 COMPILING = (
     "cli/test_calibrate_command.py",

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from benchmarks.cluster import cluster_in, cut_off, machines, namespaces_work
-from benchmarks.interrupted_checks import (
+from benchmarks.interrupted_study import make_study
+from truths.cluster import cluster_in, cut_off, machines, namespaces_work
+from truths.interrupted_checks import (
     computed_twice,
     differences,
     ended,
@@ -26,7 +27,6 @@ from benchmarks.interrupted_checks import (
     losses,
     runs,
 )
-from benchmarks.interrupted_study import make_study
 
 Row = dict[str, object]
 

@@ -12,7 +12,6 @@ import numpy as np
 import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.accuracy.kinematics import markers_at, motion_from_opensim
-from benchmarks.opensim_loops import point_constraint
 from benchmarks.recordings import read_markers
 from looped import looped_tree, mujoco_constraints, pinocchio_rates
 from myomorph.io.osim.setup_parts import read_ik_tasks
@@ -21,6 +20,7 @@ from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates, project_rates
 from myomorph.rigid.tree import compile_tree
+from truths.opensim_loops import point_constraint
 
 BONE_PINS = "shoulder-bonepin/subject1_abdbonepin.osim"
 SHOULDERS = {

@@ -191,7 +191,7 @@ def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str)
 
 if __name__ == "__main__":
     from benchmarks.__main__ import print_rows
-    from benchmarks.recordings import data_folder
+    from data_collection import data_folder
 
     for part in (measure_solvers, measure_grid, lambda: measure_maps(data_folder())):
         print_rows(list(part()))

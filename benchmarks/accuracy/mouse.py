@@ -8,8 +8,13 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
-from benchmarks.mouse_motion import (
+from myomorph.contact.plate_corners import first_corner
+from myomorph.contact.plates import loaded_samples
+from myomorph.model.arrays import runs
+from myomorph.morph.mirror.model import with_other_side
+from myomorph.tension.solve import Tension
+from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
+from truths.mouse_motion import (
     Mouse,
     alone,
     clip_fits,
@@ -22,12 +27,7 @@ from benchmarks.mouse_motion import (
     rms,
     strides_of,
 )
-from benchmarks.mouse_recordings import KEYPOINTS, LOOSE, whole_skeleton
-from myomorph.contact.plate_corners import first_corner
-from myomorph.contact.plates import loaded_samples
-from myomorph.model.arrays import runs
-from myomorph.morph.mirror.model import with_other_side
-from myomorph.tension.solve import Tension
+from truths.mouse_recordings import KEYPOINTS, LOOSE, whole_skeleton
 
 Row = dict[str, object]
 JOINTS = ("Hip_flexion", "Knee_extension", "Ankle_flexion")

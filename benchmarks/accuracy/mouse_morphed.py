@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from benchmarks.mouse_morphed import (
     JOINTS,
     NOSE,
@@ -22,14 +21,15 @@ from benchmarks.mouse_morphed import (
     whole_mouse,
     with_arms,
 )
-from benchmarks.mouse_motion import clip_fits, rms
-from benchmarks.mouse_recordings import KEYPOINTS, with_keypoints
 from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
 from myomorph.analysis.groups import Animal, Group, compare_groups
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.study.subject.species_morphing import read_species
+from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
+from truths.mouse_motion import clip_fits, rms
+from truths.mouse_recordings import KEYPOINTS, with_keypoints
 
 Row = dict[str, object]
 Pairs = tuple[MuscleHomology, ...]

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.coordinate_dampers import coordinate_damping
 from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import rates_of
@@ -24,6 +23,7 @@ from myomorph.tension.terms.actuators import default_reserves
 from myomorph.viscosity.cohort import MEAN
 from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
 from myomorph.viscosity.specimen.muscles import fig1_muscles
+from truths.coordinate_dampers import coordinate_damping
 
 FOLDER = "shoulder-thoracoscapular"
 TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))

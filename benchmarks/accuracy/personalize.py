@@ -12,7 +12,11 @@ from scipy.io import loadmat
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
-from benchmarks.simulated_muscles import (
+from myomorph.model.arrays import Array
+from myomorph.motion.emg_delay import USUAL
+from myomorph.tension.emg_calibration import EmgOptions, emg_targets
+from myomorph.tension.personal.generic_map import map_generic
+from truths.simulated_muscles import (
     Errors,
     Spread,
     all_recorded,
@@ -24,10 +28,6 @@ from benchmarks.simulated_muscles import (
     swings,
     with_other_muscles,
 )
-from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import USUAL
-from myomorph.tension.emg_calibration import EmgOptions, emg_targets
-from myomorph.tension.personal.generic_map import map_generic
 
 Row = dict[str, object]
 

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.io import loadmat
 
 import myomorph as mm
-from benchmarks.simulated_muscles import resting_torques
 from myomorph.model.arrays import Array
+from truths.simulated_muscles import resting_torques
 
 Row = dict[str, object]
 

@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recruitment_programs import (
+from myomorph.model.arrays import Array
+from myomorph.tension.recruitment import recruitment_terms
+from myomorph.tension.tension import Tension
+from truths.recruitment_programs import (
     Criterion,
     Walk,
     cost_of,
@@ -20,9 +23,6 @@ from benchmarks.recruitment_programs import (
     solve_program,
     walk,
 )
-from myomorph.model.arrays import Array
-from myomorph.tension.recruitment import recruitment_terms
-from myomorph.tension.tension import Tension
 
 KNEE = "walker_knee_r"
 LOADED = ("hip_r", KNEE, "ankle_r")

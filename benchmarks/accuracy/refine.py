@@ -11,16 +11,6 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.identification import SUBJECTS, Subject, _loads, read_markers
-from benchmarks.simulated_bodies import TETRAHEDRON
-from benchmarks.simulated_engines import TreeEngine
-from benchmarks.simulated_subject import (
-    Instruments,
-    SubjectOptions,
-    exciting_curves,
-    middles_and_reaches,
-    random_subject,
-    record,
-)
 from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
@@ -28,6 +18,16 @@ from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.arrays import Array
 from myomorph.model.model import Marker
 from myomorph.motion.lengths import lengths_of
+from truths.simulated_bodies import TETRAHEDRON
+from truths.simulated_engines import TreeEngine
+from truths.simulated_subject import (
+    Instruments,
+    SubjectOptions,
+    exciting_curves,
+    middles_and_reaches,
+    random_subject,
+    record,
+)
 
 Row = dict[str, object]
 CASES = (

@@ -15,8 +15,8 @@ from test_regressor import root_forces
 
 import myomorph as mm
 from benchmarks.cases import FORCE_CASES, ForceCase
-from benchmarks.recordings import data_folder
 from benchmarks.speed.identify import RATE, other_masses, simulated
+from data_collection import data_folder
 from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates
 from mujoco_models import load
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base

@@ -9,8 +9,8 @@ import importlib
 import inspect
 from collections.abc import Callable, Iterable
 
-from benchmarks.recordings import data_folder
 from benchmarks.results import Row
+from data_collection import data_folder
 
 PAGES: dict[str, dict[str, str]] = {
     "models": {

@@ -14,10 +14,18 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
-from benchmarks.simulated_bodies import full_body, many_coordinates
-from benchmarks.simulated_engines import Engine, SimbodyEngine, TreeEngine
-from benchmarks.simulated_subject import (
+from data_collection import data_folder
+from myomorph.identify import base
+from myomorph.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
+from myomorph.model.arrays import Array
+from myomorph.model.inertia import inertial_parameters
+from myomorph.rigid.regressor import base_wrench
+from myomorph.study.subject.body_points import body_points
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from truths.simulated_bodies import full_body, many_coordinates
+from truths.simulated_engines import Engine, SimbodyEngine, TreeEngine
+from truths.simulated_subject import (
     Instruments,
     Recording,
     Subject,
@@ -27,15 +35,7 @@ from benchmarks.simulated_subject import (
     record,
     step_curves,
 )
-from benchmarks.simulated_truth import frames_between, joint_distances, moved, own_wrench, predicted
-from myomorph.identify import base
-from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertial_parameters
-from myomorph.rigid.regressor import base_wrench
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from truths.simulated_truth import frames_between, joint_distances, moved, own_wrench, predicted
 
 CUTOFF = 4.0
 """Of markers' coordinates and plate forces alike [Hz]; the motion lies below about 2 Hz."""

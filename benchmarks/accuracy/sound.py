@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 import myomorph as mm
-from benchmarks.simulated_drums import Scene, Truth, instruments, record
 from myomorph.contact.sound import Stroke, Strokes, hear_strokes
 from myomorph.contact.strokes import calibrate_impulse, effective_mass, velocity_change
 from myomorph.model.contacts import Site
@@ -15,6 +14,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import lowpass
+from truths.simulated_drums import Scene, Truth, instruments, record
 
 NEAR = 0.02
 """A stroke is heard where one is found on its drum within this time [s]."""

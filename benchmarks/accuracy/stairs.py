@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
@@ -20,6 +19,7 @@ from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from truths.mouse_hindlimb import mouse_hindlimb_model
 
 Row = dict[str, object]
 RATE, PERIOD, DUTY, CYCLES = 500.0, 0.3, 0.6, 4

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.accuracy.certificates import solved_case
 from benchmarks.figures.hidden_plates import COLORS, ROWS
 from benchmarks.hidden_plates import CASES, feet_of
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.tension.certificates import contact_intervals
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "contact-intervals.svg"

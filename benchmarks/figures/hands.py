@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.hands_lift import BOX_MASS, LIFTS, hands_measured, recorded
 from benchmarks.hands_lift_forces import found, holding, left_floor, left_open, task
 from benchmarks.hands_spine import carried_moment, of_laboratory, spine
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "hands-lift.svg"
 TRUTH = "#222222"

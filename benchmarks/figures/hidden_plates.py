@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "hidden-plates.svg"
 SHOWN = (0, 1, 2, 5)

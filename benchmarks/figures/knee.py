@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.accuracy.knee import BODY_WEIGHT, PARTS, STRIDES, WAYS, at_times, measured, our_loads
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "knee-force.svg"
 SHOWN = (("default", "#2166ac", "-"), ("personalized", "#b2182b", "-"))

@@ -11,9 +11,9 @@ matplotlib.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.mouse_motion import lengths_of
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.analysis.cycles import band
+from truths.mouse_motion import lengths_of
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "mouse-lengths.svg"
 SHOWN = "1R_12_01_26"

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.accuracy.passive import solved
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "passive-tensions.svg"
 SHOWN = (("DeltoideusScapula_M", "deltoid, acromial part"), ("TRIlong", "triceps, long head"))

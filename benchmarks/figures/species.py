@@ -18,8 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
+from data_collection import data_folder
 from myomorph.morph.species.counterparts import Posed
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import clocked, in_own_process
+from data_collection import data_folder
 from myomorph.model.scale import scale
 from myomorph.motion.lengths import factors_of, lengths_of
 from myomorph.motion.sync import take_frames

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder, read_markers
+from benchmarks.recordings import read_markers
 from benchmarks.speed.qp import QuadraticFrames, solvers_of
 from benchmarks.speed.size import simulated
 from benchmarks.speed.timing import alternate
+from data_collection import data_folder
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import strengths
 from myomorph.model.contacts import Cone, Site

@@ -17,7 +17,7 @@ from contextlib import suppress
 
 import psutil
 
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 HOME = "ceinms-emg-walk"
 SPAN = ("5", "15")

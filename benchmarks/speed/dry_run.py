@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import myomorph as mm
-from benchmarks.recordings import RECORDINGS, data_folder
+from benchmarks.recordings import RECORDINGS
+from data_collection import data_folder
 from myomorph.study.run.dry_run import DryRun, dry_run
 from myomorph.study.run.learned_times import VARIABLE
 

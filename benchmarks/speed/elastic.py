@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import clocked
+from data_collection import data_folder
 from myomorph.motion.sync import take_frames
 
 FRAMES, FIRST, RATE = 110, 0.4, 100.0

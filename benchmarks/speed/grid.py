@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process
+from data_collection import data_folder
 from myomorph.identify.body.fit_pose import pose_model_to_skin
 from myomorph.identify.body.points import SPACING, fill, links_of
 from myomorph.identify.body.shape import body_shape

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import clocked, in_own_process
+from data_collection import data_folder
 from myomorph.identify.base import fit_base
 from myomorph.identify.base_parameters import base_parameters
 from myomorph.identify.least_squares import Recording

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.identify.online import OnlineOptions
 from myomorph.live.identification import LiveResult, identify_frames
 from myomorph.live.sources import LiveRecording, Replay, open_recording

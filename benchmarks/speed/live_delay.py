@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.identify.online import total_wrench
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
 from myomorph.live.limits import LimitOptions

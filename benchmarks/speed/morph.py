@@ -12,8 +12,8 @@ import statistics
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import clocked
+from data_collection import data_folder
 from myomorph.model.arrays import Array
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map, inverted
 from myomorph.morph.maps.linear import procrustes

@@ -14,8 +14,9 @@ import myomorph as mm
 from benchmarks import opensim_static, opensim_tools
 from benchmarks.accuracy import tension as accuracy_tension
 from benchmarks.accuracy.kinematics import written_whole
-from benchmarks.recordings import RECORDINGS, Recording, data_folder, read_markers
+from benchmarks.recordings import RECORDINGS, Recording, read_markers
 from benchmarks.speed.timing import alternate, compared
+from data_collection import data_folder
 from myomorph.io.loads import read_external_loads, read_load_entries
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.motion.sync import cut

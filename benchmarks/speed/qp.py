@@ -14,8 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 
 import myomorph as mm
-from benchmarks.recordings import RECORDINGS, data_folder, read_torques
+from benchmarks.recordings import RECORDINGS, read_torques
 from benchmarks.speed.timing import alternate
+from data_collection import data_folder
 from myomorph.motion.sync import take_frames
 from myomorph.tension.dual import solve_separable
 from myomorph.tension.separable import Separable, no_links, no_penalties

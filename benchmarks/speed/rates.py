@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import myomorph as mm
-from benchmarks.recordings import RECORDINGS, Recording, data_folder
+from benchmarks.recordings import RECORDINGS, Recording
+from data_collection import data_folder
 from myomorph.study.run.expected_time import COLUMNS, RATES
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.subject.subjects import prepare_subject

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.timing import clocked, in_own_process
+from data_collection import data_folder
 from myomorph.morph.registration.nonrigid import match_surfaces, place_bone
 
 VERTICES = 20_000

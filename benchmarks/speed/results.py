@@ -14,9 +14,9 @@ import h5netcdf
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
 from benchmarks.speed.study import write_study
 from benchmarks.speed.timing import alternate
+from data_collection import data_folder
 from myomorph.store.netcdf import new_netcdf, open_netcdf
 
 WALK = """[study]

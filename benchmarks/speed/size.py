@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder, read_markers
+from benchmarks.recordings import read_markers
 from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process
+from data_collection import data_folder
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

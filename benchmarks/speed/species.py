@@ -5,9 +5,9 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from benchmarks.recordings import data_folder
 from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from benchmarks.speed.timing import clocked
+from data_collection import data_folder
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed

@@ -20,11 +20,11 @@ import numpy as np
 import psutil
 
 import myomorph as mm
-from benchmarks.cluster import cluster_in
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.store.outcome import Outcome
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.local_workers import LocalWorkers
+from truths.cluster import cluster_in
 
 TRIALS = 1000
 FRAMES = 30

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 
 from myomorph.contact.plate_pose import rotation_vector
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_euler_xyz
+from truths.handle_sensor import fit_handle, grip_point, object_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SENSOR = rotation_from_euler_xyz((0.3, 1.2, -0.8))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.accuracy.sound import impulse_errors, matched
-from benchmarks.simulated_drums import Scene, instruments, record
 
 from myomorph.contact import onsets as onset_module
 from myomorph.contact.onsets import Heard, SoundOptions, energy_after, listen, onsets
@@ -22,6 +21,7 @@ from myomorph.contact.sound import (
 )
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Sound
+from truths.simulated_drums import Scene, instruments, record
 
 RATE = 48_000.0
 CLICKS = np.array([0.31234, 0.77777, 1.2, 1.40001])

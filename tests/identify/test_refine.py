@@ -7,16 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.accuracy.refine import simulated
-from benchmarks.simulated_bodies import TETRAHEDRON
-from benchmarks.simulated_engines import TreeEngine
-from benchmarks.simulated_subject import (
-    Instruments,
-    SubjectOptions,
-    exciting_curves,
-    middles_and_reaches,
-    random_subject,
-    record,
-)
 from test_simulated_subject import person
 
 from myomorph.identify.refine import fit, trial_data
@@ -36,6 +26,16 @@ from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Marker
 from myomorph.model.series import Motion
+from truths.simulated_bodies import TETRAHEDRON
+from truths.simulated_engines import TreeEngine
+from truths.simulated_subject import (
+    Instruments,
+    SubjectOptions,
+    exciting_curves,
+    middles_and_reaches,
+    random_subject,
+    record,
+)
 
 OPTIONS = RefineOptions(cutoff=5.0, check=False)
 

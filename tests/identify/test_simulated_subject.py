@@ -9,18 +9,6 @@ import mujoco
 import numpy as np
 import pytest
 from benchmarks.accuracy.simulated import CASES, Size, Trials, fitted, from_markers, standard_of
-from benchmarks.simulated_bodies import TETRAHEDRON
-from benchmarks.simulated_engines import TreeEngine
-from benchmarks.simulated_subject import (
-    Instruments,
-    SubjectOptions,
-    exciting_curves,
-    middles_and_reaches,
-    random_subject,
-    record,
-    step_curves,
-)
-from benchmarks.simulated_truth import frames_between, joint_distances, moved, predicted
 
 from myomorph.identify.base import fit_base
 from myomorph.identify.least_squares import Recording as Measured
@@ -30,6 +18,18 @@ from myomorph.model.model import Marker
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.calibration import CalibrationOptions
 from myomorph.rigid.regressor import base_wrench
+from truths.simulated_bodies import TETRAHEDRON
+from truths.simulated_engines import TreeEngine
+from truths.simulated_subject import (
+    Instruments,
+    SubjectOptions,
+    exciting_curves,
+    middles_and_reaches,
+    random_subject,
+    record,
+    step_curves,
+)
+from truths.simulated_truth import frames_between, joint_distances, moved, predicted
 
 SIZE = {"pelvis": 0.12, "torso": 0.22, "humerus": 0.14, "ulna": 0.12, "femur": 0.2, "tibia": 0.2, "calcn": 0.1}
 BALL = '<joint name="{0}_x" axis="1 0 0" range="-0.9 0.9"/><joint name="{0}_y" axis="0 1 0" range="-0.9 0.9"/>' + (

@@ -69,7 +69,7 @@ def test_lengths_and_moment_arms_are_those_of_the_given_side(name, data):
 def test_a_mouse_has_two_legs(data):
     data("mouse-hindlimb-muscles")
     sys.path.insert(0, str(Path(__file__).parents[2]))
-    from benchmarks.mouse_hindlimb import mouse_hindlimb_model
+    from truths.mouse_hindlimb import mouse_hindlimb_model
 
     model = mouse_hindlimb_model()
     assert max(differences(model, "z")) < 1e-12

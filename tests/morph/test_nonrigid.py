@@ -136,7 +136,7 @@ def test_wrong_options_are_named():
 
 def persons(data):
     data("bones-shape-model-llp26/shape_models/LLP26_rigid.npz")
-    from benchmarks.leg_shapes import leg_shapes
+    from truths.leg_shapes import leg_shapes
 
     return leg_shapes()
 

@@ -17,9 +17,9 @@ from benchmarks.accuracy.morph.shapes import (
     dense_landmarks,
     scaled_by_pairs,
 )
-from benchmarks.leg_shapes import leg_shapes
 
 from myomorph.morph.maps.fields import MapOptions
+from truths.leg_shapes import leg_shapes
 
 PARTS = {"pelvis": 3, "femur": 1, "patella": 1, "tibia": 2}
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.mouse_motion import alone, held_out, lengths_of, motion_of, mouse, rms, strides_of
 
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.tree import compile_tree
+from truths.mouse_motion import alone, held_out, lengths_of, motion_of, mouse, rms, strides_of
 
 NAME = "1R_12_01_26"
 

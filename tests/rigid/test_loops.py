@@ -285,7 +285,7 @@ def test_projected_rates_move_what_is_tied_alike_in_pinocchio(seed):
 @pytest.mark.parametrize("name", SHOULDERS)
 def test_shoulders_close_as_opensim_closes_them(data, name):
     pytest.importorskip("opensim")
-    from benchmarks.opensim_loops import point_constraint
+    from truths.opensim_loops import point_constraint
 
     path = data(name)
     model = read_model(path)

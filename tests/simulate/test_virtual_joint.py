@@ -5,7 +5,6 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint, on_true_clock
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -14,6 +13,7 @@ from myomorph.model.inertia import inertia_matrices, pseudo_inertias
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.laboratory import Noise, simulate
+from truths.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint, on_true_clock
 
 QUIET = Noise(marker=0.0, force=0.0)
 CASES = [("hinge", 0.05, 0.0), ("hinge", 0.3, 5.0), ("ball", 0.05, 0.0), ("ball", 0.3, 5.0)]

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.recruitment import CRITERIA
 from benchmarks.accuracy.recruitment import ours as recruited
-from benchmarks.recruitment_programs import solve_program
-from benchmarks.recruitment_programs import walk as some_walk
 from walking import walk
 
 from myomorph.contact.plan import ContactPlan
@@ -23,6 +21,8 @@ from myomorph.tension.solve import TensionOptions, solve_tension
 from myomorph.tension.task import tension_task
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.co_contraction import CoContractionTerm
+from truths.recruitment_programs import solve_program
+from truths.recruitment_programs import walk as some_walk
 
 KEEP = slice(150, 1150, 180)
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from benchmarks.mechanical_joint import moment_rows
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.trust.law import PassiveLaw, resistances
+from truths.mechanical_joint import moment_rows
 
 GRAVITY = np.array([0.0, -9.81, 0.0])
 LIMB = np.array([2.4, 0.05, -0.95, 0.03, 0.47, 0.012, 0.468, 0.018, 0.002, 0.021])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.series import Motion
@@ -12,6 +11,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.simulate.laboratory import Sampled
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
 from myomorph.viscosity.swings.motion import angular_motion, continuous, differentiate_joint, limb_motion
+from truths.mechanical_joint import mechanical_joint
 
 
 @pytest.fixture(scope="module")

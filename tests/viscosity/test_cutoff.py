@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 
 from myomorph.model.errors import BadData
 from myomorph.viscosity.trust.cutoff import MAX_CUTOFF, MIN_CUTOFF, choice_of, residual_analysis, scan_cutoffs
+from truths.mechanical_joint import mechanical_joint
 
 RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)

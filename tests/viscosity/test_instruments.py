@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 
 from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
+from truths.mechanical_joint import mechanical_joint
 
 DAMPING, ORIGIN = 0.055, np.array([0.2, 0.0, -0.8])
 OPTIONS = ViscosityOptions(draws=10, stiffness=False)

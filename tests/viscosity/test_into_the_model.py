@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.coordinate_dampers import coordinate_damping, coordinate_stiffness
 from scipy.spatial.transform import Rotation
 
 from myomorph.demo.arm import osim_text
@@ -26,6 +25,7 @@ from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viscosity.identified_model import joint_bushing
+from truths.coordinate_dampers import coordinate_damping, coordinate_stiffness
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
@@ -13,6 +12,7 @@ from myomorph.viscosity.swings.samples import effective_samples
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
 from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws
+from truths.mechanical_joint import mechanical_joint
 
 AXIS = np.array([0.6, 0.0, 0.8])
 QUICK = PassiveOptions(draws=40, held_out=2)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.decays import compare_decays, compound_inertia, fit_decay, torsional_inertia
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
 from myomorph.model.errors import BadData, UnknownName
+from truths.decays import compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 TIME = np.arange(0.0, 20.0, 0.02)
 INERTIA, WEIGHT = 0.9, 14.0

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 from made_swings import Made, eleven, three_releases
 
 from myomorph.model.errors import BadData, BadFile
@@ -18,6 +17,7 @@ from myomorph.viscosity.identification.identify import ViscosityOptions, identif
 from myomorph.viscosity.identification.shared_errors import helping_most, with_shared_errors
 from myomorph.viscosity.study.plan import StudyOptions, viscosity_tables
 from myomorph.viscosity.study.template import write_template
+from truths.mechanical_joint import mechanical_joint
 
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.mechanical_joint import mechanical_joint
 from swung_limb import GRAVITY, LAWS, LIMB, released
 
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.trust.checks import condition_findings, plate_zero, recording_findings
+from truths.mechanical_joint import mechanical_joint
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import myomorph as mm
 from benchmarks.accuracy.morph.shapes import attachments, cases
-from benchmarks.leg_shapes import leg_shapes
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.bone_checks import repaired_bone
@@ -25,6 +24,7 @@ from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.transfer.carrier import Carrier
 from myomorph.morph.transfer.points import place_of, put_on_surface
 from myomorph.study.subject.morph_files import source_bones
+from truths.leg_shapes import leg_shapes
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 GEOMETRY = "bones-opensim-rajagopal/Geometry"

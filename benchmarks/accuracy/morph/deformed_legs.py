@@ -11,7 +11,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.morph.correspondence import BONES, MODEL, Deformation, bone, deformed
 from benchmarks.accuracy.morph.held_out import DEFAULT, DENSE, EXACT, given_map, spread_nodes
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.morph.arm_intervals import with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.moment_arms import compare_moment_arms

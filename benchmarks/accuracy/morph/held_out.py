@@ -16,14 +16,14 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.morph.correspondence import three_landmarks
 from benchmarks.accuracy.morph.shapes import BODIES, attachments, mean_shape
-from benchmarks.leg_shapes import leg_shapes
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.model.arrays import Array
 from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.study.subject.morph_files import source_bones
+from truths.leg_shapes import leg_shapes
 
 Row = dict[str, object]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.io.landmarks import read_landmarks
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.warnings import MorphChecks

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import myomorph as mm
-from benchmarks.leg_shapes import BONES, leg_shapes
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.model.arrays import Array
 from myomorph.model.paths import PathPoint
 from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
 from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
+from truths.leg_shapes import BONES, leg_shapes
 
 Row: TypeAlias = dict[str, object]
 Indices: TypeAlias = np.ndarray

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.stats import spearmanr
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import mouse_hindlimb_model
 from benchmarks.species_cases import (
     METHODS,
     MOUSE_AXES,
@@ -26,6 +25,7 @@ from benchmarks.species_cases import (
 from myomorph.morph.species.counterparts import MuscleHomology, Posed
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species
+from truths.mouse_hindlimb import mouse_hindlimb_model
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"
 BENT = 0.5 * np.pi

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.handle_sensor import fit_handle, grip_point, object_motion
 from myomorph.contact.plate_calibration import MarkedWeight, Placement, calibrate_plate, check_plate, find_placements
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
@@ -21,6 +20,7 @@ from myomorph.morph.registration.clusters import surface_parts
 from myomorph.morph.registration.rigid import register_surface
 from myomorph.motion.filters import natural_spline
 from myomorph.viscosity.swings.plate import wrench_clock
+from truths.handle_sensor import fit_handle, grip_point, object_motion
 
 Row = dict[str, object]
 

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.optimize import brentq
 
-from benchmarks.decays import Decay, compare_decays, compound_inertia, fit_decay, torsional_inertia
 from myomorph.model.arrays import Array
+from truths.decays import Decay, compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 BICYCLES = ("Browser", "Pista", "Rigid")
 RECORDING = "BrowserForkCompoundFirst1.mat"

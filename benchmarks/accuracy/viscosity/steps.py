@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from benchmarks.mechanical_joint import VirtualJoint, mechanical_joint
 from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
+from truths.mechanical_joint import VirtualJoint, mechanical_joint
 
 Row = dict[str, object]
 

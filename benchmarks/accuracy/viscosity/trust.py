@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from benchmarks.mechanical_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 from myomorph.model.paths import PathPoint
 from myomorph.simulate.laboratory import measured_markers, measured_wrench, simulate
 from myomorph.simulate.shoulder import virtual_specimen
@@ -24,6 +23,7 @@ from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
+from truths.mechanical_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
 
 Row = dict[str, object]
 

@@ -40,13 +40,13 @@ def joint_run(seed: int) -> JointRun:
 
     Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by up to 20 ms.
     """
-    from benchmarks.mechanical_joint import mechanical_joint
     from myomorph.simulate.laboratory import Noise
     from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
     from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
     from myomorph.viscosity.tracking.rows import swing_recordings
     from myomorph.viscosity.tracking.track import track
     from myomorph.viscosity.trust.cutoff import choose_cutoff
+    from truths.mechanical_joint import mechanical_joint
 
     random = np.random.default_rng(seed)
     kind: Literal["hinge", "ball"] = "ball" if seed % 2 else "hinge"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
@@ -13,6 +12,7 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from opensim_oracle import ask
+from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 
 TOLERANCE = 1e-6
 

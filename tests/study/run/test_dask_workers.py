@@ -14,8 +14,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from benchmarks.cluster import Cluster, cluster_in
-from benchmarks.interrupted_checks import differences, left_over
 
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.model import Model
@@ -24,6 +22,8 @@ from myomorph.study.run import dask_workers
 from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.run.jobs import Ended, Job
+from truths.cluster import Cluster, cluster_in
+from truths.interrupted_checks import differences, left_over
 
 HERE = {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path(__file__).parents[3])))}
 

@@ -11,8 +11,12 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from benchmarks.accuracy.interrupted import SETTINGS, begin, end_of, mounted, others_of
-from benchmarks.cluster import cluster_in, cut_off, machines, namespaces_work
-from benchmarks.interrupted_checks import (
+
+from myomorph.demo.arm import example_files
+from myomorph.study.plan.plan import read_plan
+from myomorph.study.run.run import run_study
+from truths.cluster import cluster_in, cut_off, machines, namespaces_work
+from truths.interrupted_checks import (
     computed_twice,
     differences,
     ended,
@@ -21,10 +25,6 @@ from benchmarks.interrupted_checks import (
     losses,
     runs,
 )
-
-from myomorph.demo.arm import example_files
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -6,7 +6,6 @@ import csv
 
 import numpy as np
 import pytest
-from benchmarks.mouse_recordings import GAIT_LABELS, both_hindlimbs
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadFile
@@ -14,6 +13,7 @@ from myomorph.model.series import Markers, Trial
 from myomorph.study.inputs.reading import with_labels
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from truths.mouse_recordings import GAIT_LABELS, both_hindlimbs
 
 RECORDING = "mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d"
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.simulated_muscles import as_degroote, integrated_degroote, integrated_forces, smooth_activations, swings
 
 from myomorph.io.formats import read_model
 from myomorph.muscles.fiber_equations import length_factors
@@ -16,6 +15,7 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
 from myomorph.tension.personal.fibers import follow
 from myomorph.tension.personal.prior import sizes_of
+from truths.simulated_muscles import as_degroote, integrated_degroote, integrated_forces, smooth_activations, swings
 
 TIME = np.arange(0.0, 1.2, 0.01)
 RANGES = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.3, 2.0)}

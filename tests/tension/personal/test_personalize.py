@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.accuracy.personalize import ARM, CAREFUL, passive_trial
-from benchmarks.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
 
 from myomorph.io.formats import read_model
 from myomorph.io.osim.write import write_osim
@@ -22,6 +21,7 @@ from myomorph.tension.personal.person_model import with_sizes
 from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
 from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of
 from myomorph.tension.personal.recordings import torque_floors, windows_of
+from truths.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
 
 FIBER, SLACK = "optimal_fiber_length", "tendon_slack_length"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 import myomorph as mm
-from benchmarks.simulated_subject import parameters_of
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import pseudo_inertias
 from myomorph.model.model import GROUND, Joint
@@ -13,6 +12,7 @@ from myomorph.motion.lengths import segments_that_stretch
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import compile_tree
+from truths.simulated_subject import parameters_of
 
 
 def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:

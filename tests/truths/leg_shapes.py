@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 
 BONES = {
     "pelvis": ("pelvis_combined_cubic_flat", 1946),

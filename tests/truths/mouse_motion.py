@@ -15,17 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import myomorph as mm
-from benchmarks.mouse_recordings import (
-    GAIT_LABELS,
-    LOOSE,
-    SKELETON,
-    TREADMILL,
-    TREADMILL_LABELS,
-    both_hindlimbs,
-    clips,
-    gait_files,
-    recording,
-)
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
@@ -47,6 +36,17 @@ from myomorph.study.subject.morph_masses import with_envelope_masses
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.tension.solve import Tension
+from truths.mouse_recordings import (
+    GAIT_LABELS,
+    LOOSE,
+    SKELETON,
+    TREADMILL,
+    TREADMILL_LABELS,
+    both_hindlimbs,
+    clips,
+    gait_files,
+    recording,
+)
 
 CUTOFF = 20.0
 """Low-pass of motion and forces, about five times the frequency of strides [Hz]."""

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from benchmarks.mouse_hindlimb import FILE, mouse_hindlimb_model
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Coordinate, Joint, Marker
@@ -19,6 +18,7 @@ from myomorph.morph.species.markers import with_markers_of
 from myomorph.motion.measurements import default_markers
 from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species
+from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 
 GAIT = "mouse-gait-c3d-force"
 TREADMILL = "mouse-markers-treadmill/treadmill_15m_per_min.mat"

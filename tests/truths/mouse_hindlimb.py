@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import myomorph as mm
-from benchmarks.recordings import data_folder
+from data_collection import data_folder
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import constant, linear
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker
