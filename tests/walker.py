@@ -14,7 +14,7 @@ from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import Note, PageHead, SourceFile, Step
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 
 RATE = 100.0
 GRAVITY = 9.80665

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from myomorph.report.charts.axis import number
-from myomorph.report.study.study_given import StudyInput, ValueDifference
+from myomorph.report.study.study_input import StudyInput, ValueDifference
 from myomorph.report.study.study_page import study_page
 
 NAN = float("nan")

@@ -282,8 +282,8 @@ def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
     assert body.at(30).middle == pytest.approx(centers.mean(axis=0))
     alone = PlayedBody(shown("anna", model=one, coordinates=motion(one)))
     assert body.size == pytest.approx(alone.size, rel=0.1), "thickness is that of one person"
-    pushed = having(body.given, wrenches=steps(moved.time, one.mass * GRAVITY))
-    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(having(alone.given, wrenches=pushed.dynamics.wrenches))
+    pushed = having(body.results, wrenches=steps(moved.time, one.mass * GRAVITY))
+    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(having(alone.results, wrenches=pushed.dynamics.wrenches))
     assert np.linalg.norm(np.diff(ends[0], axis=0)) == pytest.approx(
         np.linalg.norm(np.diff(own.at(60).measured[0], axis=0)), rel=0.1
     ), "a body weight is that of one person"

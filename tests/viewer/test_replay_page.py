@@ -18,7 +18,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Marker
 from myomorph.model.series import ForcePlate, Markers
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.uncertainty.spread import Spread, Uncertainty
 from myomorph.viewer.replay import Replay
 from walker import everything
@@ -246,7 +246,7 @@ def test_two_bodies_share_a_clock() -> None:
         assert replay.span == pytest.approx((0.0, 1.99))
         replay.seek(0.5)
         assert [replay.own_time(i) for i in range(2)] == pytest.approx([0.5, 100.5])
-        assert [shown.body.given.head.title for shown in replay.shown] == ["walker: first steps", "later"]
+        assert [shown.body.results.head.title for shown in replay.shown] == ["walker: first steps", "later"]
         assert replay.spacing > 0.3, "bodies in one place begin side by side"
         replay.part(1.5)
         assert replay.shown[1].node.position == pytest.approx(1.5 * replay.bodies[0].scene.right)

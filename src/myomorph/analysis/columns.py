@@ -37,13 +37,13 @@ def compared(estimate: Series, truth: Series) -> list[Comparison]:
         if name not in estimate.names or inside.sum() < 2:
             continue
         known = np.interp(estimate.time[inside], truth.time, truth[name])
-        found = estimate[name][inside]
-        both = np.isfinite(known) & np.isfinite(found)
+        estimated = estimate[name][inside]
+        both = np.isfinite(known) & np.isfinite(estimated)
         if not both.any():
             continue
-        difference = found[both] - known[both]
-        varies = np.ptp(known[both]) > 1e-12 and np.ptp(found[both]) > 1e-12
-        correlation = float(np.corrcoef(known[both], found[both])[0, 1]) if varies else float("nan")
+        difference = estimated[both] - known[both]
+        varies = np.ptp(known[both]) > 1e-12 and np.ptp(estimated[both]) > 1e-12
+        correlation = float(np.corrcoef(known[both], estimated[both])[0, 1]) if varies else float("nan")
         rms = float(np.sqrt(np.mean(difference**2)))
         rows.append(Comparison(name, rms, float(np.max(np.abs(difference))), float(np.ptp(known[both])), correlation))
     return rows

@@ -77,13 +77,13 @@ def compare_conditions(conditions: Sequence[Condition], options: GroupOptions | 
     """
     options = options or GroupOptions()
     pairs = list(itertools.combinations([condition for condition in conditions if condition.subjects], 2))
-    own = replace(options, alpha=options.alpha / max(len(pairs), 1))
+    corrected = replace(options, alpha=options.alpha / max(len(pairs), 1))
     result = []
-    for one, other in pairs:
-        first, second = (Group(each.name, each.subjects) for each in (one, other))
-        if one.cycle != other.cycle:
+    for first_condition, other in pairs:
+        first, second = (Group(each.name, each.subjects) for each in (first_condition, other))
+        if first_condition.cycle != other.cycle:
             first, second = _without_curves(first), _without_curves(second)
-        result.append(_compared(first, second, own))
+        result.append(_compared(first, second, corrected))
     return result
 
 
@@ -92,12 +92,14 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     shared = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if not shared:
         return compare_groups(first, second, options)
-    alone = [Group(one.name, tuple(each for each in one.animals if each.name not in shared)) for one in (first, second)]
-    if len(shared) >= FEWEST or min(len(one.animals) for one in alone) < FEWEST:
+    alone = [
+        Group(group.name, tuple(each for each in group.animals if each.name not in shared)) for group in (first, second)
+    ]
+    if len(shared) >= FEWEST or min(len(group.animals) for group in alone) < FEWEST:
         return compare_paired(first, second, options)
-    found = compare_groups(alone[0], alone[1], options)
+    comparison = compare_groups(alone[0], alone[1], options)
     note = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
-    return replace(found, notes=(*found.notes, note))
+    return replace(comparison, notes=(*comparison.notes, note))
 
 
 def _without_curves(group: Group) -> Group:
@@ -119,12 +121,12 @@ def modified_z(values: ArrayLike) -> Array:
 
     All NaN with fewer than five known values, or where more than half of them are equal but for rounding.
     """
-    given = np.asarray(values, dtype=np.float64)
-    known = given[np.isfinite(given)]
+    samples = np.asarray(values, dtype=np.float64)
+    known = samples[np.isfinite(samples)]
     if len(known) < FEWEST_VALUES:
-        return np.full(given.shape, np.nan)
+        return np.full(samples.shape, np.nan)
     middle = np.median(known)
     spread = float(np.median(np.abs(known - middle)))
     if not spread > ROUNDED * abs(float(middle)):
-        return np.full(given.shape, np.nan)
-    return TO_DEVIATION * (given - middle) / spread
+        return np.full(samples.shape, np.nan)
+    return TO_DEVIATION * (samples - middle) / spread

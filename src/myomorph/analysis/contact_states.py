@@ -39,7 +39,7 @@ class Limb:
     @property
     def label(self) -> str:
         """In print."""
-        return " ".join(one for one in (self.subject, self.side, self.part) if one)
+        return " ".join(word for word in (self.subject, self.side, self.part) if word)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def limb_of(site: str, who: Sequence[Subject] = ()) -> Limb:
 
 def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
     """Subject, words and side of a name: of "uke_foot_r_heel" uke, "foot heel" and right."""
-    owner = next((one for one in who if one.prefix and name.startswith(one.prefix)), None)
+    owner = next((subject for subject in who if subject.prefix and name.startswith(subject.prefix)), None)
     base, side = split_side(name.removeprefix(owner.prefix) if owner else name)
     words = base.replace("_", " ").split()
     if not side:
@@ -83,10 +83,12 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
     names = tuple(body or name for name, body in zip(wrenches.names, wrenches.bodies, strict=True))
     touches = []
     if scale > 0.0 and len(wrenches) > 2:
-        for k, site in enumerate(names):
-            found = contacts(wrenches.time, vertical[:, k], options.threshold * scale, options.shortest_contact)
+        for column, site in enumerate(names):
+            intervals = contacts(
+                wrenches.time, vertical[:, column], options.threshold * scale, options.shortest_contact
+            )
             touches += [
-                Touch(site, float(wrenches.time[i]), float(wrenches.time[j]), source="plates") for i, j in found
+                Touch(site, float(wrenches.time[i]), float(wrenches.time[j]), source="plates") for i, j in intervals
             ]
     return Contacts(tuple(dict.fromkeys(names)), tuple(touches))
 
@@ -124,7 +126,9 @@ def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ..
         place = contacts.sites.index(site) if site else len(limb_rows)
         limb_rows.append((limb, place, Row(label, limb.side, tuple(touches))))
     order = {"right": 0, "left": 1, "": 2}
-    limb_rows.sort(key=lambda one: (one[0].subject, one[0].part == "foot", one[0].part, order[one[0].side], one[1]))
+    limb_rows.sort(
+        key=lambda entry: (entry[0].subject, entry[0].part == "foot", entry[0].part, order[entry[0].side], entry[1])
+    )
     return tuple(row for _, _, row in limb_rows)
 
 
@@ -133,7 +137,7 @@ def row_label(site: str, who: Sequence[Subject] = ()) -> str:
     owner, bare, side = _told(site, who)
     words = printed(bare).lower()
     words = "foot" if words in ("calcn", "calcaneus", "foot") else words
-    text = " ".join(one for one in (owner, side, words) if one)
+    text = " ".join(word for word in (owner, side, words) if word)
     return text[:1].upper() + text[1:]
 
 

@@ -168,14 +168,14 @@ def _refined(likeness: Array, lag: int, longest: int) -> float:
     return best
 
 
-def _vertex(values: Array, k: int) -> float:
+def _vertex(values: Array, at: int) -> float:
     """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both sides."""
-    reach = min(max(1, k // 12), k, len(values) - 1 - k)
+    reach = min(max(1, at // 12), at, len(values) - 1 - at)
     if reach < 1:
-        return float(k)
+        return float(at)
     around = np.arange(-reach, reach + 1)
-    _, slope, bend = np.polynomial.polynomial.polyfit(around, values[k - reach : k + reach + 1], 2)
-    return float(k + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(k)
+    _, slope, bend = np.polynomial.polynomial.polyfit(around, values[at - reach : at + reach + 1], 2)
+    return float(at + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(at)
 
 
 SAMPLES = 101
@@ -252,8 +252,8 @@ def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: i
     # Columns without gaps share their places in time, and are done together.
     values[..., known] = _between(series.time, series.values[:, known], at, step)
     for j in np.flatnonzero(~known):
-        own = np.isfinite(series.values[:, j])
-        values[..., j] = _between(series.time[own], series.values[own, j, None], at, step)[..., 0]
+        finite = np.isfinite(series.values[:, j])
+        values[..., j] = _between(series.time[finite], series.values[finite, j, None], at, step)[..., 0]
     return Cycles(series.names, values)
 
 

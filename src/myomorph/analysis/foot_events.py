@@ -87,7 +87,7 @@ def direction_of(
     trunk: Array,
     feet: Sequence[Array],
     up: Array,
-    given: Array | None,
+    direction: Array | None,
     notes: list[str],
     facing: Array | None = None,
 ) -> tuple[Array, bool]:
@@ -102,20 +102,20 @@ def direction_of(
     span = time[seen] - time[seen].mean()
     slope = span @ (trunk[seen] @ flat) / max(float(span @ span), 1e-12)
     relative = [(foot - trunk) @ flat for foot in feet]
-    speeds = np.concatenate([np.gradient(one, time, axis=0) for one in relative])
+    speeds = np.concatenate([np.gradient(track, time, axis=0) for track in relative])
     speeds = speeds[np.isfinite(speeds[:, 0])]
     if not len(speeds):
         raise BadData("no foot is seen in frames in which the trunk is: there is no direction of travel")
     # Over ground the trunk is as fast as feet that stand are seen from it; on a belt it only drifts.
     travels = bool(np.linalg.norm(slope) > 0.3 * np.median(np.linalg.norm(speeds, axis=1)))
-    if given is not None:
-        slope = given @ flat
+    if direction is not None:
+        slope = direction @ flat
         if not np.linalg.norm(slope) > 0.0:
             raise BadData("the direction of travel is vertical, or no direction at all")
-    if travels or given is not None:
+    if travels or direction is not None:
         return slope / np.linalg.norm(slope), travels
-    seen_feet = [one[np.isfinite(one[:, 0])] for one in relative]
-    swept = np.concatenate([one - np.median(one, axis=0) for one in seen_feet if len(one)])
+    seen_feet = [track[np.isfinite(track[:, 0])] for track in relative]
+    swept = np.concatenate([track - np.median(track, axis=0) for track in seen_feet if len(track)])
     # A marker that was taken for another one for a while does not turn the way.
     swept = swept[np.linalg.norm(swept, axis=1) <= np.percentile(np.linalg.norm(swept, axis=1), 95.0)]
     axis = np.linalg.svd(swept, full_matrices=False)[2][0]
@@ -156,21 +156,21 @@ def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
     from scipy.signal import find_peaks  # Takes half a second to import, and only a walk needs it.
 
     # A foot that begins or ends at its extreme has not been seen to turn there.
-    found, _ = find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
-    if not len(found):
+    peaks, _ = find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
+    if not len(peaks):
         return np.zeros(0)
-    usual = float(np.median(np.diff(time[found]))) if len(found) > 1 else 0.2 * float(np.ptp(time))
+    usual = float(np.median(np.diff(time[peaks]))) if len(peaks) > 1 else 0.2 * float(np.ptp(time))
     reach = max(1, round(0.02 * usual / float(np.median(np.diff(time)))))
-    return np.array([_vertex(time, filled, int(k), reach) for k in found])
+    return np.array([_vertex(time, filled, int(peak), reach) for peak in peaks])
 
 
-def _vertex(time: Array, values: Array, k: int, reach: int) -> float:
-    window = slice(max(k - reach, 0), k + reach + 1)
-    t, x = time[window] - time[k], values[window]
+def _vertex(time: Array, values: Array, at: int, reach: int) -> float:
+    window = slice(max(at - reach, 0), at + reach + 1)
+    t, x = time[window] - time[at], values[window]
     if len(t) < 3:
-        return float(time[k])
+        return float(time[at])
     _, slope, bend = np.polynomial.polynomial.polyfit(t, x, 2)
-    return float(time[k] + np.clip(-0.5 * slope / bend, t[0], t[-1])) if bend < 0.0 else float(time[k])
+    return float(time[at] + np.clip(-0.5 * slope / bend, t[0], t[-1])) if bend < 0.0 else float(time[at])
 
 
 def _is_seen(time: Array, values: Array, at: float, within: float) -> bool:
@@ -217,9 +217,10 @@ STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact
 def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events") -> FootTrack:
     """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
     side = split_side(limb.name)[1]
-    own = [event for event in events if side and event.side.lower() == side]
+    sided = [event for event in events if side and event.side.lower() == side]
     strikes, lifts = (
-        [one.time for one in own if one.label.lower().replace("_", " ").strip() in names] for names in (STRIKES, LIFTS)
+        [event.time for event in sided if event.label.lower().replace("_", " ").strip() in names]
+        for names in (STRIKES, LIFTS)
     )
     if not strikes and not lifts:
         return track
@@ -243,9 +244,9 @@ def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
     """
     kept = [event for event in events if all(abs(event - other) > near for other in better)]
     off = [other - events[int(np.argmin(np.abs(events - other)))] for other in better] if len(events) else []
-    off = [one for one in off if abs(one) <= near]
+    off = [difference for difference in off if abs(difference) <= near]
     shift = float(np.median(off)) if off else 0.0
-    return np.array(sorted([*(one + shift for one in kept), *better]))
+    return np.array(sorted([*(time + shift for time in kept), *better]))
 
 
 def ground_speed_of(
@@ -257,7 +258,7 @@ def ground_speed_of(
     for track in tracks.values():
         speed = np.gradient(track.place @ along, time)
         for strike in track.strikes:
-            lift = next((one for one in track.lifts if one > strike), np.nan)
+            lift = next((time for time in track.lifts if time > strike), np.nan)
             middle = (time > strike + 0.25 * (lift - strike)) & (time < strike + 0.75 * (lift - strike))
             standing.append(speed[middle])
             traveling.append((trunk_speed - speed)[middle])

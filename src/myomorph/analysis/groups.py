@@ -225,18 +225,20 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     BadData : no subject has both
     """
     options = options or GroupOptions()
-    own = {animal.name: animal for animal in second.animals}
-    pairs = [(animal, own[animal.name]) for animal in first.animals if animal.name in own]
+    by_name = {animal.name: animal for animal in second.animals}
+    pairs = [(animal, by_name[animal.name]) for animal in first.animals if animal.name in by_name]
     if not pairs:
         raise BadData(f"no subject has both '{first.name}' and '{second.name}'")
-    both = {one.name for one, _ in pairs}
+    both = {animal.name for animal, _ in pairs}
     alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
     notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
     n = len(pairs)
     few = f"{n} subjects with both are described, not tested: a test needs {FEWEST} or more"
     blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:.3g}"
-    one, other = (Group(group.name, own) for group, own in zip((first, second), zip(*pairs, strict=True), strict=True))
-    return _compared(one, other, options, (n,), (few, blunt), notes)
+    former, other = (
+        Group(group.name, animals) for group, animals in zip((first, second), zip(*pairs, strict=True), strict=True)
+    )
+    return _compared(former, other, options, (n,), (few, blunt), notes)
 
 
 def _compared(
@@ -268,8 +270,8 @@ def _compared(
 
 def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
     """Names that all animals have, in the first one's order."""
-    shared = [name for name in names[0] if all(name in own for own in names)]
-    lost = sorted({name for own in names for name in own} - set(shared))
+    shared = [name for name in names[0] if all(name in listed for listed in names)]
+    lost = sorted({name for listed in names for name in listed} - set(shared))
     if lost:
         listed = ", ".join(lost[:6]) + (", ..." if len(lost) > 6 else "")
         notes.append(f"{what} that some animals lack are left out: {listed}")
@@ -280,14 +282,14 @@ def _scalars(
     first: Group, second: Group, options: GroupOptions, tested: bool, paired: bool, notes: list[str]
 ) -> tuple[ScalarDifference, ...]:
     animals = (*first.animals, *second.animals)
-    found = []
-    for name in _common_names([tuple(one.scalars) for one in animals], "parameters", notes):
-        one, other = (np.array([animal.scalar(name) for animal in group.animals]) for group in (first, second))
-        known, others = np.isfinite(one), np.isfinite(other)
+    scalars = []
+    for name in _common_names([tuple(animal.scalars) for animal in animals], "parameters", notes):
+        former, other = (np.array([animal.scalar(name) for animal in group.animals]) for group in (first, second))
+        known, others = np.isfinite(former), np.isfinite(other)
         if paired:
             known = others = known & others
-        one, other = one[known], other[others]
-        samples = (one - other,) if paired else (one, other)
+        former, other = former[known], other[others]
+        samples = (former - other,) if paired else (former, other)
         sizes = [len(part) for part in samples]
         g = float(hedges_g(*samples))
         p = float("nan")
@@ -295,10 +297,12 @@ def _scalars(
             p = float(permutation_test(*samples, most=options.permutations, seed=options.seed).p)
         mean, low, high = (float(end) for end in _mean_interval(samples, options.confidence))
         g_low, g_high = g_interval(g, *sizes, confidence=options.confidence)
-        found.append(ScalarDifference(name, _described(one), _described(other), mean, low, high, g, g_low, g_high, p))
-    alone = np.array([one.p for one in found])
+        scalars.append(
+            ScalarDifference(name, _described(former), _described(other), mean, low, high, g, g_low, g_high, p)
+        )
+    alone = np.array([scalar.p for scalar in scalars])
     corrected, q = holm(alone), benjamini_hochberg(alone)
-    return tuple(replace(one, holm=float(corrected[i]), q=float(q[i])) for i, one in enumerate(found))
+    return tuple(replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars))
 
 
 def _described(values: Array) -> tuple[float, float, int]:
@@ -329,26 +333,26 @@ def _curves(
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
     curve_differences: list[CurveDifference] = []
-    for family in _common_names([tuple(one.curves) for one in animals], "kinds of curves", notes):
-        names = _common_names([one.curves[family].names for one in animals], f"{family}: curves", notes)
+    for family in _common_names([tuple(animal.curves) for animal in animals], "kinds of curves", notes):
+        names = _common_names([animal.curves[family].names for animal in animals], f"{family}: curves", notes)
         if not names:
             continue
-        one, other = (
+        former, other = (
             np.stack([[animal.curve(family, name) for name in names] for animal in group.animals])
             for group in (first, second)
         )
-        samples = (one - other,) if paired else (one, other)
-        p = np.full(one.shape[1:], np.nan)
+        samples = (former - other,) if paired else (former, other)
+        p = np.full(former.shape[1:], np.nan)
         if tested:
             p = permutation_test(*samples, most=options.permutations, seed=options.seed).p
         g, sizes = hedges_g(*samples), [len(part) for part in samples]
         difference, low, high = _mean_interval(samples, options.confidence)
         g_low, g_high = g_curve_interval(g, *sizes, confidence=options.confidence)
         for index, name in enumerate(names):
-            first_band, second_band = (band(part[:, index], options.confidence) for part in (one, other))
+            first_band, second_band = (band(part[:, index], options.confidence) for part in (former, other))
             curve_differences.append(
                 CurveDifference(
-                    family, name, first_band, second_band, (one[:, index], other[:, index]),
+                    family, name, first_band, second_band, (former[:, index], other[:, index]),
                     difference[index], low[index], high[index],
                     g[index], g_low[index], g_high[index], p[index], regions(p[index] < options.alpha),
                 )

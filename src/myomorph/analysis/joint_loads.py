@@ -45,8 +45,8 @@ def own_strides(name: str, strides: Strides | None) -> tuple[Stride, ...]:
     if strides is None or not strides.strides:
         return ()
     limbs, side = tuple(strides.strikes), split_side(name)[1]
-    own = next((limb for limb in limbs if split_side(limb)[1] == side), None) if side else limbs[0]
-    return () if own is None else strides.of(own)
+    leg = next((limb for limb in limbs if split_side(limb)[1] == side), None) if side else limbs[0]
+    return () if leg is None else strides.of(leg)
 
 
 def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ...]:
@@ -61,13 +61,13 @@ def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ..
     """
     if len(loads) < 2:
         return ()
-    found = []
+    result = []
     for name, force in zip(loads.names, loads.values.T, strict=True):
-        own = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
-        for number, start, stop in own or [(0, float(loads.time[0]), float(loads.time[-1]))]:
-            one = _between(name, number, loads.time, force, start, stop)
-            found += [one] if one is not None else []
-    return tuple(found)
+        spans = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
+        for number, start, stop in spans or [(0, float(loads.time[0]), float(loads.time[-1]))]:
+            load = _between(name, number, loads.time, force, start, stop)
+            result += [load] if load is not None else []
+    return tuple(result)
 
 
 def _between(name: str, number: int, time: Array, force: Array, start: float, stop: float) -> StrideLoad | None:

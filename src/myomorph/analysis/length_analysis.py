@@ -92,11 +92,11 @@ class LengthAnalysis:
     @property
     def ranges(self) -> tuple[MuscleRange, ...]:
         """What each muscle does in a stride; those without a whole stride are left out."""
-        found = (self._range(index) for index in range(len(self.muscles)))
-        return tuple(one for one in found if one is not None)
+        known_ranges = (self._range(index) for index in range(len(self.muscles)))
+        return tuple(muscle_range for muscle_range in known_ranges if muscle_range is not None)
 
-    def _range(self, k: int) -> MuscleRange | None:
-        muscle, limb = self.muscles[k], self.limbs[k]
+    def _range(self, column: int) -> MuscleRange | None:
+        muscle, limb = self.muscles[column], self.limbs[column]
         curves = self.curves(muscle)
         whole = np.isfinite(curves).all(axis=1)
         if not whole.any():
@@ -104,13 +104,13 @@ class LengthAnalysis:
         mean = curves[whole].mean(axis=0)
         percent = self.lengths[limb].percent
         fastest = (float("nan"), float("nan"))
-        if limb in self.rates and self.fiber[k] > 0.0:
-            rates = self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)] / self.fiber[k]
+        if limb in self.rates and self.fiber[column] > 0.0:
+            rates = self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)] / self.fiber[column]
             if np.isfinite(rates).all():
                 fastest = (float(-rates.min(axis=1).mean()), float(rates.max(axis=1).mean()))
         shortest, longest = (float(end(curves[whole], axis=1).mean()) for end in (np.min, np.max))
         at = float(percent[int(np.argmin(mean))]), float(percent[int(np.argmax(mean))])
-        lengths = float(self.standing[k]), float(self.fiber[k])
+        lengths = float(self.standing[column]), float(self.fiber[column])
         return MuscleRange(muscle, limb, int(whole.sum()), shortest, longest, *at, *lengths, *fastest)
 
 
@@ -134,14 +134,14 @@ def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Seri
     if not any(by_limb.values()):
         raise BadData("there is no whole stride to analyse muscle lengths over")
     every, speeds = {}, {}
-    for limb, own in by_limb.items():
+    for limb, limb_strides in by_limb.items():
         names = tuple(muscle for muscle, owner in zip(lengths.names, owners, strict=True) if owner == limb)
-        spans = [(one.start, one.stop) for one in own]
+        spans = [(stride.start, stride.stop) for stride in limb_strides]
         every[limb] = over_cycles(_columns(lengths, names), spans)
         if rates is not None:
             speeds[limb] = over_cycles(_columns(rates, names), spans)
     standing = dict(zip(model.muscle_names, default_path_lengths(model), strict=True))
-    fibers = {one.name: one.optimal_fiber_length for one in model.muscles}
+    fibers = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     return LengthAnalysis(
         tuple(lengths.names),
         owners,
@@ -159,11 +159,11 @@ def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:
     if not limbs:
         raise BadData(f"no body of model '{model.name}' is a foot by its name")
     reach = chains(model, limbs)
-    found = []
+    result = []
     for name in muscles:
         on = {point.body for point in model.muscle(name).path.points}
-        found.append(next((limb for limb, bodies in reach.items() if on & bodies), limbs[0].name))
-    return tuple(found)
+        result.append(next((limb for limb, bodies in reach.items() if on & bodies), limbs[0].name))
+    return tuple(result)
 
 
 def _columns(series: Series, names: tuple[str, ...]) -> Series:
@@ -173,7 +173,13 @@ def _columns(series: Series, names: tuple[str, ...]) -> Series:
 def curves_table(analysis: LengthAnalysis) -> str:
     """Every stride of every muscle as CSV: limb, start, end, muscle, and the length at each percent [mm]."""
     samples = next(iter(analysis.lengths.values())).values.shape[1]
-    head = ("limb", "start [s]", "end [s]", "muscle", *(f"{one:g} %" for one in np.linspace(0.0, 100.0, samples)))
+    head = (
+        "limb",
+        "start [s]",
+        "end [s]",
+        "muscle",
+        *(f"{percent:g} %" for percent in np.linspace(0.0, 100.0, samples)),
+    )
     rows = []
     for limb, cycles in analysis.lengths.items():
         for stride, curves in zip(analysis.strides[limb], cycles.values, strict=True):

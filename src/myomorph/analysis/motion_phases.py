@@ -48,7 +48,7 @@ class Cutting:
     @property
     def phases(self) -> tuple[Phase, ...]:
         """All phases in order of time."""
-        return tuple(sorted((phase for stage in self.stages for phase in stage.phases), key=lambda one: one.start))
+        return tuple(sorted((phase for stage in self.stages for phase in stage.phases), key=lambda phase: phase.start))
 
 
 @read_only
@@ -77,7 +77,7 @@ def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cu
     """Phases as given; else by the first of the cuts that makes at least two and not too many of them."""
     if phases:
         return Cutting(
-            tuple(Stage(phase.name, (phase,)) for phase in sorted(phases, key=lambda one: one.start)), "given"
+            tuple(Stage(phase.name, (phase,)) for phase in sorted(phases, key=lambda phase: phase.start)), "given"
         )
     makers: dict[Cut, Callable[[Cuttable], tuple[Stage, ...]]] = {
         "events": _between_events,
@@ -85,10 +85,10 @@ def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cu
         "cycles": _cycles,
         "parts": _parts,
     }
-    for one in cuts:
-        stages = makers[one](what)
+    for way in cuts:
+        stages = makers[way](what)
         if 2 <= len(stages) <= MOST_STAGES:
-            return Cutting(stages, one)
+            return Cutting(stages, way)
     return Cutting((), "")
 
 
@@ -105,8 +105,8 @@ def _between_events(what: Cuttable) -> tuple[Stage, ...]:
     inside = [event for event in what.events if what.span[0] < event.time < what.span[1]]
     if not inside:
         return ()
-    labels = [f"{one.side[:1]} {one.label.replace('Foot ', '').lower()}".strip() for one in inside]
-    borders = [what.span[0], *(one.time for one in inside), what.span[1]]
+    labels = [f"{event.side[:1]} {event.label.replace('Foot ', '').lower()}".strip() for event in inside]
+    borders = [what.span[0], *(event.time for event in inside), what.span[1]]
     names = [f"to {labels[0]}", *(f"{a} – {b}" for a, b in itertools.pairwise(labels))]
     return _single(borders, [*names, f"from {labels[-1]}"])
 
@@ -122,15 +122,15 @@ def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
     always = what.touching.all(axis=0)
     if always.all():
         return ()
-    found: dict[str, list[Phase]] = {}
+    by_name: dict[str, list[Phase]] = {}
     for start, stop in runs:
         on = what.touching[(start + stop) // 2] & ~always
-        touching = [name for name, one in zip(what.contact_names, on, strict=True) if one]
+        touching = [name for name, touches in zip(what.contact_names, on, strict=True) if touches]
         name = together(touching, "nothing else" if always.any() else what.nothing)
         last = float(what.time[min(stop + 1, len(what.time) - 1)])
         if last > what.time[start]:
-            found.setdefault(name, []).append(Phase(name, float(what.time[start]), last))
-    return tuple(Stage(name, tuple(phases)) for name, phases in found.items())
+            by_name.setdefault(name, []).append(Phase(name, float(what.time[start]), last))
+    return tuple(Stage(name, tuple(phases)) for name, phases in by_name.items())
 
 
 def together(names: Sequence[str], nothing: str = "no contact") -> str:
@@ -142,7 +142,7 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
     for name in names:
         if name not in left:
             continue
-        side = next((one for one in ("right", "left") if one in name.split()), "")
+        side = next((word for word in ("right", "left") if word in name.split()), "")
         mate = name.replace(side, "left" if side == "right" else "right", 1) if side else name
         if mate != name and mate in left:
             texts.append(
@@ -226,17 +226,20 @@ def measure(
     unknown = np.full(3, np.nan)
     mean, reach, variance = unknown, unknown, unknown
     if center is not None:
-        own = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
-        own = [kept for one in own if len(kept := one[np.isfinite(one).all(axis=1)])]
-        if own:
-            share = np.array([len(one) for one in own]) / sum(len(one) for one in own)
-            mean = share @ [one.mean(axis=0) for one in own]
-            reach, variance = share @ [np.ptp(one, axis=0) for one in own], share @ [one.var(axis=0) for one in own]
+        parts = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
+        parts = [kept for part in parts if len(kept := part[np.isfinite(part).all(axis=1)])]
+        if parts:
+            share = np.array([len(part) for part in parts]) / sum(len(part) for part in parts)
+            mean = share @ [part.mean(axis=0) for part in parts]
+            reach, variance = (
+                share @ [np.ptp(part, axis=0) for part in parts],
+                share @ [part.var(axis=0) for part in parts],
+            )
     activity, peak, strongest = float("nan"), float("nan"), -1
     if activations is not None and activations.names:
         rows = activations.values[stage.inside(activations.time)]
         if rows.size and np.isfinite(rows).any():
-            means = np.array([np.nanmean(one) if np.isfinite(one).any() else np.nan for one in rows.T])
+            means = np.array([np.nanmean(row) if np.isfinite(row).any() else np.nan for row in rows.T])
             activity, peak, strongest = float(np.nanmean(means)), float(np.nanmax(rows)), int(np.nanargmax(means))
     contact = np.zeros(0)
     if touching is not None:

@@ -96,7 +96,7 @@ def permutation_test(
     ------
     BadData : shapes that differ, or fewer than three in a group, or pairs
     """
-    groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
+    groups = [np.asarray(sample, dtype=np.float64) for sample in (first, second) if sample is not None]
     sizes, shape = [len(group) for group in groups], groups[0].shape[1:]
     if groups[-1].shape[1:] != shape:
         raise BadData(f"groups of shapes {groups[0].shape} and {groups[1].shape}: expected the same but for members")
@@ -116,9 +116,9 @@ def permutation_test(
         largest[start : start + 256] = part.max(axis=1, initial=0.0)
         alone += (part >= np.abs(observed) * (1.0 - SAME)).sum(axis=0)
     reached = len(rows) - np.searchsorted(np.sort(largest), np.abs(observed) * (1.0 - SAME), side="left")
-    found = np.full((3, values.shape[1]), np.nan)
-    found[:, known] = observed, reached / len(rows), alone / len(rows)
-    statistic, p, single = found.reshape(3, *shape)
+    result = np.full((3, values.shape[1]), np.nan)
+    result[:, known] = observed, reached / len(rows), alone / len(rows)
+    statistic, p, single = result.reshape(3, *shape)
     return PermutationTest(statistic, p, single, len(rows), exact, p_floor(*sizes, most=most))
 
 
@@ -179,7 +179,7 @@ def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
     -------
     (...), NaN with fewer than two members in a group, fewer than three pairs, or without any spread
     """
-    groups = [np.asarray(one, dtype=np.float64) for one in (first, second) if one is not None]
+    groups = [np.asarray(sample, dtype=np.float64) for sample in (first, second) if sample is not None]
     freedom = sum(len(group) - 1 for group in groups)
     # One degree of freedom has no unbiased estimate.
     if min(len(group) for group in groups) < 2 or freedom < 2:
@@ -238,21 +238,21 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
 
 def holm(p: ArrayLike) -> Array:
     """Several p corrected for their number by Holm (1979), in the given order; NaN stays out."""
-    given = np.asarray(p, dtype=np.float64)
-    result = np.full(given.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(given))
-    order = known[np.argsort(given[known])]
-    steps = given[order] * (len(order) - np.arange(len(order)))
+    raw = np.asarray(p, dtype=np.float64)
+    result = np.full(raw.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(raw))
+    order = known[np.argsort(raw[known])]
+    steps = raw[order] * (len(order) - np.arange(len(order)))
     result[order] = np.minimum(np.maximum.accumulate(steps), 1.0) if len(order) else steps
     return result
 
 
 def benjamini_hochberg(p: ArrayLike) -> Array:
     """Several q: share of false calls among all with a q as small (Benjamini and Hochberg 1995)."""
-    given = np.asarray(p, dtype=np.float64)
-    result = np.full(given.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(given))
-    order = known[np.argsort(given[known])]
-    steps = given[order] * len(order) / np.arange(1, len(order) + 1)
+    raw = np.asarray(p, dtype=np.float64)
+    result = np.full(raw.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(raw))
+    order = known[np.argsort(raw[known])]
+    steps = raw[order] * len(order) / np.arange(1, len(order) + 1)
     result[order] = np.minimum(np.minimum.accumulate(steps[::-1])[::-1], 1.0) if len(order) else steps
     return result

@@ -150,7 +150,7 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, opt
     measures: list[Measure] = []
     known = [side for side in ("Right", "Left") if side in sides]
     for side in known or [""]:
-        force = vertical[:, [i for i, one in enumerate(sides) if one == side]].sum(axis=1)
+        force = vertical[:, [i for i, other in enumerate(sides) if other == side]].sum(axis=1)
         strikes, stances = [], []
         for start, stop in contacts(time, force, options.threshold * weight, options.shortest_contact):
             if start > 0:
@@ -212,8 +212,8 @@ def _quiet(
     # The last stay inside the band of at least a third of the quiet time ends where the movement begins.
     end = still[-1] + width - 1
     run = 0
-    for i, one in enumerate(inside):
-        run = run + 1 if one else 0
+    for i, still_inside in enumerate(inside):
+        run = run + 1 if still_inside else 0
         if run >= max(2, width // 3):
             end = i
     lead = round(options.onset_lead / step)
@@ -221,12 +221,7 @@ def _quiet(
 
 
 def _jump_phases(
-    time: Array,
-    total: Array,
-    marks: tuple[int, int, int, int],
-    weight: float,
-    com: Array | None,
-    options: PhaseOptions,
+    time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None, options: PhaseOptions
 ) -> Movement:
     onset, off, land, last = marks
     gravity = 9.80665

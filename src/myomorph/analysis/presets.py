@@ -42,14 +42,14 @@ def named_muscles(
     prefix : what the names of one subject begin with
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
-    found, lacking = [], []
+    pairs, lacking = [], []
     for label in wanted:
         members = with_right(spelled(bare, MUSCLES[label]))
         if members:
-            found.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
+            pairs.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
         else:
             lacking.append(label)
-    return tuple(found), tuple(lacking)
+    return tuple(pairs), tuple(lacking)
 
 
 def segment_words(segment: Segment) -> str:
@@ -124,8 +124,8 @@ _GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], 
 
 PRESETS: Mapping[str, Preset] = FrozenMap(
     {
-        one.name: one
-        for one in (
+        preset.name: preset
+        for preset in (
             Preset("taichi", "Tai Chi", (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
             Preset("tap", "Tap dance", _TAP, ("events", "cycles", "parts"), 10),
             Preset("drum", "Drum playing", _DRUM, ("events", "cycles", "parts")),

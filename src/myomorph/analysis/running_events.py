@@ -64,7 +64,7 @@ def running_contacts(
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     heights = np.stack([poses.origins[:, tree.body_index[name]] @ np.asarray(model.up) for name in feet], axis=1)
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in feet}
+    stances: dict[str, list[tuple[float, float]]] = {name: [] for name in feet}
     for start in up:
         ends = down[down > start]
         if not len(ends):
@@ -76,8 +76,8 @@ def running_contacts(
             continue
         middle = slice(int(start), stop + 1)
         foot = feet[int(np.argmin(heights[middle].mean(axis=0)))]
-        found[foot].append((_edge(time, force, int(start)), _edge(time, force, stop)))
-    return {name: tuple(one) for name, one in found.items() if one}
+        stances[foot].append((_edge(time, force, int(start)), _edge(time, force, stop)))
+    return {name: tuple(intervals) for name, intervals in stances.items() if intervals}
 
 
 def _dip(force: Array) -> float:
@@ -86,7 +86,7 @@ def _dip(force: Array) -> float:
     return float(force[: over[0]].min()) if len(over) and over[0] else float(force.min()) if len(force) else 1.0
 
 
-def _edge(time: Array, force: Array, k: int) -> float:
+def _edge(time: Array, force: Array, at: int) -> float:
     """Where the line through two samples of the force reaches nothing [s]."""
-    slope = (force[k + 1] - force[k]) / (time[k + 1] - time[k])
-    return float(time[k] - force[k] / slope)
+    slope = (force[at + 1] - force[at]) / (time[at + 1] - time[at])
+    return float(time[at] - force[at] / slope)

@@ -102,11 +102,11 @@ def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
 
     A name without a side is the right one where only a left one answers it (`DELT1`, `DELT1_l`).
     """
-    found: dict[str, dict[str, tuple[str, ...]]] = {}
+    by_base: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in names:
         base, side = split_side(name)
-        found.setdefault(base, {}).setdefault(side, (name,))
-    return tuple(Pair(printed(base), with_right(members)) for base, members in found.items())
+        by_base.setdefault(base, {}).setdefault(side, (name,))
+    return tuple(Pair(printed(base), with_right(members)) for base, members in by_base.items())
 
 
 def with_right(members: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
@@ -222,7 +222,7 @@ def muscle_rows(names: Sequence[str]) -> tuple[tuple[str, Indices], ...]:
 
     def rank(name: str) -> float:
         base = split_side(name)[0]
-        return next((region[one] for one in order if re.fullmatch(one, base, re.IGNORECASE)), 99.0)
+        return next((region[pattern] for pattern in order if re.fullmatch(pattern, base, re.IGNORECASE)), 99.0)
 
     side_of = {name: side for pair in pairs(names) for side, members in pair.members.items() for name in members}
     blocks = []
@@ -262,7 +262,7 @@ def subjects(model: Model) -> tuple[Subject, ...]:
     for joint in model.joints:
         home[joint.child] = joint.child if joint.parent == GROUND else home.get(joint.parent, joint.parent)
     roots = tuple(dict.fromkeys(home[body.name] for body in model.bodies if body.name in home))
-    found = []
+    result = []
     for root in roots:
         bodies = tuple(body.name for body in model.bodies if home.get(body.name) == root)
         mass = sum(model.body(name).mass for name in bodies)
@@ -274,11 +274,11 @@ def subjects(model: Model) -> tuple[Subject, ...]:
         if mass > LEAST_SHARE * model.mass:
             prefix = _prefix((*bodies, *muscles)) if len(roots) > 1 else ""
             name = (prefix.rstrip("_") or root) if len(roots) > 1 else ""
-            found.append(Subject(name, prefix, bodies, muscles))
-    found.sort(key=lambda one: not one.muscles)
-    if len(found) == 1:
-        return (Subject("", found[0].prefix, found[0].bodies, found[0].muscles),)
-    return tuple(found)
+            result.append(Subject(name, prefix, bodies, muscles))
+    result.sort(key=lambda subject: not subject.muscles)
+    if len(result) == 1:
+        return (Subject("", result[0].prefix, result[0].bodies, result[0].muscles),)
+    return tuple(result)
 
 
 def _prefix(names: tuple[str, ...]) -> str:
@@ -296,8 +296,8 @@ def centroids(model: Model, motion: Motion, who: tuple[Subject, ...]) -> tuple[S
         return (centroid(model, motion),)
     tree = compile_tree(model)
     masses = np.zeros((len(who), len(tree.arrays.mass)))
-    for i, one in enumerate(who):
-        for body in one.bodies:
+    for i, subject in enumerate(who):
+        for body in subject.bodies:
             masses[i, tree.body_index[body]] = tree.arrays.mass[tree.body_index[body]]
     masses /= masses.sum(axis=1, keepdims=True)
     coordinates = tree.coordinates_of(motion)
@@ -315,17 +315,17 @@ def standing_height(model: Model, who: Subject, up: Array) -> float:
     rest = Motion(np.zeros(1), (), np.zeros((1, 0)))
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(rest))
-    own = [tree.body_index[body] for body in who.bodies]
-    mass = tree.arrays.mass[own]
-    centers = poses.points(np.array(own), tree.arrays.mass_center[own])[0] @ up
-    return float(mass @ centers / mass.sum() - np.min(poses.origins[0, own] @ up))
+    bodies = [tree.body_index[body] for body in who.bodies]
+    mass = tree.arrays.mass[bodies]
+    centers = poses.points(np.array(bodies), tree.arrays.mass_center[bodies])[0] @ up
+    return float(mass @ centers / mass.sum() - np.min(poses.origins[0, bodies] @ up))
 
 
 def lowest_joint(model: Model, motion: Motion, who: Subject, up: Array) -> float:
     """Least height of a body's origin over the motion along `up` [m]."""
     tree = compile_tree(model)
-    own = [tree.body_index[body] for body in who.bodies]
+    bodies = [tree.body_index[body] for body in who.bodies]
     step = max(1, len(motion) // _CHUNK)
     part = tree.coordinates_of(motion)[::step]
-    heights = forward_kinematics(tree, np.ascontiguousarray(part)).origins[:, own] @ up
+    heights = forward_kinematics(tree, np.ascontiguousarray(part)).origins[:, bodies] @ up
     return float(np.nanmin(heights))

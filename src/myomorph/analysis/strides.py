@@ -248,7 +248,7 @@ def _strides(
     track = tracks[name]
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
     base, side = split_side(name)
-    other = next((one for key, one in tracks.items() if side and split_side(key)[0] == base and key != name), None)
+    other = next((foot for key, foot in tracks.items() if side and split_side(key)[0] == base and key != name), None)
     result = []
     for start, stop in itertools.pairwise(track.strikes):
         inside = (time >= start) & (time <= stop)
@@ -275,8 +275,8 @@ def _width(time: Array, track: FootTrack, other: FootTrack, start: float, stop: 
         return float("nan")
     at = float(between[0])
     share = (at - start) / (stop - start)
-    own = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
-    return abs(float((_at(time, other.place, at) - own) @ across))
+    place = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
+    return abs(float((_at(time, other.place, at) - place) @ across))
 
 
 def _phases(first: Array, strikes: Array) -> Array:

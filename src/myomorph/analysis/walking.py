@@ -48,11 +48,12 @@ def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
             way.append(at)
             at = parents.get(at, GROUND)
         ways[body] = way
-    own = {limb.name: set(ways[limb.points[0]]) for limb in limbs}
-    shared = set.intersection(*own.values()) if len(own) > 1 else {model.body_names[0]}
-    own = {name: bodies - shared for name, bodies in own.items()}
+    bodies_of = {limb.name: set(ways[limb.points[0]]) for limb in limbs}
+    shared = set.intersection(*bodies_of.values()) if len(bodies_of) > 1 else {model.body_names[0]}
+    bodies_of = {name: bodies - shared for name, bodies in bodies_of.items()}
     return {
-        name: frozenset(body for body in model.body_names if bodies & set(ways[body])) for name, bodies in own.items()
+        name: frozenset(body for body in model.body_names if bodies & set(ways[body]))
+        for name, bodies in bodies_of.items()
     }
 
 
@@ -71,19 +72,19 @@ def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = Non
     values[~known] = tree.defaults
     poses = forward_kinematics(tree, values)
     places = np.empty((len(motion), len(names) + 1, 3))
-    for k, name in enumerate(names):
+    for column, name in enumerate(names):
         b = tree.body_index[name]
-        places[:, k] = poses.origins[:, b] + poses.rotations[:, b] @ model.body(name).mass_center
+        places[:, column] = poses.origins[:, b] + poses.rotations[:, b] @ model.body(name).mass_center
     places[:, -1] = poses.origins[:, tree.body_index[root]]
     places[~known] = np.nan
     if fit is not None and len(fit.motion) == len(motion):
         parents = {joint.child: joint.parent for joint in model.joints}
-        for k, name in enumerate(names):
+        for column, name in enumerate(names):
             near = [
                 i for i, marker in enumerate(fit.marker_names) if model.marker(marker).body in (name, parents[name])
             ]
             if near:
-                places[~np.isfinite(fit.errors[:, near]).any(axis=1), k] = np.nan
+                places[~np.isfinite(fit.errors[:, near]).any(axis=1), column] = np.nan
     return Series(motion.time, (*names, root), places)
 
 

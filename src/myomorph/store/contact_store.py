@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.series import Series
-from myomorph.report.trial.given import ForceIntervals, InfeasibleContact, Situation
+from myomorph.report.trial.report_input import ForceIntervals, InfeasibleContact, Situation
 from myomorph.store.results import ResultWriter, Stored
 from myomorph.tension.joint_contact import JointContactForces
 
@@ -100,8 +100,8 @@ def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
 
 def get_forces_with_contacts(stored: Stored) -> Series | None:
     """What `put_forces_with_contacts` wrote, or None."""
-    found = stored.values.get("generalized_force_with_contacts")
-    return None if found is None else Series(stored.time, stored.names["coordinate"], found)
+    forces = stored.values.get("generalized_force_with_contacts")
+    return None if forces is None else Series(stored.time, stored.names["coordinate"], forces)
 
 
 def get_situation(stored: Stored) -> Situation:
@@ -113,9 +113,11 @@ def get_situation(stored: Stored) -> Situation:
 def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], infeasible: Sequence[Relaxation]) -> None:
     """Intervals and frames that could not be carried, in a result file."""
     writer.sizes("infeasible_contact", len(infeasible))
-    times = np.array([one.time for one in infeasible], dtype=np.float64)
+    times = np.array([relaxation.time for relaxation in infeasible], dtype=np.float64)
     writer.put("infeasible_contact_time", ("infeasible_contact",), times, "s", "frame whose contacts are infeasible")
-    writer.texts("infeasible_contact_relaxation", "infeasible_contact", [one.sentence for one in infeasible])
+    writer.texts(
+        "infeasible_contact_relaxation", "infeasible_contact", [relaxation.sentence for relaxation in infeasible]
+    )
     if not intervals:
         return
     writer.names("contact_group", intervals[0].groups)

@@ -32,5 +32,5 @@ def findings_text(findings: Sequence[Finding]) -> str:
 
 def findings_of(text: str) -> tuple[Finding, ...]:
     """What `findings_text` wrote."""
-    found = json.loads(text)
-    return tuple(Finding(**{**one, "times": tuple((a, b) for a, b in one["times"])}) for one in found)
+    records = json.loads(text)
+    return tuple(Finding(**{**record, "times": tuple((a, b) for a, b in record["times"])}) for record in records)

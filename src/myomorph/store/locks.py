@@ -62,9 +62,9 @@ def read_mark(folder: Path) -> RunMark | None:
     """
     path = folder / MARK
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        given = {name: found[name] for name in ("run", "host", "since", "version")}
-        return RunMark(folder, process=int(found["process"]), format=int(found["format"]), **given)
+        mark = json.loads(path.read_text(encoding="utf-8"))
+        texts = {name: mark[name] for name in ("run", "host", "since", "version")}
+        return RunMark(folder, process=int(mark["process"]), format=int(mark["format"]), **texts)
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
@@ -86,13 +86,13 @@ def check_age(mark: RunMark | None) -> None:
 
 def _numbers(version: str) -> tuple[int, ...]:
     """The numbers that a version begins with: 1.2.0rc1 is (1, 2, 0)."""
-    found = []
+    numbers = []
     for part in version.split("."):
         digits = part[: len(part) - len(part.lstrip("0123456789"))]
         if not digits:
             break
-        found.append(int(digits))
-    return tuple(found)
+        numbers.append(int(digits))
+    return tuple(numbers)
 
 
 @contextmanager

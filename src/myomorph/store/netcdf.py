@@ -218,7 +218,7 @@ class NetcdfSource:
         ----------
         only : names of those that are wanted where they are there, () for all
         """
-        for name in [one for one in only if one in self._file] if only else self._file:
+        for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]
             if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):
                 yield name, values
@@ -230,7 +230,7 @@ class NetcdfSource:
             attributes = {attr: values.attrs[attr] for attr in values.attrs if attr != "REFERENCE_LIST"}
             if as_text(attributes.get("NAME", "")).startswith(BARE):
                 continue
-            told = {one: value for one, value in attributes.items() if one not in INTERNAL}
+            told = {attribute: value for attribute, value in attributes.items() if attribute not in INTERNAL}
             references = tuple(first for first, *_ in attributes.get("DIMENSION_LIST", ()))
             yield NetcdfVariable(name, values, told, references, as_text(attributes.get("CLASS", "")) == SCALE)
 
@@ -241,7 +241,7 @@ class NetcdfSource:
         for reference in variable.references:
             if reference not in self._names:
                 self._names[reference] = self._file[reference].name.removeprefix("/")
-        return tuple(self._names[one] for one in variable.references)
+        return tuple(self._names[reference] for reference in variable.references)
 
 
 @contextmanager
@@ -311,7 +311,7 @@ class HeldFile:
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
         """Name and values of every variable, or `only` of some, in the order in which they were made."""
-        for name in [one for one in only if one in self] if only else self._variables:
+        for name in [name for name in only if name in self] if only else self._variables:
             yield name, self._variables[name].values
 
     def variables(self) -> Iterator[NetcdfVariable]:

@@ -95,8 +95,8 @@ def fixed_date() -> int | None:
 
     Results of the same inputs are then equal byte for byte, whenever they were made.
     """
-    given = os.environ.get("SOURCE_DATE_EPOCH", "")
-    return int(given) if given.isdigit() else None
+    seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return int(seconds) if seconds.isdigit() else None
 
 
 def made_at() -> str:
@@ -180,9 +180,9 @@ class ResultWriter:
         """
         facts = self._file.attributes
         known = [step for step in steps if REMARKS + step in facts]
-        found = [text for one in known for text in json.loads(facts[REMARKS + one])]
+        remarks = [text for step in known for text in json.loads(facts[REMARKS + step])]
         kept = [] if len(known) == len(steps) else json.loads(facts.get("warnings", "[]"))
-        self.fact("warnings", json.dumps(list(dict.fromkeys([*found, *others, *kept]))))
+        self.fact("warnings", json.dumps(list(dict.fromkeys([*remarks, *others, *kept]))))
 
     def copy(self, path: Path, steps: Sequence[str]) -> None:
         """Take over what some steps wrote into another result, block by block, unless it is here already."""
@@ -196,7 +196,9 @@ class ResultWriter:
             if variable.name not in self._file and (not made_by or made_by in steps):
                 self._copy_variable(variable, other.dimensions_of(variable))
         for name, value in other.attributes.items():
-            marked = any(name.startswith(one) and name[len(one) :] not in steps for one in (PROVENANCE, REMARKS))
+            marked = any(
+                name.startswith(prefix) and name[len(prefix) :] not in steps for prefix in (PROVENANCE, REMARKS)
+            )
             if name not in self._file.attributes and not marked:
                 self.fact(name, value)
 
@@ -292,10 +294,7 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
 
 
 def stored_values(
-    path: str | os.PathLike[str],
-    file: NetcdfSource | HeldFile,
-    leave_out: Sequence[str] = (),
-    only: Sequence[str] = (),
+    path: str | os.PathLike[str], file: NetcdfSource | HeldFile, leave_out: Sequence[str] = (), only: Sequence[str] = ()
 ) -> Stored:
     """What a file holds that is open, or in memory until it has that path.
 
@@ -309,7 +308,7 @@ def stored_values(
         if name in leave_out:
             continue
         if variable.dtype.kind in "OSU":
-            names[name] = tuple(as_text(one) for one in variable[...])
+            names[name] = tuple(as_text(text) for text in variable[...])
         else:
             values[name] = variable[...]
     attributes = dict(file.attributes)
@@ -364,7 +363,7 @@ def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
 
 def file_name(name: str) -> str:
     """A name of the model as part of a file's name: other signs than letters, digits, - . _ become _."""
-    return "".join(one if one.isalnum() or one in "-._" else "_" for one in name)
+    return "".join(character if character.isalnum() or character in "-._" else "_" for character in name)
 
 
 def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:

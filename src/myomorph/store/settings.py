@@ -188,11 +188,13 @@ def attribute_help(owner: type) -> dict[str, str]:
     return result
 
 
-def with_settings(options: Options, given: Mapping[str, Any]) -> Options:
-    """The options with the settings among `given` that are theirs; None leaves a default as it is."""
+def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
+    """The options with the settings among `settings` that are theirs; None leaves a default as it is."""
     names = {setting.name for setting in settings_of(type(options))}
     prefix = prefix_of(type(options))
-    changes = {name.removeprefix(prefix): value for name, value in given.items() if name in names and value is not None}
+    changes = {
+        name.removeprefix(prefix): value for name, value in settings.items() if name in names and value is not None
+    }
     return dataclasses.replace(options, **changes)  # type: ignore[type-var]
 
 
@@ -220,11 +222,11 @@ class SettingGroup:
     """Option values of several kinds in fields of their own, each with a default."""
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Self:
+    def of(cls, values: Mapping[str, Any]) -> Self:
         """Each with the settings of a command line or a study file that are its own."""
         empty = cls()
         return cls(
-            **{field.name: with_settings(getattr(empty, field.name), given) for field in dataclasses.fields(cls)}
+            **{field.name: with_settings(getattr(empty, field.name), values) for field in dataclasses.fields(cls)}
         )
 
     def plain(self) -> dict[str, object]:

@@ -127,8 +127,8 @@ def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None
 
 def get_torques(stored: Stored) -> Series | None:
     """Generalized forces of a result, or None."""
-    found = stored.values.get("generalized_force")
-    return None if found is None else Series(stored.time, stored.names["coordinate"], found, unit="N m or N")
+    forces = stored.values.get("generalized_force")
+    return None if forces is None else Series(stored.time, stored.names["coordinate"], forces, unit="N m or N")
 
 
 def get_wrenches(stored: Stored) -> Wrenches | None:
@@ -296,8 +296,8 @@ def put_markers(writer: ResultWriter, markers: Markers) -> None:
 
 def get_markers(stored: Stored) -> Markers | None:
     """Markers of a result, or None."""
-    found = stored.values.get("recorded_marker_position")
-    return None if found is None else Markers(stored.time, stored.names["recorded_marker"], found)
+    positions = stored.values.get("recorded_marker_position")
+    return None if positions is None else Markers(stored.time, stored.names["recorded_marker"], positions)
 
 
 def put_fibers(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -> None:

@@ -31,7 +31,7 @@ def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     """The table `[options]`: one table a step, its keys the settings of the step's option dataclasses."""
     tables: dict[str, Any] = {}
     for step, setting in settings.items():
-        keys: dict[str, Any] = {one.name: (one.kind, one.default) for one in setting}
+        keys: dict[str, Any] = {option.name: (option.kind, option.default) for option in setting}
         made = create_model(f"{step.capitalize()}Options", __base__=Strict, **keys)
         tables[step] = (made, Field(default_factory=made))
     return create_model("StepOptions", __base__=Strict, **tables)
@@ -52,7 +52,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        beside = sorted(one.name for one in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+        beside = sorted(file.name for file in path.parent.glob("*.toml")) if path.parent.is_dir() else []
         hint = f"{path.parent} has {listing(path.name, beside)}" if beside else "give a study file in TOML"
         raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
     except UnicodeDecodeError:
@@ -70,9 +70,13 @@ def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[st
     try:
         return file.model_validate(raw), []
     except ValidationError as error:
-        found = [one for one in error.errors() if not (one["loc"][-1] == "str" and isinstance(one["input"], dict))]
-        problems = list(dict.fromkeys(_sentence(one, file) for one in found))
-        unknown = [one["loc"] for one in found if one["type"] == "extra_forbidden"]
+        errors = [
+            problem
+            for problem in error.errors()
+            if not (problem["loc"][-1] == "str" and isinstance(problem["input"], dict))
+        ]
+        problems = list(dict.fromkeys(_sentence(problem, file) for problem in errors))
+        unknown = [problem["loc"] for problem in errors if problem["type"] == "extra_forbidden"]
     rest = deepcopy(dict(raw))
     for place in unknown:
         _leave_out(rest, place)
@@ -85,11 +89,11 @@ def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[st
 def _leave_out(table: Any, place: Sequence[Any]) -> None:
     """Delete the key at a place of nested tables and lists; parts that are no key but the type of one are skipped."""
     *inner, key = place
-    for one in inner:
+    for part in inner:
         if isinstance(table, dict):
-            table = table.get(one, table)
-        elif isinstance(table, list) and isinstance(one, int) and one < len(table):
-            table = table[one]
+            table = table.get(part, table)
+        elif isinstance(table, list) and isinstance(part, int) and part < len(table):
+            table = table[part]
     if isinstance(table, dict):
         table.pop(key, None)
 
@@ -111,7 +115,7 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
     path = folder / name
     if is_file(path):
         return path
-    near = [one.name for one in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
+    near = [file.name for file in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
     problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
     return None
 
@@ -133,7 +137,7 @@ def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> lis
         if not result:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
         problems += [
-            f"{where}: the name of '{one.name}' is not UTF-8: rename it" for one in result if not _is_utf8(one)
+            f"{where}: the name of '{path.name}' is not UTF-8: rename it" for path in result if not _is_utf8(path)
         ]
         return result
     path = existing(folder, pattern, f"{where}: trial", problems)
@@ -176,8 +180,8 @@ def check_time(time: tuple[float, float] | None, where: str, problems: list[str]
 
 def _sentence(error: Any, file: type[BaseModel]) -> str:
     """One validation error: where it is, what was given, what exists."""
-    where = [one for one in error["loc"] if isinstance(one, int) or not _is_kind(one)]
-    name = ".".join(f"{one + 1}" if isinstance(one, int) else str(one) for one in where)
+    where = [part for part in error["loc"] if isinstance(part, int) or not _is_kind(part)]
+    name = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in where)
     if error["type"] == "extra_forbidden":
         return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
     if error["type"] == "missing":
@@ -185,10 +189,10 @@ def _sentence(error: Any, file: type[BaseModel]) -> str:
     return f"'{name}' = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
-def _shown(given: Any) -> str:
+def _shown(value: Any) -> str:
     """A value as the file may have it, cut short."""
     try:
-        text = repr(given)
+        text = repr(value)
     except ValueError:
         # Hexadecimal numbers may have more digits than Python writes as decimals.
         return "a number of thousands of digits"
@@ -203,8 +207,8 @@ def _is_kind(part: str) -> bool:
 def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
     """Keys that exist in the table at a place of the file."""
     table = file
-    for one in where:
-        field = next((field for name, field in table.model_fields.items() if one in (name, field.alias)), None)
+    for key in where:
+        field = next((field for name, field in table.model_fields.items() if key in (name, field.alias)), None)
         inner = None if field is None else _table(field.annotation)
         table = inner or table
     return tuple(field.alias or name for name, field in table.model_fields.items())
@@ -214,4 +218,4 @@ def _table(kind: Any) -> type[BaseModel] | None:
     """The table among the types that a key may have."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind
-    return next((found for found in map(_table, get_args(kind)) if found is not None), None)
+    return next((table for table in map(_table, get_args(kind)) if table is not None), None)

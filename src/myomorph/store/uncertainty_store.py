@@ -16,11 +16,7 @@ from myomorph.uncertainty.value_errors import ValueErrors
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""
-ENDINGS = {
-    "low": "lower limit of 90 %",
-    "high": "upper limit of 90 %",
-    "sd": "standard deviation of the draws",
-}
+ENDINGS = {"low": "lower limit of 90 %", "high": "upper limit of 90 %", "sd": "standard deviation of the draws"}
 GROUP, VALUE, ERRORS = "error_group", "drawn_value", "value_error"
 SEPARATOR = ": "
 """Between a step and its quantity in a result file."""
@@ -58,9 +54,9 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
     spreads, shares = {}, {}
     for name in (key.removesuffix("_sd") for key in stored.values if key.endswith("_sd") and key != "value_sd"):
         names = stored.names[_dimension(name)]
-        spreads[name] = Spread(stored.time, names, *(stored.values[f"{name}_{one}"] for one in ENDINGS))
+        spreads[name] = Spread(stored.time, names, *(stored.values[f"{name}_{ending}"] for ending in ENDINGS))
         if f"{name}_alone" in stored.values:
-            parts = (stored.values[f"{name}_{one}"] for one in ("alone", "total"))
+            parts = (stored.values[f"{name}_{part}"] for part in ("alone", "total"))
             shares[name] = Shares(stored.names[GROUP], *parts)
     draws, failed = map(int, stored.facts["draws"].split())
     factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))

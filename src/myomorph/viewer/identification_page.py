@@ -45,13 +45,15 @@ def segment_levels(
     names: tuple[str, ...], segments: Mapping[str, Segment], levels: Array
 ) -> dict[str, dict[str, float]]:
     """Mean level of the links of every segment by side: {"thigh": {"right": 0.8, "left": 0.7}, ...}, from the head."""
-    found: dict[str, dict[str, list[float]]] = {}
+    by_segment: dict[str, dict[str, list[float]]] = {}
     for name, level in zip(names, levels, strict=True):
         if name in segments and np.isfinite(level):
-            one = segments[name]
-            found.setdefault(one.name, {}).setdefault(one.side, []).append(float(level))
-    order = [*(name for name in SEGMENTS if name in found), *(name for name in found if name not in SEGMENTS)]
-    return {plain_words(name): {side: float(np.mean(one)) for side, one in found[name].items()} for name in order}
+            segment = segments[name]
+            by_segment.setdefault(segment.name, {}).setdefault(segment.side, []).append(float(level))
+    order = [*(name for name in SEGMENTS if name in by_segment), *(name for name in by_segment if name not in SEGMENTS)]
+    return {
+        plain_words(name): {side: float(np.mean(values)) for side, values in by_segment[name].items()} for name in order
+    }
 
 
 def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
@@ -102,7 +104,7 @@ def live_panel(
 def _bar(level: float) -> Text:
     """A bar in the color of its level, and the level in percent."""
     filled = round(BAR * min(max(level, 0.0), 1.0))
-    r, g, b = (int(255 * one) for one in level_color(np.array([level]))[0])
+    r, g, b = (int(255 * channel) for channel in level_color(np.array([level]))[0])
     text = Text("█" * filled, style=f"rgb({r},{g},{b})")
     text.append("░" * (BAR - filled), "dim")
     return text.append(f" {100 * level:3.0f} %", "default")

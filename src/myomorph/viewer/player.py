@@ -121,13 +121,13 @@ class Player(Page):
         self.bodies, self.found = bodies, [()] * len(bodies)
         self._offsets = _together(bodies)
         ends = [(body.time[0] - late, body.time[-1] - late) for body, late in zip(bodies, self._offsets, strict=True)]
-        self.span = float(min(one for one, _ in ends)), float(max(one for _, one in ends))
+        self.span = float(min(end for end, _ in ends)), float(max(end for _, end in ends))
         self.now = self.span[0]
         first = [body.at(self._frame(i)) for i, body in enumerate(bodies)]
         self._lay_floor(scene, first[0].origins[1])
         self.shown = [ShownBody(self._page, f"/around/body{i}", body, i) for i, body in enumerate(bodies)]
         self._frames = [-1] * len(bodies)
-        spread = float(np.linalg.norm(np.ptp([one.middle for one in first], axis=0)))
+        spread = float(np.linalg.norm(np.ptp([body.middle for body in first], axis=0)))
         near = len(bodies) > 1 and spread < TOO_NEAR * scene.size
         self.part(round(SIDE_BY_SIDE * scene.size, 1) if near else 0.0)
         self.follows = bodies[0].travelled > GOES_AWAY * scene.size
@@ -181,10 +181,10 @@ class Player(Page):
 
     def _labels(self, number: int, frame: int) -> dict[int, str]:
         """What to write beside the muscles that stand out."""
-        body, found = self.bodies[number], self.found[number]
-        if len(found) > MAX_LABELS:
+        body, chosen = self.bodies[number], self.found[number]
+        if len(chosen) > MAX_LABELS:
             return {}
-        return {m: _label(body.muscles[m], body.activations[frame, m], body.tensions[frame, m]) for m in found}
+        return {m: _label(body.muscles[m], body.activations[frame, m], body.tensions[frame, m]) for m in chosen}
 
     def _show_numbers(self, frames: Sequence[int]) -> None:
         """Show the present beside the scene; a page with controls does."""

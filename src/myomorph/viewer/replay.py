@@ -15,7 +15,7 @@ from myomorph.analysis.selection import MAJOR_MUSCLES, pairs
 from myomorph.model.errors import MyomorphError
 from myomorph.model.sides import split_side
 from myomorph.report.scene.image import ACTIVATION, png
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.viewer.player import Player
 from myomorph.viewer.replay_body import PlayedBody
 from myomorph.viewer.replay_charts import Curves
@@ -204,7 +204,7 @@ class Panel:
         gui, player = self._gui, self._player
         with gui.add_folder("Muscles"):
             if len(player.bodies) > 1:
-                subjects = tuple(f"{i + 1}: {body.given.head.title}" for i, body in enumerate(player.bodies))
+                subjects = tuple(f"{i + 1}: {body.results.head.title}" for i, body in enumerate(player.bodies))
                 subject = gui.add_dropdown("Subject", subjects)
                 self._on(subject, lambda value: self._choose_subject(subjects.index(value)))
             self._text = gui.add_text("Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'")
@@ -212,7 +212,7 @@ class Panel:
             names = self._indices[0].names
             self._muscle = gui.add_dropdown("Muscle", (ALL, *names), initial_value=ALL, hint="Type to search")
             self._on(self._muscle, lambda name: self._stand_out(() if name == ALL else (name,)))
-            if any(body.given.tension is not None for body in player.bodies):
+            if any(body.results.tension is not None for body in player.bodies):
                 gui.add_html(_scale())
             self._numbers = gui.add_markdown("")
         for number, shown in enumerate(player.shown):
@@ -221,7 +221,7 @@ class Panel:
     def _add_layers(self) -> None:
         present = {name for shown in self._player.shown for name in shown.layers}
         with self._gui.add_folder("Show"):
-            for name in (one for one in LAYERS if one in present):
+            for name in (layer for layer in LAYERS if layer in present):
                 box = self._gui.add_checkbox(LAYERS[name], True)
                 self._on(box, partial(self._player.toggle, name))
             self._gui.add_html(_key([name for name in LAYERS if name in present and name in COLORS]))
@@ -244,9 +244,9 @@ class Panel:
     def _add_about(self) -> None:
         with self._gui.add_folder("About", expand_by_default=False):
             for body in self._player.bodies:
-                lines = [f"**{_plain(body.given.head.title)}**"]
-                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in body.given.head.notes]
-                lines += [f"*warning*: {_plain(text)}" for text in body.given.head.warnings]
+                lines = [f"**{_plain(body.results.head.title)}**"]
+                lines += [f"*{note.kind}*: {_plain(note.text)}" for note in body.results.head.notes]
+                lines += [f"*warning*: {_plain(text)}" for text in body.results.head.warnings]
                 self._gui.add_markdown("\n\n".join(lines))
 
     def _look(self, event: Any) -> None:
@@ -284,32 +284,32 @@ class Panel:
             return
         camera = client.camera
         pixels = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=30.0)
-        stem = re.sub(r"\W+", "_", self._player.bodies[0].given.head.title)
+        stem = re.sub(r"\W+", "_", self._player.bodies[0].results.head.title)
         name = f"{stem}_{self._player.now:.3f}s.png"
         client.send_file_download(name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True)
 
     def _state_text(self, frames: Sequence[int]) -> str:
         lines = []
         for body, frame in zip(self._player.bodies, frames, strict=True):
-            line = f"{_plain(body.given.head.title)}: frame {frame + 1} of {len(body.time)}"
+            line = f"{_plain(body.results.head.title)}: frame {frame + 1} of {len(body.time)}"
             if not body.known[frame]:
                 line += ", **pose unknown**"
-            tension = body.given.tension
+            tension = body.results.tension
             if tension is not None and np.isnan(body.activations[frame]).all():
                 line += ", no muscle tensions here"
             lines.append(line)
         return "\n\n".join(lines)
 
     def _numbers_text(self, frame: int) -> str:
-        body, found = self._player.bodies[self._subject], self._player.found[self._subject]
-        if not found:
+        body, chosen = self._player.bodies[self._subject], self._player.found[self._subject]
+        if not chosen:
             return f"no muscle is called '{_plain(self._missed)}'" if self._missed else ""
-        if body.given.tension is None:
-            return ", ".join(_plain(body.muscles[m]) for m in found[:MAX_ROWS])
+        if body.results.tension is None:
+            return ", ".join(_plain(body.muscles[m]) for m in chosen[:MAX_ROWS])
         rows = ["| | activation | tension |", "|---|---|---|"]
         if body.fibers is not None:
             rows = ["| | activation | tension | fiber, optimal lengths | tendon strain |", "|---|---|---|---|---|"]
-        for m in found[:MAX_ROWS]:
+        for m in chosen[:MAX_ROWS]:
             tension = f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
             active = f"{body.activations[frame, m]:.2f}" if np.isfinite(body.activations[frame, m]) else "–"
             more = (
@@ -321,7 +321,7 @@ class Panel:
                 )
             )
             rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |{more}")
-        return "\n".join(rows) + (f"\n\nand {len(found) - MAX_ROWS} more" if len(found) > MAX_ROWS else "")
+        return "\n".join(rows) + (f"\n\nand {len(chosen) - MAX_ROWS} more" if len(chosen) > MAX_ROWS else "")
 
 
 def _shown(value: float, form: str) -> str:
@@ -341,7 +341,7 @@ def _scale() -> str:
 def _key(layers: Sequence[str]) -> str:
     """What the colors of layers mean, as HTML."""
     dots = [
-        f'<span><b style="color:rgb({",".join(str(one) for one in COLORS[name])})">●</b> {LAYERS[name]}</span>'
+        f'<span><b style="color:rgb({",".join(str(channel) for channel in COLORS[name])})">●</b> {LAYERS[name]}</span>'
         for name in layers
     ]
     return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
@@ -349,7 +349,7 @@ def _key(layers: Sequence[str]) -> str:
 
 def _plain(text: str) -> str:
     """A text whose characters Markdown would take for its own."""
-    return "".join(f"\\{one}" if one in "\\`*_{}[]()#+!|<>" else one for one in text)
+    return "".join(f"\\{character}" if character in "\\`*_{}[]()#+!|<>" else character for character in text)
 
 
 class MuscleIndex:
@@ -380,12 +380,12 @@ class MuscleIndex:
             return exact
         wanted = asked.split()
         return tuple(
-            name for name, words in zip(self.names, self._words, strict=True) if all(one in words for one in wanted)
+            name for name, words in zip(self.names, self._words, strict=True) if all(word in words for word in wanted)
         )
 
 
 def _words(name: str, side: str, prefixes: Sequence[str]) -> str:
-    own = next((name.removeprefix(prefix) for prefix in prefixes if prefix and name.startswith(prefix)), name)
-    base = split_side(own.rsplit("__", 1)[-1])[0]
+    bare = next((name.removeprefix(prefix) for prefix in prefixes if prefix and name.startswith(prefix)), name)
+    base = split_side(bare.rsplit("__", 1)[-1])[0]
     titles = [label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)]
     return " ".join([name, name.replace("_", " "), side, *titles]).lower()

@@ -18,7 +18,7 @@ from myomorph.muscles.path import compile_paths
 from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.scene import Scene, make_scene, nearest_samples
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.viewer.web_page import DEEPER
@@ -116,33 +116,37 @@ class PlayedBody:
     BadData : there is no model or no motion, or no frame of it is known
     """
 
-    def __init__(self, given: ReportInput):
-        model, motion = given.model, given.kinematics.motion
+    def __init__(self, results: ReportInput):
+        model, motion = results.model, results.kinematics.motion
         if model is None or motion is None or not len(motion):
-            raise BadData(f"{given.head.title}: has no motion to show: run 'ik', or a step that begins with a motion")
-        self.given, self.model, self.motion = given, model, motion
+            raise BadData(f"{results.head.title}: has no motion to show: run 'ik', or a step that begins with a motion")
+        self.results, self.model, self.motion = results, model, motion
         self._tree = compile_tree(model)
         self._coordinates = np.ascontiguousarray(self._tree.coordinates_of(motion), dtype=np.float64)
         self.known = np.asarray(np.isfinite(self._coordinates).all(axis=1))
         if not self.known.any():
-            raise BadData(f"{given.head.title}: no frame of the motion has a value for every coordinate")
+            raise BadData(f"{results.head.title}: no frame of the motion has a value for every coordinate")
         shown = np.flatnonzero(self.known)
         self._some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
         self.scene: Scene = make_scene(
-            replace(model, muscles=()), motion, self._some.tolist(), given.surfaces, wrenches=given.dynamics.wrenches
+            replace(model, muscles=()),
+            motion,
+            self._some.tolist(),
+            results.surfaces,
+            wrenches=results.dynamics.wrenches,
         )
         # Two people far apart, or one who leaps, do not make a body larger.
         self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
         self._paths = compile_paths(model)
-        self._muscles = _Muscles(model, given, motion.time)
-        self._markers = _Markers(model, given, motion.time, self._tree.body_index)
+        self._muscles = _Muscles(model, results, motion.time)
+        self._markers = _Markers(model, results, motion.time, self._tree.body_index)
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
         self.centers: Array = np.stack(
             [centroid.values for centroid in centroids(model, motion, self.subjects)], axis=1
         )
         weight = self.scene.weight * self._heaviest
-        self._measured = _Arrows(given.dynamics.wrenches, motion.time, weight, self.size)
-        estimated = None if given.contacts.forces is None else given.contacts.forces.wrenches("group")
+        self._measured = _Arrows(results.dynamics.wrenches, motion.time, weight, self.size)
+        estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
         self._estimated = _Arrows(estimated, motion.time, weight, self.size)
 
     @property
@@ -193,8 +197,8 @@ class PlayedBody:
         """The frame nearest to a time [s]."""
         return int(nearest_samples(self.time, np.array([time]))[0])
 
-    def at(self, frame: int, found: Collection[int] = ()) -> Instant:
-        """The body at a frame; muscles of the indices `found` stand out. An unknown frame shows the last known pose."""
+    def at(self, frame: int, chosen: Collection[int] = ()) -> Instant:
+        """The body at a frame; muscles `chosen` by index stand out. An unknown frame shows the last known pose."""
         known = bool(self.known[frame])
         before = np.flatnonzero(self.known[: frame + 1])
         posed = frame if known else int(before[-1] if len(before) else np.flatnonzero(self.known)[0])
@@ -206,7 +210,7 @@ class PlayedBody:
             known=known,
             rotations=rotations,
             origins=origins,
-            tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, found)),
+            tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, chosen)),
             recorded=self._markers.recorded[frame],
             modelled=self._markers.modelled(rotations, origins),
             measured=self._measured.at(frame),
@@ -218,10 +222,10 @@ class PlayedBody:
         """A place (3,) in the middle of a muscle, for its label [m]."""
         posed = frame if self.known[frame] else int(np.flatnonzero(self.known)[0])
         drawn = drawn_paths(self._paths, self._coordinates[posed : posed + 1])
-        own = drawn.places[0, drawn.muscle == muscle]
-        own = own[np.isfinite(own).all(axis=1)]
-        steps = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(own, axis=0), axis=1))]
-        return np.array([np.interp(0.5 * steps[-1], steps, own[:, i]) for i in range(3)])
+        segments = drawn.places[0, drawn.muscle == muscle]
+        segments = segments[np.isfinite(segments).all(axis=1)]
+        steps = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(segments, axis=0), axis=1))]
+        return np.array([np.interp(0.5 * steps[-1], steps, segments[:, i]) for i in range(3)])
 
 
 def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
@@ -273,30 +277,33 @@ def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond
 class _Muscles:
     """How muscles look: activation as color, tension as cross-section."""
 
-    def __init__(self, model: Model, given: ReportInput, time: Array):
+    def __init__(self, model: Model, results: ReportInput, time: Array):
         shape = (len(time), len(model.muscles))
         self.activations, self.tensions = np.full(shape, np.nan), np.full(shape, np.nan)
         self._strengths = np.array([max(muscle.max_isometric_force, 0.0) for muscle in model.muscles])
-        self._solved = given.tension is not None
+        self._solved = results.tension is not None
         self.fibers: tuple[Array, Array] | None = None
-        if given.tension is not None and len(given.tension.time):
-            columns = {name: i for i, name in enumerate(given.tension.muscles)}
-            own = np.array([columns.get(name, -1) for name in model.muscle_names])
-            near = nearest_samples(given.tension.time, time)
-            inside = _inside(given.tension.time, time)
-            for values, found in ((self.activations, given.tension.activations), (self.tensions, given.tension.forces)):
-                values[:, own >= 0] = found[near][:, own[own >= 0]]
+        if results.tension is not None and len(results.tension.time):
+            columns = {name: i for i, name in enumerate(results.tension.muscles)}
+            order = np.array([columns.get(name, -1) for name in model.muscle_names])
+            near = nearest_samples(results.tension.time, time)
+            inside = _inside(results.tension.time, time)
+            for values, recorded in (
+                (self.activations, results.tension.activations),
+                (self.tensions, results.tension.forces),
+            ):
+                values[:, order >= 0] = recorded[near][:, order[order >= 0]]
                 values[~inside] = np.nan
-            if given.tension.fibers is not None:
-                fibers = given.tension.fibers
+            if results.tension.fibers is not None:
+                fibers = results.tension.fibers
                 self.fibers = np.full(shape, np.nan), np.full(shape, np.nan)
                 optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
                 for values, each in zip(self.fibers, (fibers.lengths, fibers.tendon_strains), strict=True):
-                    values[:, own >= 0] = each[near][:, own[own >= 0]]
+                    values[:, order >= 0] = each[near][:, order[order >= 0]]
                     values[~inside] = np.nan
                 self.fibers[0][:] /= optimal
 
-    def look(self, frame: int, size: float, found: Collection[int]) -> tuple[Array, Array]:
+    def look(self, frame: int, size: float, chosen: Collection[int]) -> tuple[Array, Array]:
         """Radii (muscles,) [m] and colors (muscles, 3) in 0..1 at a frame."""
         most = max(float(self._strengths.max(initial=0.0)), 1e-9)
         # A cross-section grows as the force; without tensions a muscle is as thick as it is strong.
@@ -305,9 +312,9 @@ class _Muscles:
         radii = size * (SLACK + TIGHT * share)
         colors = activation_color(self.activations[frame]) if self._solved else np.tile(FLESH, (len(share), 1))
         colors = colors**DEEPER
-        if found:
+        if chosen:
             other = np.ones(len(radii), dtype=bool)
-            other[list(found)] = False
+            other[list(chosen)] = False
             radii[~other] = np.maximum(FOUND * radii[~other], size * (SLACK + 0.5 * TIGHT))
             radii[other] = np.minimum(radii[other], size * 1.2 * SLACK)
             colors[other] = (1.0 - OTHERS) * colors[other] + OTHERS * FADED
@@ -317,16 +324,16 @@ class _Muscles:
 class _Markers:
     """Markers as recorded, and where the model has them."""
 
-    def __init__(self, model: Model, given: ReportInput, time: Array, numbers: Mapping[str, int]):
-        recorded = given.kinematics.markers
+    def __init__(self, model: Model, results: ReportInput, time: Array, numbers: Mapping[str, int]):
+        recorded = results.kinematics.markers
         self.recorded = np.full((len(time), 0 if recorded is None else len(recorded.names), 3), np.nan)
-        own = model.markers
+        markers = model.markers
         if recorded is not None and len(recorded):
             self.recorded = np.array(recorded.values[nearest_samples(recorded.time, time)])
             self.recorded[~_inside(recorded.time, time)] = np.nan
-            own = tuple(one for one in own if one.name in recorded.names)
-        self._bodies = np.array([numbers[one.body] for one in own], dtype=np.int64)
-        self._places = np.array([one.location for one in own]).reshape(-1, 3)
+            markers = tuple(marker for marker in markers if marker.name in recorded.names)
+        self._bodies = np.array([numbers[marker.body] for marker in markers], dtype=np.int64)
+        self._places = np.array([marker.location for marker in markers]).reshape(-1, 3)
 
     def modelled(self, rotations: Array, origins: Array) -> Array:
         """(markers, 3) of the model in ground [m]."""

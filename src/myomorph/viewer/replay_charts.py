@@ -13,7 +13,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.viewer.replay_body import PlayedBody
 
 INK = {"right": "#0b66b0", "left": "#cc5211", "": "#4c5862"}
@@ -81,7 +81,7 @@ def coordinate_choices(body: PlayedBody) -> dict[str, tuple[str, ...]]:
     reach = np.ptp(body.motion.values[body.known], axis=0)
     ranges = dict(zip(body.motion.names, reach.tolist(), strict=True))
     first = coordinate_pairs(body.model, ranges)
-    return {one.label: one.names for one in (*first, *pairs(body.motion.names))}
+    return {pair.label: pair.names for pair in (*first, *pairs(body.motion.names))}
 
 
 def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart:
@@ -97,7 +97,7 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
 
 def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | None:
     """Generalized forces of the same coordinates, where they are known."""
-    torques = body.given.dynamics.torques
+    torques = body.results.dynamics.torques
     if torques is None or not set(names) & set(torques.names):
         return None
     unit = "N m" if _are_angles(body, names) else "N"
@@ -106,7 +106,7 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
         Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
         for index, name in enumerate(known)
     )
-    curves = tuple(_with_limits(body, "torques", name, one) for name, one in zip(known, drawn, strict=True))
+    curves = tuple(_with_limits(body, "torques", name, curve) for name, curve in zip(known, drawn, strict=True))
     return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", curves)
 
 
@@ -116,19 +116,19 @@ def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
 
 def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Activations of some muscles, with EMG that was measured on them."""
-    if body.given.tension is None or not len(muscles):
+    if body.results.tension is None or not len(muscles):
         return None
     curves = _of_muscles(body, muscles, "activations", body.activations)
-    emg, names = body.given.recorded.emg, {curve.label for curve in curves}
+    emg, names = body.results.recorded.emg, {curve.label for curve in curves}
     for channel in () if emg is None else emg.names:
-        if emg is not None and names & set(body.given.recorded.emg_muscles.get(channel, ())):
+        if emg is not None and names & set(body.results.recorded.emg_muscles.get(channel, ())):
             curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
     return Chart("Activation", tuple(curves))
 
 
 def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
     """Tensions of some muscles."""
-    if body.given.tension is None or not len(muscles):
+    if body.results.tension is None or not len(muscles):
         return None
     return Chart("Tension [N]", tuple(_of_muscles(body, muscles, "forces", body.tensions)))
 
@@ -139,35 +139,35 @@ def _of_muscles(body: PlayedBody, muscles: Sequence[int], table: str, values: Ar
         Curve(name, values[:, m], _ink(name, index))
         for index, (name, m) in enumerate(zip(names, muscles, strict=False))
     ]
-    return [_with_limits(body, table, one.label, one) for one in drawn]
+    return [_with_limits(body, table, curve.label, curve) for curve in drawn]
 
 
 def _with_limits(body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0) -> Curve:
     """The curve with the limits that draws gave a column of a table, where they did."""
-    spread = body.given.uncertainty.spreads.get(table)
+    spread = body.results.uncertainty.spreads.get(table)
     if spread is None or name not in spread.names:
         return curve
     column = spread.names.index(name)
-    low, high = (at_times(body.time, spread.time, scale * one[:, column]) for one in (spread.low, spread.high))
+    low, high = (at_times(body.time, spread.time, scale * values[:, column]) for values in (spread.low, spread.high))
     return replace(curve, low=low, high=high)
 
 
 def strongest(body: PlayedBody) -> tuple[int, ...]:
     """The muscle that pulls hardest on average, and its fellow on the other side: what is shown at first."""
-    if body.given.tension is None or not len(body.muscles):
+    if body.results.tension is None or not len(body.muscles):
         return ()
     mean = np.nan_to_num(body.tensions).mean(axis=0)
     name = body.muscles[int(np.argmax(mean))]
     chosen = next(pair for pair in pairs(body.muscles) if name in pair.names)
-    return tuple(body.muscles.index(one) for one in chosen.names)
+    return tuple(body.muscles.index(name) for name in chosen.names)
 
 
 def force_chart(body: PlayedBody) -> Chart | None:
     """The vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
-    report_input: ReportInput = body.given
-    estimated = None if report_input.contacts.forces is None else report_input.contacts.forces.wrenches("group")
-    for wrenches, dashed in ((report_input.dynamics.wrenches, False), (estimated, True)):
+    results: ReportInput = body.results
+    estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
+    for wrenches, dashed in ((results.dynamics.wrenches, False), (estimated, True)):
         if wrenches is not None and len(wrenches):
             curves += _vertical(body, wrenches, dashed)
     return Chart("Vertical force [N]", tuple(curves[:MAX_CURVES])) if curves else None
@@ -204,9 +204,9 @@ def at_times(time: Array, clock: Array, values: Array) -> Array:
     return np.interp(time, clock, values, left=np.nan, right=np.nan)
 
 
-def _ink(name: str, k: int) -> str:
+def _ink(name: str, index: int) -> str:
     side = split_side(name)[1]
-    return INK[side] if side and k < 2 else SEVERAL[k % len(SEVERAL)]
+    return INK[side] if side and index < 2 else SEVERAL[index % len(SEVERAL)]
 
 
 class Curves:
@@ -291,8 +291,8 @@ class Plot:
             return
         step = max(-(-len(time) // MAX_POINTS), 1)
         self._time = time[::step]
-        banded = [chart.curves[k] for k in chart.banded]
-        lines = [curve.values for curve in chart.curves] + [end for one in banded for end in (one.high, one.low)]
+        banded = [chart.curves[index] for index in chart.banded]
+        lines = [curve.values for curve in chart.curves] + [end for curve in banded for end in (curve.high, curve.low)]
         self._lines = np.stack([np.asarray(line)[::step] for line in lines])
         limits = (_plain(LIMIT),) * (2 * len(banded))
         known = self._lines[np.isfinite(self._lines)]
@@ -327,7 +327,7 @@ class Plot:
         now = float(np.clip(now, self._time[0], self._time[-1]))
         at = int(np.searchsorted(self._time, now))
         time = np.insert(self._time, at, (now, now))
-        values = [np.insert(one, at, (np.interp(now, self._time, one),) * 2) for one in self._lines]
+        values = [np.insert(values, at, (np.interp(now, self._time, values),) * 2) for values in self._lines]
         line = np.full(len(time), np.nan)
         line[at : at + 2] = self._range
         return (time, *values, line)
@@ -349,4 +349,4 @@ def _series(curve: Curve) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Mappings as dictionaries, which is what a message can hold."""
-    return {name: _plain(one) for name, one in value.items()} if isinstance(value, Mapping) else value
+    return {name: _plain(entry) for name, entry in value.items()} if isinstance(value, Mapping) else value

@@ -72,9 +72,9 @@ class ShownBody:
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):
             self._layers["muscles"] = [add_batch(page, f"{root}/muscles", tube(), first.tubes)]
-        for name in (one for one in ("measured", "estimated") if len(getattr(first, one))):
+        for name in (layer for layer in ("measured", "estimated") if len(getattr(first, layer))):
             self._layers[name] = add_arrows(page, f"{root}/{name}_", getattr(first, name), size, COLORS[name])
-        for name in (one for one in ("recorded", "modelled") if len(getattr(first, one))):
+        for name in (layer for layer in ("recorded", "modelled") if len(getattr(first, layer))):
             self._layers[name] = [self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)]
         if np.isfinite(body.centers).any():
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
@@ -164,7 +164,7 @@ class ShownBody:
         ]
 
     def _add_plates(self) -> None:
-        corners = [plate.corners[outline(plate.corners)] for plate in self.body.given.recorded.plates]
+        corners = [plate.corners[outline(plate.corners)] for plate in self.body.results.recorded.plates]
         if not corners:
             return
         lift = 0.001 * self.body.scene.up
@@ -231,4 +231,4 @@ def outline(corners: Array) -> list[int]:
     y = np.cross(np.cross(x, corners[1] - middle), x)
     across = [axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in (x, y)]
     angles = np.arctan2((corners - middle) @ across[1], (corners - middle) @ across[0])
-    return [int(one) for one in np.argsort(angles)]
+    return [int(index) for index in np.argsort(angles)]

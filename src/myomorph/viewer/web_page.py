@@ -73,7 +73,7 @@ class Page:
         page = self._page
         page.reset()
         self._server.gui.reset()
-        page.set_up_direction(tuple(float(one) for one in scene.up))
+        page.set_up_direction(tuple(float(component) for component in scene.up))
         add_lights(page, scene)
         self.around = page.add_frame("/around", show_axes=False)
         self.floor = add_floor(page, "/around/ground", scene.up, scene.floor)
@@ -155,7 +155,7 @@ def add_floor(page: Any, name: str, up: Array, height: float, side: float = 30.0
         cell_size=0.5,
         cell_color=(225, 225, 222),
         section_color=(190, 192, 190),
-        position=tuple(float(one) for one in height * up),
+        position=tuple(float(component) for component in height * up),
     )
 
 
@@ -168,14 +168,14 @@ def add_lights(page: Any, scene: Scene) -> None:
         sky_color=(255, 255, 255),
         ground_color=(176, 170, 160),
         intensity=1.7,
-        position=tuple(float(one) for one in scene.up),
+        position=tuple(float(component) for component in scene.up),
     )
     for name, place, intensity in (
         ("key", 0.7 * scene.forward + 0.8 * scene.right + 1.2 * scene.up, 1.7),
         ("fill", -0.8 * scene.forward - 0.6 * scene.right + 0.6 * scene.up, 0.7),
     ):
         page.add_light_directional(
-            f"/lights/{name}", intensity=intensity, position=tuple(float(one) for one in 5.0 * place)
+            f"/lights/{name}", intensity=intensity, position=tuple(float(component) for component in 5.0 * place)
         )
 
 
@@ -190,11 +190,7 @@ class Links:
     """
 
     def __init__(
-        self,
-        page: Any,
-        root: str,
-        solids: Sequence[Solid],
-        colors: Mapping[int, tuple[int, int, int]] = FrozenMap({}),
+        self, page: Any, root: str, solids: Sequence[Solid], colors: Mapping[int, tuple[int, int, int]] = FrozenMap({})
     ):
         self.handles: dict[int, Any] = {}
         for body in sorted({solid.body for solid in solids}):

@@ -27,9 +27,9 @@ from myomorph.report.trial.estimated_forces import (
     groups_of,
     situation_of,
 )
-from myomorph.report.trial.given import InfeasibleContact, ReportInput
 from myomorph.report.trial.motion_analysis import analyse
 from myomorph.report.trial.prepared import prepare
+from myomorph.report.trial.report_input import InfeasibleContact, ReportInput
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import settings
 from walker import GRAVITY, Tension, everything, model, motion, steps

@@ -9,7 +9,7 @@ from tests.walker import having, shown
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Emg, Event, Series, Wrenches
 from myomorph.report.page.parts import Note
-from myomorph.report.trial.given import ReportInput, Truth
+from myomorph.report.trial.report_input import ReportInput, Truth
 from myomorph.report.trial.trial_page import report_page
 from walker import everything
 

@@ -10,7 +10,7 @@ from myomorph.io.sto import write_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Series, Table
 from myomorph.report.page.parts import Grid, Section
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.results import Stored
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.trial.step import Step, StepOutput

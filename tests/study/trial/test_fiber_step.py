@@ -16,8 +16,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.report.page.parts import PageHead
 from myomorph.report.trial.fiber_section import _lines, fiber_section
-from myomorph.report.trial.given import Kinematics, ReportInput, ShownTension
 from myomorph.report.trial.prepared import prepare
+from myomorph.report.trial.report_input import Kinematics, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import get_tension, put_tension

@@ -10,7 +10,7 @@ from myomorph.cli.study import _report
 from myomorph.model.findings import Finding
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.finding_store import put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import new_result, read_result

@@ -43,8 +43,8 @@ class Axis:
 
     def cut(self, values: ArrayLike) -> Array:
         """Position of each value, of those beyond a limit at the limit; NaN where a value is not finite."""
-        given = np.asarray(values, dtype=np.float64)
-        return self.at(np.where(np.isfinite(given), np.clip(given, self.low, self.high), np.nan))
+        known = np.asarray(values, dtype=np.float64)
+        return self.at(np.where(np.isfinite(known), np.clip(known, self.low, self.high), np.nan))
 
     def ticks(self, count: int = 4) -> list[Tick]:
         """Round values within the limits, about `count` of them."""
@@ -66,9 +66,9 @@ def limits(
     low, high : values that must be inside; a limit that is one of them gets no air
     zero : whether zero must be inside, also without air
     """
-    finite = [one[np.isfinite(one)] for one in map(np.asarray, values)]
-    lows = [float(one.min()) for one in finite if one.size] + ([] if low is None else [low])
-    highs = [float(one.max()) for one in finite if one.size] + ([] if high is None else [high])
+    finite = [array[np.isfinite(array)] for array in map(np.asarray, values)]
+    lows = [float(array.min()) for array in finite if array.size] + ([] if low is None else [low])
+    highs = [float(array.max()) for array in finite if array.size] + ([] if high is None else [high])
     if not (lows and highs):
         return 0.0, 1.0
     first, last = (min([*lows, 0.0]), max([*highs, 0.0])) if zero else (min(lows), max(highs))
@@ -85,7 +85,7 @@ def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
     Values of ordinary size keep their unit.
     """
     finite = [np.abs(value[np.isfinite(value)]) for value in values]
-    peak = max((float(one.max()) for one in finite if one.size), default=0.0)
+    peak = max((float(array.max()) for array in finite if array.size), default=0.0)
     for floor, factor, prefix in ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ")):
         if peak >= floor or peak == 0.0:
             return factor, prefix + unit
@@ -98,7 +98,7 @@ def ticks(low: float, high: float, count: int = 4) -> Array:
         return np.array([low])
     raw = (high - low) / max(count, 1)
     power = 10.0 ** np.floor(np.log10(raw))
-    step = power * next(one for one in (1.0, 2.0, 2.5, 5.0, 10.0) if one * power >= raw * 0.8)
+    step = power * next(factor for factor in (1.0, 2.0, 2.5, 5.0, 10.0) if factor * power >= raw * 0.8)
     # Adding zero turns the -0.0 that ceil leaves into 0.0.
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step + 0.0
 

@@ -82,8 +82,8 @@ def _heat_block(area: Frame, label: str, names: Sequence[str], index: NDArray[np
         f'width="{area.x.stop - area.x.start:g}" height="{tall:.1f}" preserveAspectRatio="none" '
         f'data-names="{listed}" {area.data}/>'
     ]
-    for k in range(0, len(names), every):
-        parts.append(text(area.x.start - 4, y + (k + 0.5) * tall / len(names) + 3, names[k], "tick y row"))
+    for place in range(0, len(names), every):
+        parts.append(text(area.x.start - 4, y + (place + 0.5) * tall / len(names) + 3, names[place], "tick y row"))
     return "".join(parts) + (text(10.0, y + tall / 2, label, "block", turned=True) if label else "")
 
 
@@ -141,17 +141,17 @@ def sided_table(
     for j, column in enumerate(columns):
         left, head = LABEL + room * j, shortened(column, (room - gap) / 5.6)
         parts.append(text(left + (room - gap) / 2, 33.0, head, "tick x strong", column))
-        for k, side in enumerate(SIDES if sided else ()):
+        for place, side in enumerate(SIDES if sided else ()):
             name = side if room > 90 else side[0].upper()
-            parts.append(text(left + (room - gap) * (0.25 + 0.5 * k), 46.0, name, f"tick x {side}"))
+            parts.append(text(left + (room - gap) * (0.25 + 0.5 * place), 46.0, name, f"tick x {side}"))
     for i, (label, each) in enumerate(rows):
         y = top + ROW * i
         parts.append(text(2.0, y + 13, label, "tick end"))
         for j, cells in enumerate(each):
             wide = (room - gap) / max(len(cells), 1)
             parts += [
-                _cell(cell, LABEL + room * j + wide * k, y, wide - 1.5)
-                for k, cell in enumerate(cells)
+                _cell(cell, LABEL + room * j + wide * place, y, wide - 1.5)
+                for place, cell in enumerate(cells)
                 if cell is not None
             ]
     return drawing("cells", title, (width, top + ROW * len(rows) + 4), *parts, unit=unit)

@@ -59,8 +59,8 @@ class Line:
     @property
     def ends(self) -> tuple[Line, ...]:
         """The limits as lines of their own; none where there is no band."""
-        given = (self.low, self.high)
-        return tuple(Line(self.time, one, self.style, self.label) for one in given if one is not None)
+        limits = (self.low, self.high)
+        return tuple(Line(self.time, values, self.style, self.label) for values in limits if values is not None)
 
 
 def line_limits(
@@ -71,19 +71,19 @@ def line_limits(
     return limits([part.within(span)[1] for line in lines for part in (line, *line.ends)], low, high)
 
 
-def drawn_line(area: Frame, one: Line, span: tuple[float, float]) -> str:
+def drawn_line(area: Frame, curve: Line, span: tuple[float, float]) -> str:
     """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to zero if it is so."""
-    time, values = one.within(span)
-    if one.low is not None and one.high is not None:
-        low, high = (end.within(span)[1] for end in one.ends)
-        return band(area, time, low, high, one.style) + drawn_line(area, replace(one, low=None, high=None), span)
+    time, values = curve.within(span)
+    if curve.low is not None and curve.high is not None:
+        low, high = (end.within(span)[1] for end in curve.ends)
+        return band(area, time, low, high, curve.style) + drawn_line(area, replace(curve, low=None, high=None), span)
     bins = envelope(time, values)
     if bins is not None:
         time, values, low, high = bins
-        return band(area, time, low, high, one.style) + line(area, time, values, one.style, one.label)
+        return band(area, time, low, high, curve.style) + line(area, time, values, curve.style, curve.label)
     time, values = decimate(time, values)
-    under = filled(area, time, values, one.style) if one.filled else ""
-    return under + line(area, time, values, one.style, one.label)
+    under = filled(area, time, values, curve.style) if curve.filled else ""
+    return under + line(area, time, values, curve.style, curve.label)
 
 
 def time_plot(
@@ -162,7 +162,7 @@ def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
         parts.append(event_line(area, event))
         short, x = f"{event.side[:1]} {event.label.replace('Foot ', '')}".strip(), float(area.x.at(event.time))
         half = 2.6 * len(short) + 3
-        row = next((k for k in (0, 1) if x - half > taken[k]), None)
+        row = next((row for row in (0, 1) if x - half > taken[row]), None)
         if named and row is not None:
             parts.append(text(x, area.y.stop - 4 - 10 * row, short, f"event {event.side.lower() or 'middle'}"))
             taken[row] = x + half
@@ -208,12 +208,16 @@ def cycle_chart(
     width = 330.0
     area = frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
     behind, front = [], []
-    for one in curves:
-        percent = np.linspace(0.0, 100.0, len(one.mean))
-        behind += [line(area, percent, curve, f"thin {one.style}") for curve in one.each if np.isfinite(curve).any()]
-        for ends, faint in ((one.spread, "faint "), (one.interval, "")):
-            behind.append(band(area, percent, *ends, f"{faint}{one.style}") if ends is not None else "")
-        front.append(line(area, percent, one.mean, one.style, one.label))
+    for cycle_curve in curves:
+        percent = np.linspace(0.0, 100.0, len(cycle_curve.mean))
+        behind += [
+            line(area, percent, curve, f"thin {cycle_curve.style}")
+            for curve in cycle_curve.each
+            if np.isfinite(curve).any()
+        ]
+        for ends, faint in ((cycle_curve.spread, "faint "), (cycle_curve.interval, "")):
+            behind.append(band(area, percent, *ends, f"{faint}{cycle_curve.style}") if ends is not None else "")
+        front.append(line(area, percent, cycle_curve.mean, cycle_curve.style, cycle_curve.label))
     for start, stop, under in differs:
         a, b = (float(area.x.at(end)) for end in (start, stop))
         front.append(rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))

@@ -34,8 +34,8 @@ class Frame:
     @property
     def data(self) -> str:
         """Attributes that let the page's script turn positions back into values."""
-        places = " ".join(f"{one:g}" for one in (self.x.start, self.y.stop, self.x.stop, self.y.start))
-        values = " ".join(f"{one:.9g}" for one in (self.x.low, self.x.high, self.y.low, self.y.high))
+        places = " ".join(f"{place:g}" for place in (self.x.start, self.y.stop, self.x.stop, self.y.start))
+        values = " ".join(f"{limit:.9g}" for limit in (self.x.low, self.x.high, self.y.low, self.y.high))
         return f'data-place="{places}" data-range="{values}"'
 
 
@@ -180,7 +180,7 @@ def filled(area: Frame, x: Array, y: Array, style: str) -> str:
 def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
     """What lies between two lines: an outline for every stretch where both are known."""
     step = max(1, len(x) // 240)
-    x, low, high = (np.asarray(one)[::step] for one in (x, low, high))
+    x, low, high = (np.asarray(values)[::step] for values in (x, low, high))
     known = np.isfinite(low) & np.isfinite(high)
     outline = ""
     for start, stop in runs(known):
@@ -194,7 +194,7 @@ def intervals(area: Frame, x: Array, low: Array, high: Array, style: str, aside:
     """An upright line from low to high at every x where they differ, drawn `aside` to the right of it."""
     differ = np.asarray(high) - np.asarray(low) > 1e-3 * (area.y.high - area.y.low)
     along = area.x.at(np.asarray(x)[differ]) + aside
-    ends = [area.y.cut(np.asarray(one)[differ]) for one in (low, high)]
+    ends = [area.y.cut(np.asarray(values)[differ]) for values in (low, high)]
     data = "".join(f"M{u:.1f} {first:.1f}V{last:.1f}" for u, first, last in zip(along, *ends, strict=True))
     return mark("path", f"interval {style}", d=data)
 
@@ -212,7 +212,7 @@ def levels_across(area: Frame, levels: Sequence[Level]) -> str:
             continue
         kind, y = _level_class(level), float(area.y.at(level.value))
         if level.spread > 0.0:
-            top, bottom = (float(area.y.cut(level.value + k * level.spread)) for k in (1, -1))
+            top, bottom = (float(area.y.cut(level.value + sign * level.spread)) for sign in (1, -1))
             wide = area.x.stop - area.x.start
             parts.append(rect(f"spread {level.style}", area.x.start, top, wide, bottom - top))
         parts += [across(area, y, kind), text(area.x.stop - 3, y - 3, level.label, kind) if level.label else ""]

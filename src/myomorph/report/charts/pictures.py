@@ -37,7 +37,7 @@ ANCHORS = ((0.13, 0.35, 0.62), (0.88, 0.87, 0.84), (0.70, 0.16, 0.14))
 
 def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:
     """Middles of `count` equal parts of a span [s]: pictures there stand over their own times."""
-    return tuple(float(one) for one in span[0] + (np.arange(count) + 0.5) / count * (span[1] - span[0]))
+    return tuple(float(time) for time in span[0] + (np.arange(count) + 0.5) / count * (span[1] - span[0]))
 
 
 def fitting(scene: Scene, max_count: int, view: str = "oblique") -> int:
@@ -51,16 +51,19 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     count = len(scene.time)
     room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
     drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
-    tall, wide = (max(sizes) * TALL / PIXELS for sizes in zip(*((one.height, one.width) for one in drawn), strict=True))
+    tall, wide = (
+        max(sizes) * TALL / PIXELS
+        for sizes in zip(*((picture.height, picture.width) for picture in drawn), strict=True)
+    )
     height = tall + FOOT
     area = behind.frame(0.0, height)
     parts = [behind.behind(area)]
     at = area.x.at(scene.time)
-    for i, (one, middle) in enumerate(
+    for i, (picture, middle) in enumerate(
         zip(drawn, pictures_beside(at, wide / OVERLAP, LEFT, WIDTH - RIGHT), strict=True)
     ):
         time = number(float(scene.time[i]), 0.01)
-        parts.append(image(data_uri(one.image), middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
+        parts.append(image(data_uri(picture.image), middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
         parts.append(mark("path", "zero", d=f"M{middle:.1f} {height - 7:.1f}L{at[i]:.1f} {height:.1f}"))
         parts.append(text(middle, height - 10, f"{time} s", "tick x"))
     return drawing("strip-row", f"The body at {count} instants", (WIDTH, round(height, 1)), *parts, unit=None)
@@ -70,21 +73,21 @@ def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Ar
     """Positions nearest to those wanted (ascending), in least squares, `wide` apart and within the borders."""
     apart = wide * np.arange(len(wanted))
     blocks: list[tuple[float, int]] = []
-    for one in wanted - apart:
-        mean, count = float(one), 1
+    for place in wanted - apart:
+        mean, count = float(place), 1
         while blocks and blocks[-1][0] > mean:
             before, several = blocks.pop()
             mean, count = (several * before + count * mean) / (several + count), several + count
         blocks.append((mean, count))
-    found = np.repeat([mean for mean, _ in blocks], [count for _, count in blocks])
+    middles = np.repeat([mean for mean, _ in blocks], [count for _, count in blocks])
     low, high = left + wide / 2, right - wide / 2 - apart[-1]
-    return np.clip(found, min(low, high), max(low, high)) + apart
+    return np.clip(middles, min(low, high), max(low, high)) + apart
 
 
 def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
     """Of the good frames those nearest to the wanted times, each once, in order of time."""
-    found = {int(good[int(np.argmin(np.abs(time[good] - one)))]) for one in wanted}
-    return sorted(found)
+    frames = {int(good[int(np.argmin(np.abs(time[good] - at)))]) for at in wanted}
+    return sorted(frames)
 
 
 def picture_row(
@@ -106,15 +109,15 @@ def picture_row(
     unit : printed behind the title; None prints no title
     width : of the drawing at least
     """
-    wide, tall = sum(one.width for one in drawn), max(one.height for one in drawn)
+    wide, tall = sum(picture.width for picture in drawn), max(picture.height for picture in drawn)
     width = min(float(WIDTH), max(width, wide + GAP * len(drawn)))
     shrink = min(1.0, (width - GAP * len(drawn)) / wide)
     gap, top = (width - shrink * wide) / len(drawn), 0.0 if unit is None else 20.0
     bottom = top + shrink * tall
     parts, x = [], 0.5 * gap
-    for i, one in enumerate(drawn):
-        w, h = shrink * one.width, shrink * one.height
-        parts.append(image(data_uri(one.image), x, top + 0.5 * (shrink * tall - h), w, h))
+    for i, picture in enumerate(drawn):
+        w, h = shrink * picture.width, shrink * picture.height
+        parts.append(image(data_uri(picture.image), x, top + 0.5 * (shrink * tall - h), w, h))
         parts.append(text(x + w / 2, bottom + 14, labels[i], "tick x") if labels else "")
         x += w + gap
     if palette is not None:
@@ -186,4 +189,4 @@ def _surface_pixels(surface: Surface, levels: Array, axes: Array) -> Bytes:
 
 def _residual_color(levels: Array) -> Array:
     """(n, 3) in 0..1."""
-    return np.stack([np.interp(levels, (-1.0, 0.0, 1.0), one) for one in zip(*ANCHORS, strict=True)], axis=1)
+    return np.stack([np.interp(levels, (-1.0, 0.0, 1.0), channel) for channel in zip(*ANCHORS, strict=True)], axis=1)

@@ -43,13 +43,7 @@ class Cloud:
 
 
 def xy_plot(
-    title: str,
-    unit: str,
-    x_label: str,
-    clouds: Sequence[Cloud],
-    width: int = 330,
-    height: int = 230,
-    zero: bool = True,
+    title: str, unit: str, x_label: str, clouds: Sequence[Cloud], width: int = 330, height: int = 230, zero: bool = True
 ) -> str:
     """Clouds of points and lines over common axes.
 

@@ -106,10 +106,10 @@ def bar_plot(
     rows = []
     for i, name in enumerate(names):
         bars = ""
-        for j, (one, style) in enumerate(zip(values, styles, strict=True)):
+        for j, (column, style) in enumerate(zip(values, styles, strict=True)):
             thick = row - 4.0 if j == 0 else row - 9.0
             top = area.y.stop + row * (i + 0.5) - thick / 2
-            wide = float(area.x.at(one[i])) - area.x.start
+            wide = float(area.x.at(column[i])) - area.x.start
             bars += rect(f"bar {style}", area.x.start, top, wide, thick) if np.isfinite(wide) else ""
         rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
     return named_rows("bars", title, unit, area, rows, width, levels)
@@ -135,20 +135,20 @@ def dot_plot(
     """
     half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
     finite = [value[np.isfinite(value)] for value in (values[0] - half, values[0] + half, *values[1:])]
-    low = min(0.0, *(float(one.min(initial=0.0)) for one in finite))
-    high = max((float(one.max(initial=0.0)) for one in finite), default=1.0) or 1.0
+    low = min(0.0, *(float(column.min(initial=0.0)) for column in finite))
+    high = max((float(column.max(initial=0.0)) for column in finite), default=1.0) or 1.0
     air, row = 0.05 * (high - low), 14.0
     area = row_frame(names, (low - air * (low < 0.0), high + air), row, width)
     rows = []
     for i, name in enumerate(names):
-        own, y = [float(value[i]) for value in values], area.y.stop + row * (i + 0.5)
-        known = [one for one in own if np.isfinite(one)]
+        row_values, y = [float(value[i]) for value in values], area.y.stop + row * (i + 0.5)
+        known = [value for value in row_values if np.isfinite(value)]
         marks = _across(area, min(known), max(known), y, "grid") if len(known) > 1 else ""
         if half[i] > 0.0:
-            marks += _across(area, own[0] - half[i], own[0] + half[i], y, f"line {styles[0]}")
-        for one, style in reversed(list(zip(own, styles, strict=True))):
-            marks += dot(float(area.x.at(one)), y, style) if np.isfinite(one) else ""
-        rows.append((name, _under(labels, own, unit), marks))
+            marks += _across(area, row_values[0] - half[i], row_values[0] + half[i], y, f"line {styles[0]}")
+        for at, style in reversed(list(zip(row_values, styles, strict=True))):
+            marks += dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
+        rows.append((name, _under(labels, row_values, unit), marks))
     return named_rows("dots", title, unit, area, rows, width)
 
 
@@ -171,13 +171,13 @@ def interval_rows(
     signed : whether zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides
     """
     known = [
-        *(one.value for one in values),
+        *(interval.value for interval in values),
         *(level.value for level in levels),
-        *(k for one in beside for k in one.values),
+        *(value for marks in beside for value in marks.values),
     ]
-    peak = max([abs(one) for one in known if np.isfinite(one)] or [0.0])
+    peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
     peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
-    ends = [abs(end) for one in values for end in (one.low, one.high) if np.isfinite(end)]
+    ends = [abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)]
     reach = 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
     row = 17.0
     area = row_frame(names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0)
@@ -205,7 +205,7 @@ def _with_interval(estimate: Estimate) -> str:
 
 
 def _printed(beside: Sequence[Beside], i: int) -> list[str]:
-    return [f"{one.label} {number(float(one.values[i]))}" for one in beside if np.isfinite(one.values[i])]
+    return [f"{marks.label} {number(float(marks.values[i]))}" for marks in beside if np.isfinite(marks.values[i])]
 
 
 def interval_bars(

@@ -76,7 +76,7 @@ class Backdrop:
         parts = []
         top, tall = area.y.stop, area.y.start - area.y.stop
         for phase in self.phases[::2]:
-            left, right = (float(area.x.cut(one)) for one in (phase.start, phase.stop))
+            left, right = (float(area.x.cut(time)) for time in (phase.start, phase.stop))
             if right - left > 0.2:
                 parts.append(rect("phase", left, top, right - left, tall))
         parts += [event_line(area, event) for event in self.events if area.x.low <= event.time <= area.x.high]
@@ -108,7 +108,7 @@ def draw_track(
     low, high : values that must be inside, or None
     small : one line of text, and grid lines at the ends only
     """
-    ends = [Line(one.time, end, "", "") for one in (*bands, *bars) for end in (one.low, one.high)]
+    ends = [Line(limits.time, end, "", "") for limits in (*bands, *bars) for end in (limits.low, limits.high)]
     first, last = line_limits([*lines, *ends], behind.span, low, high)
     for level in levels:
         air = 0.05 * (last - first)
@@ -120,7 +120,7 @@ def draw_track(
         parts += [across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
         parts.append(grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    parts += [band(area, *_within(one, behind.span), one.style) for one in bands]
+    parts += [band(area, *_within(limits, behind.span), limits.style) for limits in bands]
     for i, bar in enumerate(bars):
         aside = BESIDE * (i - (len(bars) - 1) / 2)
         parts.append(intervals(area, *_within(bar, behind.span), bar.style, aside))
@@ -165,7 +165,7 @@ def phase_names(behind: Backdrop) -> str:
     area = behind.frame(0.0, 20.0)
     parts = [Backdrop(behind.span, behind.phases).behind(area)]
     for phase in behind.phases:
-        left, right = (float(area.x.cut(one)) for one in (phase.start, phase.stop))
+        left, right = (float(area.x.cut(time)) for time in (phase.start, phase.stop))
         room = int((right - left - 4) / 5.3)
         name = phase.name if len(phase.name) <= room else phase.name[: room - 1] + "…" if room > 4 else ""
         under = f"{phase.name}, {number(phase.start, 0.01)} to {number(phase.stop, 0.01)} s"
@@ -187,14 +187,14 @@ def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] 
         y = 4 + CONTACT_ROW * (i + 0.5)
         parts += [text(2.0, y + 3.5, row.label, "tick end"), across(area, y, "grid")]
         shown = [touch for touch in row.touches if touch.stop >= behind.span[0] and touch.start <= behind.span[1]]
-        parts += [_contact(area, y, row, one, who) for one in shown]
+        parts += [_contact(area, y, row, touch, who) for touch in shown]
     counts = "; ".join(f"{row.label} {len(row.touches)} times" for row in rows if row.touches)
     title = f"Contact states: {counts or 'no contact'}"
     return drawing("time track contacts", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
 
 
 def _contact(area: Frame, y: float, row: Row, touch: Touch, who: Sequence[Subject]) -> str:
-    x0, x1 = (float(area.x.cut(one)) for one in (touch.start, touch.stop))
+    x0, x1 = (float(area.x.cut(time)) for time in (touch.start, touch.stop))
     if is_stroke(touch) and touch.surface != GROUND:
         limb = limb_of(touch.site, who)
         marks = _symbol(x0, y, SYMBOLS.get((limb.part, limb.side), "ring"), limb.side or "middle")

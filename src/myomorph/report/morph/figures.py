@@ -58,11 +58,13 @@ def body_figure(morph: Morph) -> str:
         pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS), scale=scale)
         for (_, _, scene), scale in zip(both, scales, strict=True)
     ]
-    order = [(both[i][0], next(one for one in drawn[i] if one.view == view)) for view in VIEWS for i in (0, 1)]
-    labels = [f"{whose}, {VIEWS[one.view]}" for whose, one in order]
+    order = [
+        (both[i][0], next(picture for picture in drawn[i] if picture.view == view)) for view in VIEWS for i in (0, 1)
+    ]
+    labels = [f"{whose}, {VIEWS[picture.view]}" for whose, picture in order]
     sizes = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
     unit = f"{sizes} high; {'one scale' if alike else 'each at a scale of its own'}"
-    return picture_row("Source and target", [one for _, one in order], labels, unit=unit, width=1040.0)
+    return picture_row("Source and target", [picture for _, picture in order], labels, unit=unit, width=1040.0)
 
 
 def _target_bones(morph: Morph) -> dict[str, Surface]:
@@ -84,7 +86,7 @@ def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collectio
     shown = replace(
         model,
         bodies=tuple(replace(body, meshes=meshes.get(body.name, ())) for body in model.bodies),
-        muscles=tuple(one for one in model.muscles if one.name in muscles),
+        muscles=tuple(muscle for muscle in model.muscles if muscle.name in muscles),
         ground_meshes=(),
     )
     scene = make_scene(shown, Motion(np.zeros(1), (), np.zeros((1, 0))), [0], lean)
@@ -168,11 +170,14 @@ def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Col
         )
     factor = 1e3 if turning else 1.0
     parts = []
-    for place, k in enumerate(shown):
-        muscle = moment_arms.muscles[k]
+    for place, muscle_index in enumerate(shown):
+        muscle = moment_arms.muscles[muscle_index]
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
-        lines = factor * sizes.get(muscle, 1.0) * moment_arms.source[:, k], factor * moment_arms.target[:, k]
-        within = None if moment_arms.within is None else factor * moment_arms.within[:, k]
+        lines = (
+            factor * sizes.get(muscle, 1.0) * moment_arms.source[:, muscle_index],
+            factor * moment_arms.target[:, muscle_index],
+        )
+        within = None if moment_arms.within is None else factor * moment_arms.within[:, muscle_index]
         parts.append(_panel(x, y, muscle, moment_arms.target_values, lines, within, muscle in flagged))
     return drawing("arms", f"Moment arms about {name_of(moment_arms.pair)}", (width, height), *parts, unit=words)
 
@@ -188,20 +193,14 @@ def _shown(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collect
     largest = np.maximum(np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0))
     first = np.array([name in flagged for name in moment_arms.muscles])
     order = np.lexsort([-largest, ~first])
-    return sorted(int(k) for k in order[:MAX_PANELS])
+    return sorted(int(muscle) for muscle in order[:MAX_PANELS])
 
 
 def _panel(
-    x: float,
-    y: float,
-    muscle: str,
-    values: Array,
-    lines: tuple[Array, Array],
-    within: Array | None,
-    flagged: bool,
+    x: float, y: float, muscle: str, values: Array, lines: tuple[Array, Array], within: Array | None, flagged: bool
 ) -> str:
-    low = min(0.0, *(float(one.min()) for one in lines))
-    high = max(0.0, *(float(one.max()) for one in lines))
+    low = min(0.0, *(float(values.min()) for values in lines))
+    high = max(0.0, *(float(values.max()) for values in lines))
     high = high if high > low else low + 1.0
     first, last = float(values.min()), float(values.max())
     area = frame(x + 34, y + 16, x + CELL - 8, y + ROW - 14, (first, last if last > first else first + 1), (low, high))
@@ -210,6 +209,6 @@ def _panel(
     parts += [text(x + 30, float(area.y.at(value)) + 3, number(value), "tick y") for value in (low, high)]
     if within is not None:
         parts.append(band(area, values, lines[1] - within, lines[1] + within, "first"))
-    for one, style, label in zip(lines, ("truth", "first"), ("source, scaled", "target"), strict=True):
-        parts.append(line(area, values, one, style, f"{muscle}, {label}"))
+    for line_values, style, label in zip(lines, ("truth", "first"), ("source, scaled", "target"), strict=True):
+        parts.append(line(area, values, line_values, style, f"{muscle}, {label}"))
     return "".join(parts)

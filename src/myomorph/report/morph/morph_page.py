@@ -17,9 +17,15 @@ from myomorph.report.charts.axis import number
 from myomorph.report.morph.sections import morphing_sections
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step
-from myomorph.report.page.references import MORPHING
+from myomorph.report.page.references import cited
 
 __all__ = ["morph_page"]
+
+SOURCES = (
+    "morphing", "umeyama1991", "shepard1968", "lewis2000", "carr2001", "amberg2007", "modenese2016", "barill2018",
+    "pellikaan2014",
+)  # fmt: skip
+"""Keys of the sources that the page cites."""
 
 
 def morph_page(
@@ -56,7 +62,7 @@ def morph_page(
     return rendered(
         page,
         [*sections[:1], *further, *sections[1:]],
-        MORPHING,
+        cited(*SOURCES),
         facts=_facts(morph),
         tiles=_tiles(morph, checks),
     )
@@ -103,7 +109,7 @@ def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
     """The few numbers to see first."""
     tiles = [_count(len(checks.warnings), "warnings")]
     through = [penetration for penetration in checks.penetrations if penetration.increase > 0.0]
-    worst = max((one.increase for one in through), default=0.0)
+    worst = max((path.increase for path in through), default=0.0)
     deep = len(checks.of("bone"))
     tiles.append(
         Tile(f"{number(1e3 * worst)} mm", f"deeper through bone than source, worst; {deep} warnings",

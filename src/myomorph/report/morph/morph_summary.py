@@ -29,7 +29,7 @@ def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
     yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over{_sure(morph)}; {_bones(morph)}"
     if any(muscle.basis for muscle in morph.muscles):
         yield _architecture(morph)
-    parts = [one for one in (_order(checks), _deepest(checks), _fibers(morph)) if one]
+    parts = [part for part in (_order(checks), _deepest(checks), _fibers(morph)) if part]
     if parts:
         yield "; ".join(parts)
     yield _verdict(checks)
@@ -40,9 +40,9 @@ def _sure(morph: Morph) -> str:
     known = [point for point in morph.points if np.isfinite(point.within)]
     if not known:
         return ""
-    worst = max(known, key=lambda one: one.within)
+    worst = max(known, key=lambda arm: arm.within)
     return (
-        f", known with 90 % to {1e3 * float(np.median([one.within for one in known])):.2g} mm (median; worst "
+        f", known with 90 % to {1e3 * float(np.median([arm.within for arm in known])):.2g} mm (median; worst "
         f"{1e3 * worst.within:.2g} mm, {worst.owner} on {worst.body})"
     )
 
@@ -54,8 +54,8 @@ def _architecture(morph: Morph) -> str:
     open_ = [muscle for muscle in morph.muscles if np.isfinite(muscle.force_interval[1])]
     if not open_:
         return f"fibers and forces of muscles: {told}"
-    worst = max(open_, key=lambda one: one.force_interval[1])
-    middle = float(np.median([one.force_interval[1] for one in open_]))
+    worst = max(open_, key=lambda muscle: muscle.force_interval[1])
+    middle = float(np.median([muscle.force_interval[1] for muscle in open_]))
     return (
         f"fibers and forces of muscles: {told}; 90 % intervals of force up to {middle:.2g} times as much (median), "
         f"{worst.force_interval[1]:.2g} ({worst.name})"
@@ -110,7 +110,10 @@ def _fibers(morph: Morph) -> str:
     known = [muscle for muscle in morph.muscles if np.isfinite([*muscle.range_target]).all()]
     if not known:
         return ""
-    shortest, longest = min(known, key=lambda one: one.range_target[0]), max(known, key=lambda one: one.range_target[1])
+    shortest, longest = (
+        min(known, key=lambda muscle: muscle.range_target[0]),
+        max(known, key=lambda muscle: muscle.range_target[1]),
+    )
     return (
         f"fibers work from {shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f}) to "
         f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"

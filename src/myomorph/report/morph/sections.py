@@ -56,13 +56,13 @@ def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
         mass_section(morph),
         method_section(morph),
     )
-    return [one for one in made if one is not None]
+    return [section for section in made if section is not None]
 
 
 def warning_section(checks: MorphChecks) -> Section:
     """What looks wrong, the worst of each kind first."""
     rows = tuple((KINDS[warning.kind], warning.text) for warning in checks.warnings)
-    first = tuple((KINDS[kind], one.text) for kind in KINDS for one in checks.of(kind)[:FIRST_WARNINGS])
+    first = tuple((KINDS[kind], warning.text) for kind in KINDS for warning in checks.of(kind)[:FIRST_WARNINGS])
     limits = checks.options
     lead = f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to the target. "
     lead += (
@@ -90,8 +90,8 @@ def bone_section(morph: Morph) -> Section:
     """How well the source's bones, as they are carried, fit the target's."""
     figures = bone_figures(morph)
     touched = {point.body for point in morph.points}
-    bones = [one for one in morph.bones.values() if one.basis != "neighbors" or one.body in touched]
-    measures = [name for name in dict.fromkeys(name for one in bones for name in one.measures) if name != "features"]
+    bones = [bone for bone in morph.bones.values() if bone.basis != "neighbors" or bone.body in touched]
+    measures = [name for name in dict.fromkeys(name for bone in bones for name in bone.measures) if name != "features"]
     rows = []
     for bone in bones:
         known = [_measured(name, bone.measures.get(name)) for name in measures]
@@ -133,7 +133,8 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
         figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
     order = tuple(
-        (name_of(one.pair), str(len(one.muscles)), number(checks.order[one.pair.source], 0.001)) for one in checks.arms
+        (name_of(arms.pair), str(len(arms.muscles)), number(checks.order[arms.pair.source], 0.001))
+        for arms in checks.arms
     )
     header, rows = arm_summary_rows(morph, checks)
     printed = [
@@ -160,7 +161,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         "are scaled by the size of the bones that each muscle attaches to. Names of muscles with a warning are "
         "red. About translations, moment arms have no unit."
     )
-    if any(one.within is not None for one in checks.arms):
+    if any(arms.within is not None for arms in checks.arms):
         lead += (
             " Bands are 90 % intervals that follow from those of the points on matched bones and of mapped joints; "
             "muscles with a point whose interval is not known have none."
@@ -257,13 +258,15 @@ def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) 
     """A table for print, metres in millimetres."""
     header, rows = table
 
-    def printed(k: int, cell: Cell) -> str:
+    def printed(column: int, cell: Cell) -> str:
         if not isinstance(cell, float):
             return str(cell)
-        return number(1e3 * cell) if "[m]" in header[k] and k not in plain else number(cell)
+        return number(1e3 * cell) if "[m]" in header[column] and column not in plain else number(cell)
 
     head = tuple(name.replace("[m]", "[mm]").capitalize() for name in header)
-    return Grid(head, tuple(tuple(printed(index, one) for index, one in enumerate(row)) for row in rows), title, folded)
+    return Grid(
+        head, tuple(tuple(printed(index, cell) for index, cell in enumerate(row)) for row in rows), title, folded
+    )
 
 
 def method_section(morph: Morph) -> Section:

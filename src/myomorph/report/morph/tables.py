@@ -20,7 +20,7 @@ Rows: TypeAlias = tuple[tuple[str, ...], list[tuple[Cell, ...]]]
 
 def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
     """Every table that has rows, by the name of the file to write it to: header and rows, in SI and radians."""
-    found: dict[str, Rows] = {
+    tables: dict[str, Rows] = {
         "bones.csv": bone_rows(morph),
         "points.csv": point_rows(morph),
         "muscles.csv": muscle_rows(morph),
@@ -36,7 +36,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         ),
         "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
     }
-    return {name: rows for name, rows in found.items() if rows[1]}
+    return {name: rows for name, rows in tables.items() if rows[1]}
 
 
 def bone_rows(morph: Morph) -> Rows:
@@ -73,7 +73,7 @@ def mass_rows(morph: Morph) -> Rows:
     axes = "xyz"
     header = (
         "body", "source mass [kg]", "target mass [kg]", *(f"source center {a} [m]" for a in axes),
-        *(f"target center {a} [m]" for a in axes), *(f"target moment {k} [kg m^2]" for k in (1, 2, 3)),
+        *(f"target center {a} [m]" for a in axes), *(f"target moment {axis} [kg m^2]" for axis in (1, 2, 3)),
     )  # fmt: skip
     before = {body.name: body for body in morph.source.bodies}
     rows: list[tuple[Cell, ...]] = []
@@ -87,7 +87,7 @@ def mass_rows(morph: Morph) -> Rows:
 
 
 def _xyz(point: Iterable[float]) -> tuple[float, ...]:
-    return tuple(float(one) for one in point)
+    return tuple(float(coordinate) for coordinate in point)
 
 
 def muscle_rows(morph: Morph) -> Rows:

@@ -73,7 +73,7 @@ def rendered(
         facts=facts,
         tiles=tiles,
         kinds=_KINDS,
-        verdicts=[_printed(one) for one in _ordered(verdicts)],
+        verdicts=[_printed(verdict) for verdict in _ordered(verdicts)],
         over=sum(1 for verdict in verdicts if verdict.state == "over"),
         judged=sum(1 for verdict in verdicts if verdict.limit is not None),
         sections=sections,

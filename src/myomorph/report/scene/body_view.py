@@ -108,11 +108,11 @@ def half_blocks(pixels: Bytes) -> Text:
     for upper, lower in zip(pixels[::2], pixels[1::2], strict=True):
         for above, below in zip(upper, lower, strict=True):
             top, bottom = above[3] > 110, below[3] > 110
-            one, other = (f"#{int(c[0]):02x}{int(c[1]):02x}{int(c[2]):02x}" for c in (above, below))
+            foreground, other = (f"#{int(c[0]):02x}{int(c[1]):02x}{int(c[2]):02x}" for c in (above, below))
             if top and bottom:
-                text.append("▀", f"{one} on {other}")
+                text.append("▀", f"{foreground} on {other}")
             elif top:
-                text.append("▀", one)
+                text.append("▀", foreground)
             elif bottom:
                 text.append("▄", other)
             else:

@@ -33,7 +33,7 @@ def _distinct(table: Bytes) -> Bytes:
     """The same colors, nudged until no two are equal, so that a color names its value."""
     seen: set[tuple[int, int, int]] = set()
     for row in table:
-        while tuple(int(one) for one in row) in seen:
+        while tuple(int(value) for value in row) in seen:
             row[2] = row[2] - 1 if row[2] > 0 else 255
         seen.add((int(row[0]), int(row[1]), int(row[2])))
     return table

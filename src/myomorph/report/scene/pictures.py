@@ -202,7 +202,7 @@ def player(scene: Scene) -> str:
     words = np.where(np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)).astype(np.uint8)
     forces = np.concatenate([scene.force_starts, scene.force_vectors / scene.weight], axis=2)
     value: dict[str, Any] = {
-        "time": [round(float(one), 5) for one in scene.time],
+        "time": [round(float(instant), 5) for instant in scene.time],
         "up": _short(scene.up),
         "forward": _short(scene.forward),
         "right": _short(scene.right),
@@ -214,7 +214,7 @@ def player(scene: Scene) -> str:
         "poseCount": len(used),
         "poses": base64_text(poses),
         "solids": surfaces,
-        "plain": "rgb(" + ",".join(str(round(255 * one)) for one in plain_color(scene)) + ")",
+        "plain": "rgb(" + ",".join(str(round(255 * channel)) for channel in plain_color(scene)) + ")",
         "names": [muscle.name for muscle in scene.muscles],
         "counts": [int(muscle.points.shape[1]) for muscle in scene.muscles],
         "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles],

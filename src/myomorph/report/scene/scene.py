@@ -140,10 +140,10 @@ def make_scene(
 
 
 def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]) -> tuple[Solid, ...]:
-    found: list[Solid] = []
+    solids: list[Solid] = []
     fallback = sticks(model) | stand_ins(model)
     for body in model.bodies:
-        own = []
+        surfaces_of = []
         for mesh in body.meshes:
             surface = primitive(mesh)
             if mesh.shape == "mesh" and mesh.file in surfaces:
@@ -152,9 +152,9 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
                 faces = loaded.faces[:, ::-1] if np.prod(mesh.scale) < 0.0 else loaded.faces
                 surface = Surface(loaded.vertices * mesh.scale, faces)
             if surface is not None and len(surface.faces):
-                own.append(Surface(mesh.pose.apply(surface.vertices), surface.faces))
-        found += [Solid(numbers[body.name], one) for one in own or fallback[body.name]]
-    return tuple(found)
+                surfaces_of.append(Surface(mesh.pose.apply(surface.vertices), surface.faces))
+        solids += [Solid(numbers[body.name], surface) for surface in surfaces_of or fallback[body.name]]
+    return tuple(solids)
 
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
@@ -176,7 +176,7 @@ def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None
     if len(people) < 2:
         return None
     numbers = poses.tree.body_index
-    middles = [poses.origins[:, [numbers[body] for body in one.bodies]].mean(axis=1) for one in people[:2]]
+    middles = [poses.origins[:, [numbers[body] for body in person.bodies]].mean(axis=1) for person in people[:2]]
     ahead = (middles[1] - middles[0]).mean(axis=0)
     ahead = ahead - (ahead @ up) * up
     length = float(np.linalg.norm(ahead))
@@ -237,7 +237,7 @@ def _muscles(
         # Between samples the nearest one counts; before and after the solution nothing is known.
         near = 1.5 / activations.rate
         outside = (time < activations.time[0] - near) | (time > activations.time[-1] + near)
-    found = []
+    tubes = []
     drawn = drawn_paths(compile_paths(model), coordinates) if model.muscles else None
     for m, muscle in enumerate(model.muscles):
         assert drawn is not None
@@ -247,5 +247,5 @@ def _muscles(
             active[outside] = np.nan
         share = np.sqrt(max(muscle.max_isometric_force, 0.0) / strongest)
         radius = size * (0.0013 + 0.0036 * float(share))
-        found.append(MusclePath(muscle.name, drawn.places[:, drawn.muscle == m], radius, active))
-    return tuple(found)
+        tubes.append(MusclePath(muscle.name, drawn.places[:, drawn.muscle == m], radius, active))
+    return tuple(tubes)

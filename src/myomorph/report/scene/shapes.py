@@ -91,7 +91,7 @@ def _box() -> Surface:
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     # Corners are not shared, so that every side keeps its own normal.
     points = corners[[i for side in sides for i in side]]
-    faces = [(4 * k + a, 4 * k + b, 4 * k + c) for k in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    faces = [(4 * side + a, 4 * side + b, 4 * side + c) for side in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
     return Surface(points, np.array(faces))
 
 
@@ -197,7 +197,7 @@ def coarser(surface: Surface, cell: float) -> Surface:
 def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface]:
     """Copies of the surfaces of a body of a size [m] that together have no more triangles than a screen needs."""
     shrunk = list(surfaces)
-    if sum(len(one.faces) for one in shrunk) <= most:
+    if sum(len(surface.faces) for surface in shrunk) <= most:
         return shrunk
     extents = [float(np.linalg.norm(np.ptp(surface.vertices, axis=0))) for surface in surfaces]
     # Small bones get smaller cells, or fingers and ribs would vanish before a pelvis looks coarse.
@@ -207,7 +207,7 @@ def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface
             surface if len(surface.faces) < 60 else coarser(surface, cell * 1.25**attempt)
             for surface, cell in zip(surfaces, cells, strict=True)
         ]
-        if sum(len(one.faces) for one in shrunk) <= most:
+        if sum(len(surface.faces) for surface in shrunk) <= most:
             break
     return shrunk
 
@@ -239,6 +239,6 @@ def normals(surface: Surface) -> Array:
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     total = np.zeros((len(surface.vertices), 3))
     for i in range(3):
-        total[:, i] = sum(np.bincount(surface.faces[:, k], across[:, i], len(total)) for k in range(3))
+        total[:, i] = sum(np.bincount(surface.faces[:, corner], across[:, i], len(total)) for corner in range(3))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return total / np.where(lengths > 0, lengths, 1.0)

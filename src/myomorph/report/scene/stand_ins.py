@@ -35,11 +35,11 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
     tree = compile_tree(model)
     still = Motion(np.zeros(1), (), np.zeros((1, 0)))
     rotations = forward_kinematics(tree, tree.coordinates_of(still)).rotations[0]
-    own = bones(model)
+    model_bones = bones(model)
     trunk = next((body for body in model.bodies if TRUNK.search(body.name) and body.mass > 0.0), None)
     if trunk is None:
         return {}
-    start, joints = own[trunk.name]
+    start, joints = model_bones[trunk.name]
     turn = rotations[tree.body_index[trunk.name]]
     up = turn.T @ model.up
     rise = float((trunk.mass_center - start) @ up)
@@ -68,7 +68,7 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         shapes.append(ellipsoid(head, axes, size * SKULL))
     result = {trunk.name: shapes}
     for body in model.bodies:
-        start, joints = own[body.name]
+        start, joints = model_bones[body.name]
         reach = float(np.linalg.norm(body.mass_center - start))
         if HEAD.search(body.name) and body is not trunk and not joints and reach > 0.0:
             there = rotations[tree.body_index[body.name]].T @ turn @ axes.T

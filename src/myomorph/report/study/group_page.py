@@ -164,9 +164,11 @@ def scalar_grid(comparison: Comparison, title: str = "") -> Grid:
 def _family_section(comparison: Comparison, family: str) -> Section:
     curves, (name, unit) = comparison.family(family), name_and_unit(family)
     shown = different_first(curves) if comparison.tested else list(curves)
-    figures = [Figure(difference_chart(one, unit, comparison.names)) for one in shown[:MAX_OPEN]]
-    figures += [Figure(difference_chart(one, unit, comparison.names), folded=one.name) for one in shown[MAX_OPEN:]]
-    figures += [Figure(effect_chart(one), folded=f"{one.name}: effect size") for one in shown[:MAX_OPEN]]
+    figures = [Figure(difference_chart(curve, unit, comparison.names)) for curve in shown[:MAX_OPEN]]
+    figures += [
+        Figure(difference_chart(curve, unit, comparison.names), folded=curve.name) for curve in shown[MAX_OPEN:]
+    ]
+    figures += [Figure(effect_chart(curve), folded=f"{curve.name}: effect size") for curve in shown[:MAX_OPEN]]
     lead = (
         "Mean of the animals’ means over the stride from foot strike to foot strike, with "
         f"{100 * comparison.options.confidence:.0f} % intervals sample by sample; thin lines are animals."
@@ -193,11 +195,7 @@ def different_first(curves: Sequence[CurveDifference]) -> list[CurveDifference]:
 
 
 def curve_section(
-    name: str,
-    lead: str,
-    legend: tuple[tuple[str, str], ...],
-    figures: Sequence[Figure],
-    grids: tuple[Grid, ...] = (),
+    name: str, lead: str, legend: tuple[tuple[str, str], ...], figures: Sequence[Figure], grids: tuple[Grid, ...] = ()
 ) -> Section:
     """The section of one family of curves."""
     key = "".join(letter if letter.isalnum() else "-" for letter in name.lower())

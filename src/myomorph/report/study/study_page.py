@@ -28,14 +28,7 @@ from myomorph.report.study.group_page import (
     name_and_unit,
     scalar_grid,
 )
-from myomorph.report.study.study_given import (
-    Described,
-    Outlier,
-    StudyInput,
-    TrialLine,
-    TrialState,
-    ValueDifference,
-)
+from myomorph.report.study.study_input import Described, Outlier, StudyInput, TrialLine, TrialState, ValueDifference
 
 MAX_OPEN, MAX_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
@@ -60,38 +53,35 @@ REFERENCES = ("hicks2015", "opensim", *TESTS, "iglewicz1993")
 UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
-def study_page(study_input: StudyInput) -> str:
+def study_page(study: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
-    notes = tuple(Note("warning", note) for note in study_input.notes)
-    page = PageHead(study_input.name, study_input.date, study_input.version, notes)
+    notes = tuple(Note("warning", note) for note in study.notes)
+    page = PageHead(study.name, study.date, study.version, notes)
     families = dict.fromkeys(
-        name for condition in study_input.conditions for name, curve in condition.curves.items() if curve.names
+        name for condition in study.conditions for name, curve in condition.curves.items() if curve.names
     )
     parts = [
-        *_gone(study_input),
-        *_changes(study_input),
-        *_quality(study_input),
-        *_described(study_input),
-        *(_family(study_input, family) for family in families),
-        *(_comparison(comparison, index, study_input) for index, comparison in enumerate(study_input.comparisons)),
-        *_differences(study_input),
-        *_outliers(study_input),
-        *_trials(study_input),
-        *_files(study_input),
+        *_gone(study),
+        *_changes(study),
+        *_quality(study),
+        *_described(study),
+        *(_family(study, family) for family in families),
+        *(_comparison(comparison, index, study) for index, comparison in enumerate(study.comparisons)),
+        *_differences(study),
+        *_outliers(study),
+        *_trials(study),
+        *_files(study),
     ]
-    sources = cited(*REFERENCES) if study_input.conditions else ()
-    return rendered(page, parts, sources, facts=_facts(study_input), tiles=_tiles(study_input))
+    sources = cited(*REFERENCES) if study.conditions else ()
+    return rendered(page, parts, sources, facts=_facts(study), tiles=_tiles(study))
 
 
-def _facts(study_input: StudyInput) -> list[tuple[str, str]]:
-    subjects = dict.fromkeys(trial.subject for trial in study_input.trials)
-    rows = [("Subjects", str(len(subjects))), ("Trials", _counted(study_input))]
-    if len(study_input.conditions) > 1 or any(condition.name for condition in study_input.conditions):
+def _facts(study: StudyInput) -> list[tuple[str, str]]:
+    subjects = dict.fromkeys(trial.subject for trial in study.trials)
+    rows = [("Subjects", str(len(subjects))), ("Trials", _counted(study))]
+    if len(study.conditions) > 1 or any(condition.name for condition in study.conditions):
         rows.append(
-            (
-                "Conditions",
-                ", ".join(f"{_title(condition)} ({condition.trials})" for condition in study_input.conditions),
-            )
+            ("Conditions", ", ".join(f"{_title(condition)} ({condition.trials})" for condition in study.conditions))
         )
     return rows
 
@@ -100,40 +90,37 @@ def _title(condition: Condition) -> str:
     return condition.name or "all trials"
 
 
-def _whole_trials(study_input: StudyInput, state: TrialState) -> tuple[TrialLine, ...]:
+def _whole_trials(study: StudyInput, state: TrialState) -> tuple[TrialLine, ...]:
     """Trials in a state, without the lines of steps that are about a whole subject."""
-    return tuple(one for one in study_input.in_state(state) if one.trial)
+    return tuple(trial for trial in study.in_state(state) if trial.trial)
 
 
-def _counted(study_input: StudyInput) -> str:
-    parts = [f"{len(_whole_trials(study_input, 'done'))} done"]
-    for state, own in (
-        ("failed", _whole_trials(study_input, "failed")),
-        ("left out", study_input.in_state("left out")),
-    ):
-        parts += [f"{len(own)} {state}"] if own else []
+def _counted(study: StudyInput) -> str:
+    parts = [f"{len(_whole_trials(study, 'done'))} done"]
+    for state, counted in (("failed", _whole_trials(study, "failed")), ("left out", study.in_state("left out"))):
+        parts += [f"{len(counted)} {state}"] if counted else []
     return ", ".join(parts)
 
 
-def _tiles(study_input: StudyInput) -> list[Tile]:
-    done, failed = _whole_trials(study_input, "done"), _whole_trials(study_input, "failed")
-    over = sum(one.over > 0 for one in done)
-    state = "over" if study_input.in_state("failed") else "ok"
+def _tiles(study: StudyInput) -> list[Tile]:
+    done, failed = _whole_trials(study, "done"), _whole_trials(study, "failed")
+    over = sum(trial.over > 0 for trial in done)
+    state = "over" if study.in_state("failed") else "ok"
     tiles = [Tile(f"{len(done)} / {len(done) + len(failed)}", "trials done", state)]
-    if any(one.judged for one in done):
+    if any(trial.judged for trial in done):
         tiles.append(Tile(f"{over} of {len(done)}", "trials with a quantity over its limit", "note" if over else "ok"))
-    if study_input.outliers:
-        named = len({(outlier.subject, outlier.trial) for outlier in study_input.outliers})
+    if study.outliers:
+        named = len({(outlier.subject, outlier.trial) for outlier in study.outliers})
         tiles.append(Tile(str(named), "trials with outliers", "note"))
-    for comparison in study_input.comparisons:
+    for comparison in study.comparisons:
         if comparison.tested:
             curves, words = sum(1 for each in comparison.curves if each.regions), " and ".join(comparison.names)
             tiles.append(Tile(f"{curves} of {len(comparison.curves)}", f"curves differ, {words}", "ok"))
     return tiles
 
 
-def _gone(study_input: StudyInput) -> list[Section]:
-    failed, left = study_input.in_state("failed"), study_input.in_state("left out")
+def _gone(study: StudyInput) -> list[Section]:
+    failed, left = study.in_state("failed"), study.in_state("left out")
     grids = []
     for lines, title, head in ((failed, "Failed", "Why"), (left, "Excluded by the study file", "Reason")):
         if lines:
@@ -142,10 +129,10 @@ def _gone(study_input: StudyInput) -> list[Section]:
     return [Section("gone", "Failed and excluded", grids=tuple(grids))] if grids else []
 
 
-def _changes(study_input: StudyInput) -> list[Section]:
-    if not study_input.changes:
+def _changes(study: StudyInput) -> list[Section]:
+    if not study.changes:
         return []
-    rows = tuple((text, _named(trials)) for text, trials in study_input.changes)
+    rows = tuple((text, _named(trials)) for text, trials in study.changes)
     lead = "Why steps of an earlier run were computed again."
     return [Section("changes", "Changes since the last run", lead, grids=(Grid(("Change", "Trials"), rows),))]
 
@@ -155,45 +142,49 @@ def _named(names: Sequence[str]) -> str:
     return words + (f"; and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else "")
 
 
-def _quality(study_input: StudyInput) -> list[Section]:
+def _quality(study: StudyInput) -> list[Section]:
     """Trials by rank beside each limit, and what is beyond limits how often."""
-    done = [one for one in study_input.in_state("done") if one.judged]
+    done = [trial for trial in study.in_state("done") if trial.judged]
     if not done:
         return []
     figures = []
     for quantity, title in SHOWN_LIMITS:
-        own = [(one, one.judged[quantity]) for one in done if quantity in one.judged]
-        own = [(one, judged) for one, judged in own if judged.limit]
-        if len(own) > 1:
-            names = [f"{one.subject}, {one.trial}" for one, _ in own]
-            values = np.array([judged.value / (judged.limit or 1.0) for _, judged in own])
+        with_value = [(trial, trial.judged[quantity]) for trial in done if quantity in trial.judged]
+        with_value = [(trial, judged) for trial, judged in with_value if judged.limit]
+        if len(with_value) > 1:
+            names = [f"{trial.subject}, {trial.trial}" for trial, _ in with_value]
+            values = np.array([judged.value / (judged.limit or 1.0) for _, judged in with_value])
             chart = rank_plot(title, "times its limit", "trials in ascending order", names, values, [(1.0, "limit")])
             figures.append(Figure(chart, "medium"))
-    quantities = dict.fromkeys(name for one in done for name in one.judged)
+    quantities = dict.fromkeys(name for trial in done for name in trial.judged)
     rows = []
     for name in quantities:
-        own = [(one, one.judged[name]) for one in done if name in one.judged]
-        over = [(one, judged) for one, judged in own if judged.state == "over"]
+        with_value = [(trial, trial.judged[name]) for trial in done if name in trial.judged]
+        over = [(trial, judged) for trial, judged in with_value if judged.state == "over"]
         if over:
             worst, most = max(over, key=lambda pair: pair[1].value)
             # Of counts the unit says of how many.
             size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
             words = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
-            rows.append((name, f"{len(over)} of {len(own)}", words))
+            rows.append((name, f"{len(over)} of {len(with_value)}", words))
     grids = (Grid(("Quantity", "Trials over the limit", "Worst"), tuple(rows), "Over the limit"),) if rows else ()
     lead = "Marker errors, residuals and reserves beside the community’s limits; one dot a trial."
     return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
 
 
-def _described(study_input: StudyInput) -> list[Section]:
-    if not study_input.described:
+def _described(study: StudyInput) -> list[Section]:
+    if not study.described:
         return []
-    unit = study_input.conditions[0].unit if study_input.conditions else "subjects"
-    names = tuple(_title(condition) for condition in study_input.conditions)
-    first = [one for one in study_input.described if one.quantity.startswith(("stride ", "speed", "duty", "track"))]
-    rest = [one for one in study_input.described if one not in first]
+    unit = study.conditions[0].unit if study.conditions else "subjects"
+    names = tuple(_title(condition) for condition in study.conditions)
+    first = [
+        described
+        for described in study.described
+        if described.quantity.startswith(("stride ", "speed", "duty", "track"))
+    ]
+    rest = [described for described in study.described if described not in first]
     grids = [
-        Grid(("Quantity", *names), tuple(_described_row(one) for one in part), title, folded)
+        Grid(("Quantity", *names), tuple(_described_row(described) for described in part), title, folded)
         for part, title, folded in (
             (first, "Strides", False),
             (rest, f"All {len(rest)}{' others' if first else ''}", True),
@@ -210,17 +201,19 @@ def _described_row(described: Described) -> tuple[str, ...]:
     return (f"{described.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in described.conditions))
 
 
-def _differences(study_input: StudyInput) -> list[Section]:
+def _differences(study: StudyInput) -> list[Section]:
     """Values that differ most beside what is open, with the draws' errors in their intervals."""
     grids = []
-    for pair in dict.fromkeys((difference.first, difference.second) for difference in study_input.differences):
-        own = [
+    for pair in dict.fromkeys((difference.first, difference.second) for difference in study.differences):
+        differences = [
             difference
-            for difference in study_input.differences
+            for difference in study.differences
             if (difference.first, difference.second) == pair and difference.high_all > difference.low_all
         ]
-        own.sort(key=lambda one: -abs(one.difference) / (one.high_all - one.low_all))
-        rows = tuple(_difference_row(one) for one in own[:MAX_VALUES])
+        differences.sort(
+            key=lambda difference: -abs(difference.difference) / (difference.high_all - difference.low_all)
+        )
+        rows = tuple(_difference_row(difference) for difference in differences[:MAX_VALUES])
         head = ("Quantity", pair[0], pair[1], "Difference", "95 %, spread alone", "95 %, with errors", "SD of errors")
         if rows:
             grids.append(Grid(head, rows, " minus ".join(pair)))
@@ -235,35 +228,31 @@ def _differences(study_input: StudyInput) -> list[Section]:
     return [Section("differences", "Differences with their errors", lead, grids=tuple(grids))]
 
 
-def _difference_row(value_difference: ValueDifference) -> tuple[str, ...]:
-    unit = "" if value_difference.unit == "1" else f" [{value_difference.unit}]"
-    spread = (
-        f"{number(value_difference.low)} to {number(value_difference.high)}"
-        if np.isfinite(value_difference.low)
-        else "–"
-    )
-    whole = f"{number(value_difference.low_all)} to {number(value_difference.high_all)}"
-    means = (number(value_difference.means[0]), number(value_difference.means[1]))
+def _difference_row(difference: ValueDifference) -> tuple[str, ...]:
+    unit = "" if difference.unit == "1" else f" [{difference.unit}]"
+    spread = f"{number(difference.low)} to {number(difference.high)}" if np.isfinite(difference.low) else "–"
+    whole = f"{number(difference.low_all)} to {number(difference.high_all)}"
+    means = (number(difference.means[0]), number(difference.means[1]))
     return (
-        f"{value_difference.quantity}{unit}",
+        f"{difference.quantity}{unit}",
         *means,
-        number(value_difference.difference),
+        number(difference.difference),
         spread,
         whole,
-        number(value_difference.measured_sd),
+        number(difference.measured_sd),
     )
 
 
-def _family(study_input: StudyInput, family: str) -> Section:
-    names = _ordered(study_input.conditions, family)
+def _family(study: StudyInput, family: str) -> Section:
+    names = _ordered(study.conditions, family)
     figures = [
-        Figure(condition_chart(study_input.conditions, family, name), folded=name if index >= MAX_OPEN else "")
+        Figure(condition_chart(study.conditions, family, name), folded=name if index >= MAX_OPEN else "")
         for index, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
     ]
-    own = [condition for condition in study_input.conditions if family in condition.curves]
+    with_curves = [condition for condition in study.conditions if family in condition.curves]
     words = {True: "strides, from foot strike to foot strike", False: "whole trials"}
-    cycles = list(dict.fromkeys(words[one.cycle == "stride"] for one in own))
-    units = " and ".join(dict.fromkeys(one.unit for one in own))
+    cycles = list(dict.fromkeys(words[condition.cycle == "stride"] for condition in with_curves))
+    units = " and ".join(dict.fromkeys(condition.unit for condition in with_curves))
     lead = (
         f"Over {' or '.join(cycles)}. Lines are means of {units}, bands their 95 % intervals sample by sample, faint "
         "bands ± one standard deviation."
@@ -273,7 +262,8 @@ def _family(study_input: StudyInput, family: str) -> Section:
     # A percent of a stride is not a percent of a trial: curves that share a chart say which they are over.
     over = {True: " (over the stride)", False: " (over the whole trial)"} if len(cycles) > 1 else {}
     legend = [
-        (style, _title(one) + over.get(one.cycle == "stride", "")) for style, one in styled(study_input.conditions)
+        (style, _title(condition) + over.get(condition.cycle == "stride", ""))
+        for style, condition in styled(study.conditions)
     ]
     return curve_section(name_and_unit(family)[0], lead, tuple(legend), figures)
 
@@ -281,14 +271,16 @@ def _family(study_input: StudyInput, family: str) -> Section:
 def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
     """One curve in all conditions: its mean, the interval of it, and fainter one standard deviation."""
     drawn = []
-    for style, one in styled(conditions):
-        curves = one.curves.get(family)
+    for style, condition in styled(conditions):
+        curves = condition.curves.get(family)
         if curves is not None and name in curves.names:
-            k = curves.names.index(name)
-            mean, deviation = curves.mean[:, k], curves.deviation[:, k]
+            column = curves.names.index(name)
+            mean, deviation = curves.mean[:, column], curves.deviation[:, column]
             spread = mean - deviation, mean + deviation
-            drawn.append(CycleCurve(mean, style, one.name, (curves.low[:, k], curves.high[:, k]), spread))
-    shown = [part for one in drawn for part in (one.mean, *(one.spread or ()))]
+            drawn.append(
+                CycleCurve(mean, style, condition.name, (curves.low[:, column], curves.high[:, column]), spread)
+            )
+    shown = [part for curve in drawn for part in (curve.mean, *(curve.spread or ()))]
     return cycle_chart(name, name_and_unit(family)[1], drawn, shown)
 
 
@@ -321,11 +313,11 @@ def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
     return sorted(names, key=rank)
 
 
-def _comparison(comparison: Comparison, index: int, study_input: StudyInput) -> Section:
+def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Section:
     first, second = comparison.names
-    colors = {one.name: style for style, one in styled(study_input.conditions)}
+    colors = {condition.name: style for style, condition in styled(study.conditions)}
     styles = colors[first], colors[second]
-    pairs = len(study_input.comparisons)
+    pairs = len(study.comparisons)
     lead = f"Differences are {first} minus {second}. "
     if comparison.paired:
         lead += (
@@ -356,21 +348,23 @@ def _comparison(comparison: Comparison, index: int, study_input: StudyInput) -> 
     for family in comparison.families:
         curves, (name, unit) = different_first(comparison.family(family)), name_and_unit(family)
         different = [curve for curve in curves if curve.regions]
-        figures += [Figure(difference_chart(one, unit, comparison.names, styles)) for one in different[:MAX_DIFFERENT]]
+        figures += [
+            Figure(difference_chart(curve, unit, comparison.names, styles)) for curve in different[:MAX_DIFFERENT]
+        ]
         grids.append(curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, comparison.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
 
 
-def _outliers(study_input: StudyInput) -> list[Section]:
-    if not study_input.outliers:
+def _outliers(study: StudyInput) -> list[Section]:
+    if not study.outliers:
         return []
-    own: dict[tuple[str, str], list[Outlier]] = {}
-    for outlier in study_input.outliers:
-        own.setdefault((outlier.subject, outlier.trial), []).append(outlier)
+    by_trial: dict[tuple[str, str], list[Outlier]] = {}
+    for outlier in study.outliers:
+        by_trial.setdefault((outlier.subject, outlier.trial), []).append(outlier)
     rows = []
-    for lines in sorted(own.values(), key=lambda each: -max(abs(one.score) for one in each)):
-        lines.sort(key=lambda one: -abs(one.score))
+    for lines in sorted(by_trial.values(), key=lambda each: -max(abs(outlier.score) for outlier in each)):
+        lines.sort(key=lambda outlier: -abs(outlier.score))
         words = "; ".join(
             f"{line.quantity} {number(line.value)}{'' if line.unit == '1' else f' {line.unit}'} "
             f"(median {number(line.middle)}, score {number(line.score)})"
@@ -386,39 +380,39 @@ def _outliers(study_input: StudyInput) -> list[Section]:
     return [Section("outliers", "Outliers", lead, grids=(grid,))]
 
 
-def _trials(study_input: StudyInput) -> list[Section]:
+def _trials(study: StudyInput) -> list[Section]:
     limits = tuple(title for _, title in SHOWN_LIMITS)
     head = ("Subject", "Trial", "Condition", "Steps", "Frames", *limits, "Unsolved", "Over limits", "Warnings")
-    done = study_input.in_state("done")
+    done = study.in_state("done")
     if not done:
         return []
-    rows = tuple(_trial_row(one) for one in done)
+    rows = tuple(_trial_row(trial) for trial in done)
     lead = "Names of trials link to their reports. Markers: RMS of the worst frame; residuals and reserves: peaks."
     grid = Grid(head, rows, f"{len(rows)} trials", len(rows) > 4 * LONG)
     return [Section("trials", "All trials", lead, grids=(grid,))]
 
 
-def _trial_row(trial_line: TrialLine) -> tuple[str | Link, ...]:
+def _trial_row(trial: TrialLine) -> tuple[str | Link, ...]:
     cells = []
     for quantity, _ in SHOWN_LIMITS:
-        judged = trial_line.judged.get(quantity)
+        judged = trial.judged.get(quantity)
         cells.append("" if judged is None else f"{number(judged.value)} {judged.unit.partition(' ')[0]}")
-    unsolved = [trial_line.judged[name].value for name in UNSOLVED if name in trial_line.judged]
+    unsolved = [trial.judged[name].value for name in UNSOLVED if name in trial.judged]
     return (
-        trial_line.subject,
-        Link(trial_line.trial or "(model)", trial_line.report) if trial_line.report else trial_line.trial or "(model)",
-        trial_line.condition,
-        " ".join(trial_line.steps),
-        str(trial_line.frames) if trial_line.frames else "",
+        trial.subject,
+        Link(trial.trial or "(model)", trial.report) if trial.report else trial.trial or "(model)",
+        trial.condition,
+        " ".join(trial.steps),
+        str(trial.frames) if trial.frames else "",
         *cells,
         f"{sum(unsolved):.0f}" if unsolved else "",
-        str(trial_line.over) if trial_line.judged else "",
-        str(trial_line.warnings) if trial_line.warnings else "",
+        str(trial.over) if trial.judged else "",
+        str(trial.warnings) if trial.warnings else "",
     )
 
 
-def _files(study_input: StudyInput) -> list[Section]:
-    if not study_input.files:
+def _files(study: StudyInput) -> list[Section]:
+    if not study.files:
         return []
-    rows = tuple((Link(place, place), words) for place, words in study_input.files)
+    rows = tuple((Link(place, place), words) for place, words in study.files)
     return [Section("files", "Tables", "Beside this page.", grids=(Grid(("File", "Content"), rows),))]

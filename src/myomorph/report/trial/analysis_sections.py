@@ -49,7 +49,7 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
         rows += _muscles(prepared, analysis, person, behind)
     rows.append(time_axis(behind))
     legend = []
-    if analysis.activations is not None or any(one.side for one in graph):
+    if analysis.activations is not None or any(row.side for row in graph):
         legend = [("right", "right"), ("left dotted", "left")]
     if len(analysis.persons) > 1:
         legend += person_legend(analysis)
@@ -84,23 +84,23 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
 
 def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) -> str:
     """The body at even times, or at those asked for."""
-    given, motion = prepared.given, prepared.given.kinematics.motion
-    if given.model is None or motion is None or not given.model.bodies:
+    results, motion = prepared.results, prepared.results.kinematics.motion
+    if results.model is None or motion is None or not results.model.bodies:
         return ""
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return ""
-    (first, last), wanted = behind.span, given.analysis.times
+    (first, last), wanted = behind.span, results.analysis.times
     if not wanted:
         frames = nearest_frames(motion.time, good, even_times(behind.span, analysis.preset.pictures))
-        count = fitting(make_scene(given.model, motion, frames, given.surfaces), analysis.preset.pictures)
+        count = fitting(make_scene(results.model, motion, frames, results.surfaces), analysis.preset.pictures)
         wanted = even_times(behind.span, count)
-    inside = [one for one in wanted if first - 1e-6 <= one <= last + 1e-6]
+    inside = [time for time in wanted if first - 1e-6 <= time <= last + 1e-6]
     if not inside:
-        times = ", ".join(f"{one:g}" for one in wanted)
+        times = ", ".join(f"{time:g}" for time in wanted)
         raise BadData(f"no picture at {times} s: the motion lasts from {first:g} to {last:g} s")
     frames = nearest_frames(motion.time, good, inside)
-    scene = make_scene(given.model, motion, frames, given.surfaces, given.activations, acting_forces(given))
+    scene = make_scene(results.model, motion, frames, results.surfaces, results.activations, acting_forces(results))
     return picture_strip(scene, behind)
 
 
@@ -146,7 +146,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
 def _top(series: Series) -> float:
     """Top of the muscles' rows: a round number over the largest activation, 1 or less where they are activations."""
     largest = float(np.nanmax(series.values, initial=0.0)) if np.isfinite(series.values).any() else 1.0
-    return next((one for one in TOPS if one >= largest), largest)
+    return next((top for top in TOPS if top >= largest), largest)
 
 
 MAX_SCORE_TIME = 120.0
@@ -166,8 +166,8 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
         "contact forces": lambda: contact_force_section(prepared, behind, analysis.who),
         "correlations": lambda: correlation_section(analysis),
     }
-    found = [made[panel]() for panel in analysis.preset.panels]
-    return [one for one in found if one is not None]
+    sections = [made[panel]() for panel in analysis.preset.panels]
+    return [section for section in sections if section is not None]
 
 
 def _backdrop(prepared: Prepared, analysis: MotionAnalysis) -> Backdrop:

@@ -27,8 +27,8 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
     drawn = []
     for index, axis in enumerate(analysis.axes):
         lines = [
-            Line(one.center.time, one.center.values[:, index], style, one.who.name or axis)
-            for one, style in zip(analysis.persons, person_styles(analysis), strict=True)
+            Line(person.center.time, person.center.values[:, index], style, person.who.name or axis)
+            for person, style in zip(analysis.persons, person_styles(analysis), strict=True)
         ]
         drawn.append(draw_track(behind, axis.capitalize(), "m", lines))
     figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
@@ -58,10 +58,10 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     paths = _by_stage(
         analysis, [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
     )
-    far = _extent(np.concatenate([one for _, _, one in paths])).max() > 0.5
+    far = _extent(np.concatenate([path for _, _, path in paths])).max() > 0.5
     factor, unit = (1.0, "m") if far else (1e3, "mm")
-    shown = [(label, style, factor * one) for label, style, one in paths]
-    title, level = "Path over the ground, from above", not _thin([one for _, _, one in paths])
+    shown = [(label, style, factor * path) for label, style, path in paths]
+    title, level = "Path over the ground, from above", not _thin([path for _, _, path in paths])
     return floor_plot(title, ground.axes, shown, width=505, height=300, unit=unit, one_scale=level)
 
 
@@ -79,11 +79,11 @@ def _extent(points: Array) -> Array:
 
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
-    k = 1 + int(np.argmin(np.sum([_extent(person.center.values) for person in analysis.persons], axis=0)[1:]))
-    found = [1000.0 * leveled(person.center).values[:, [k, 0]] for person in analysis.persons]
-    across = (analysis.axes[k], analysis.axes[0])
-    title = f"Height over {analysis.axes[k]}"
-    return floor_plot(title, across, _by_stage(analysis, found), width=505, height=300, unit="mm", one_scale=False)
+    axis = 1 + int(np.argmin(np.sum([_extent(person.center.values) for person in analysis.persons], axis=0)[1:]))
+    paths = [1000.0 * leveled(person.center).values[:, [axis, 0]] for person in analysis.persons]
+    across = (analysis.axes[axis], analysis.axes[0])
+    title = f"Height over {analysis.axes[axis]}"
+    return floor_plot(title, across, _by_stage(analysis, paths), width=505, height=300, unit="mm", one_scale=False)
 
 
 def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, str, Array]]:
@@ -153,14 +153,18 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     rows = []
     for person in analysis.persons:
         for index, axis in enumerate(analysis.axes):
-            values, one = person.center.values[:, index], person.periods[index]
+            values, periodicity = person.center.values[:, index], person.periods[index]
             values = values[np.isfinite(values)]
             if not len(values):
                 continue
             name = ", ".join(word for word in (person.who.name, axis) if word)
             size = f"{number(1000 * float(np.ptp(values)))} mm", f"{number(1e6 * float(values.var()))} mm²"
-            period = (f"{number(one.period)} s", number(one.cycles)) if one.periodic else ("no period", "–")
-            sure = (number(one.likeness), _sure(one)) if np.isfinite(one.period) else ("–", "–")
+            period = (
+                (f"{number(periodicity.period)} s", number(periodicity.cycles))
+                if periodicity.periodic
+                else ("no period", "–")
+            )
+            sure = (number(periodicity.likeness), _sure(periodicity)) if np.isfinite(periodicity.period) else ("–", "–")
             rows.append((name, f"{number(float(values.mean()))} m", *size, *period, *sure))
     head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Autocorrelation after one period", "Confidence")
     return Grid(head, tuple(rows), "Center of gravity: statistics")

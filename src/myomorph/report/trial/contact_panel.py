@@ -17,19 +17,19 @@ from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, draw_track, nam
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.estimated_forces import ORDINAL, SITUATIONS, Group, group_forces, groups_of, situation_of
 from myomorph.report.trial.figures import Ground, axis_names
-from myomorph.report.trial.given import ReportInput
 from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.report_input import ReportInput
 
 SELDOM, NEAR_FLOOR = 2.5, 0.2
 
 
 def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
     """Three components of every group's force, the center of pressure and what was measured."""
-    given = prepared.given
-    forces = given.contacts.forces
+    results = prepared.results
+    forces = results.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
         return None
-    groups = groups_of(forces, given.dynamics.wrenches, given.model, who)
+    groups = groups_of(forces, results.dynamics.wrenches, results.model, who)
     blocks = tuple(dict.fromkeys(group.block for group in groups))
     figures = [
         Figure(_components(prepared, block, [group for group in groups if group.block == block], behind, who), "full")
@@ -47,18 +47,20 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
         _lead(prepared, groups),
         tuple(legend),
         tuple(figures),
-        tuple(one for one in (_grid(prepared, groups, who), _infeasible_grid(given)) if one.rows),
+        tuple(grid for grid in (_grid(prepared, groups, who), _infeasible_grid(results)) if grid.rows),
     )
 
 
 def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
     """Size of the forces that pass between bodies, a row for all of them; none where none does."""
-    forces = prepared.given.contacts.forces
+    forces = prepared.results.contacts.forces
     if forces is None or all(site.against == GROUND for site in forces.sites):
         return []
     lines = [
         Line(forces.time, np.linalg.norm(group.forces, axis=1), ORDINAL[i % len(ORDINAL)], group.label)
-        for i, group in enumerate(one for one in groups_of(forces, None, None, who) if one.against != GROUND)
+        for i, group in enumerate(
+            between for between in groups_of(forces, None, None, who) if between.against != GROUND
+        )
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
     return [draw_track(behind, title, "N", lines, 66, low=0.0)]
@@ -66,44 +68,44 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
 
 def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
     """Centers of pressure from above, those measured in grey beneath those estimated."""
-    given = prepared.given
-    forces = given.contacts.forces
+    results = prepared.results
+    forces = results.contacts.forces
     assert forces is not None
     ground = Ground.under(prepared.up)
     paths: list[tuple[str, str, Array]] = []
-    own = {group.name: (group.label, group.style) for group in groups if group.against == GROUND}
-    for measured, wrenches in ((True, given.dynamics.wrenches), (False, group_forces(forces))):
+    labels = {group.name: (group.label, group.style) for group in groups if group.against == GROUND}
+    for measured, wrenches in ((True, results.dynamics.wrenches), (False, group_forces(forces))):
         if wrenches is None:
             continue
         for i, name in enumerate(wrenches.names):
-            if not measured and name not in own:
+            if not measured and name not in labels:
                 continue
             load = np.linalg.norm(np.nan_to_num(wrenches.forces[:, i]), axis=1)
             shown = load > 0.05 * max(float(load.max(initial=0.0)), 1e-12)
             if measured:
                 shown &= np.abs(wrenches.points[:, i] @ prepared.up - prepared.floor) < NEAR_FLOOR
-            label, style = ("measured", "measured") if measured else own[name]
+            label, style = ("measured", "measured") if measured else labels[name]
             paths.append((label, style, np.where(shown[:, None], ground.seen(wrenches.points[:, i]), np.nan)))
-    outlines = [(plate.name, ground.seen(plate.corners)) for plate in given.recorded.plates]
+    outlines = [(plate.name, ground.seen(plate.corners)) for plate in results.recorded.plates]
     return floor_plot("Centers of pressure, from above", ground.axes, paths, outlines, width=1040, height=250)
 
 
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
-    given = prepared.given
-    lines = [SITUATIONS[situation_of(given)]] if situation_of(given) else []
+    results = prepared.results
+    lines = [SITUATIONS[situation_of(results)]] if situation_of(results) else []
     pairs = [group for group in groups if group.against != GROUND]
     if pairs:
         lines.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
     if any(group.measured is not None for group in groups):
         lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
-    if given.contacts.intervals is not None:
+    if results.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
         lines.append(
             f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
             "every force within."
         )
-    if given.contacts.infeasible:
-        lines.append(f"Red marks: {len(given.contacts.infeasible)} infeasible contact frames.")
+    if results.contacts.infeasible:
+        lines.append(f"Red marks: {len(results.contacts.infeasible)} infeasible contact frames.")
     return " ".join(lines)
 
 
@@ -111,7 +113,7 @@ def _components(
     prepared: Prepared, block: str, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]
 ) -> str:
     """Rows for the three components of some groups' forces, under the names of their lines where there are more."""
-    forces = prepared.given.contacts.forces
+    forces = prepared.results.contacts.forces
     assert forces is not None
     vectors, names = axis_names(prepared.up)
     heights = (118, 92, 92) if not block else (92, 74, 74)
@@ -124,7 +126,7 @@ def _components(
         ]
         lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
-        known = prepared.given.contacts.intervals
+        known = prepared.results.contacts.intervals
         open_ = [
             _interval(prepared, group, vector) for group in groups if known is not None and group.name in known.names
         ]
@@ -136,41 +138,41 @@ def _components(
 
 def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Level]:
     """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
-    model = prepared.given.model
+    model = prepared.results.model
     if not block:
         return [Level(prepared.weight, "body weight", "middle")] if prepared.weight and len(who) < 2 else []
-    own = next((one for one in who if one.name == block), None)
-    if own is None or model is None:
+    subject = next((person for person in who if person.name == block), None)
+    if subject is None or model is None:
         return []
-    mass = sum(model.body(name).mass for name in own.bodies)
-    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {own.name}", "middle")]
+    mass = sum(model.body(name).mass for name in subject.bodies)
+    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {subject.name}", "middle")]
 
 
 def _at_instants(prepared: Prepared) -> bool:
     """Whether intervals are known so seldom that nothing can be drawn between them."""
-    intervals, forces = prepared.given.contacts.intervals, prepared.given.contacts.forces
+    intervals, forces = prepared.results.contacts.intervals, prepared.results.contacts.forces
     if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
         return True
     return float(np.median(np.diff(intervals.time))) > SELDOM * float(np.median(np.diff(forces.time)))
 
 
 def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
-    intervals = prepared.given.contacts.intervals
+    intervals = prepared.results.contacts.intervals
     assert intervals is not None
-    k = intervals.names.index(group.name)
-    ends = np.stack([intervals.lower[:, k] * vector, intervals.upper[:, k] * vector])
+    column = intervals.names.index(group.name)
+    ends = np.stack([intervals.lower[:, column] * vector, intervals.upper[:, column] * vector])
     return Band(intervals.time, ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1), group.style)
 
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
     """A row of marks at frames that contacts could not carry; "" where there are none."""
-    if not prepared.given.contacts.infeasible:
+    if not prepared.results.contacts.infeasible:
         return ""
     along = behind.frame(0.0, 12.0).x
     marks = [
-        mark("path", "infeasible", f"{number(one.time, 0.001)} s", d=f"M{float(along.at(one.time)):.1f} 1v10")
-        for one in prepared.given.contacts.infeasible
-        if behind.span[0] <= one.time <= behind.span[1]
+        mark("path", "infeasible", f"{number(contact.time, 0.001)} s", d=f"M{float(along.at(contact.time)):.1f} 1v10")
+        for contact in prepared.results.contacts.infeasible
+        if behind.span[0] <= contact.time <= behind.span[1]
     ]
     return drawing(
         "", "Infeasible contact frames", (WIDTH, 12), text(2, 10, "infeasible", "tick end"), *marks, unit=None
@@ -184,7 +186,7 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
     for group in groups:
         vertical = f"{number(float(np.nanmean(group.forces @ vectors[0])))} N"
         largest = float(np.nanmax(np.linalg.norm(group.forces, axis=1)))
-        share = "".join(f" ({largest / one.value:.2f} BW)" for one in _weight(prepared, group.block, who))
+        share = "".join(f" ({largest / weight.value:.2f} BW)" for weight in _weight(prepared, group.block, who))
         off = (_difference(group, vector) for vector in vectors)
         rows.append((group.label, vertical, f"{number(largest)} N{share}", *off))
     compared = tuple(f"RMS off measured, {name}" for name in names)
@@ -206,8 +208,9 @@ def _difference(group: Group, vector: Array) -> str:
     return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
 
 
-def _infeasible_grid(report_input: ReportInput) -> Grid:
+def _infeasible_grid(results: ReportInput) -> Grid:
     rows = tuple(
-        (f"{number(one.time, 0.001)} s", one.relaxation or "none found") for one in report_input.contacts.infeasible
+        (f"{number(contact.time, 0.001)} s", contact.relaxation or "none found")
+        for contact in results.contacts.infeasible
     )
     return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

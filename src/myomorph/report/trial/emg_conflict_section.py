@@ -15,7 +15,7 @@ SHOWN = 20
 
 def emg_conflict_section(prepared: Prepared) -> Section | None:
     """Stretches in which muscles leave their EMG, and in which reserves bear what EMG leaves."""
-    conflicts = prepared.given.emg_conflicts
+    conflicts = prepared.results.emg_conflicts
     if conflicts is None:
         return None
     muscles = [conflict for conflict in conflicts if conflict.muscle]
@@ -34,8 +34,8 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     return Section("emg-conflicts", "EMG against joint torques", lead, (), (), tuple(grids))
 
 
-def _row(emg_conflict: EmgConflict) -> tuple[str, ...]:
-    times = (f"{number(value, 0.001)} s" for value in (emg_conflict.start, emg_conflict.stop, emg_conflict.worst))
-    if emg_conflict.muscle:
-        return emg_conflict.muscle, *times, number(emg_conflict.emg, 0.01), number(emg_conflict.found, 0.01)
-    return emg_conflict.coordinate, *times, number(emg_conflict.emg), number(emg_conflict.found)
+def _row(conflict: EmgConflict) -> tuple[str, ...]:
+    times = (f"{number(value, 0.001)} s" for value in (conflict.start, conflict.stop, conflict.worst))
+    if conflict.muscle:
+        return conflict.muscle, *times, number(conflict.emg, 0.01), number(conflict.found, 0.01)
+    return conflict.coordinate, *times, number(conflict.emg), number(conflict.found)

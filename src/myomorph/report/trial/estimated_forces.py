@@ -17,7 +17,7 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.report.page.parts import Verdict
 from myomorph.report.page.quantity import Quantity
-from myomorph.report.trial.given import ReportInput, Situation
+from myomorph.report.trial.report_input import ReportInput, Situation
 from myomorph.report.trial.tables import judged_residual
 
 SITUATIONS: Mapping[Situation, str] = FrozenMap(
@@ -35,33 +35,29 @@ BETWEEN = "between"
 ORDINAL = ("first", "second", "third", "fourth")
 
 
-def situation_of(report_input: ReportInput) -> Situation:
+def situation_of(results: ReportInput) -> Situation:
     """How the contact forces of a recording are known, "" where there are none."""
-    if report_input.contacts.situation:
-        return report_input.contacts.situation
-    if report_input.contacts.forces is None:
-        return (
-            "measured"
-            if report_input.dynamics.wrenches is not None and len(report_input.dynamics.wrenches.names)
-            else ""
-        )
-    if report_input.contacts.touches is not None and any(
-        interval.source == "sound" for interval in report_input.contacts.touches.intervals
+    if results.contacts.situation:
+        return results.contacts.situation
+    if results.contacts.forces is None:
+        return "measured" if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names) else ""
+    if results.contacts.touches is not None and any(
+        interval.source == "sound" for interval in results.contacts.touches.intervals
     ):
         return "sound"
     return "unknown"
 
 
-def acting_forces(report_input: ReportInput) -> Wrenches | None:
+def acting_forces(results: ReportInput) -> Wrenches | None:
     """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated in their place."""
-    forces = report_input.contacts.forces
+    forces = results.contacts.forces
     if forces is None or not len(forces) or not forces.sites:
-        return report_input.dynamics.wrenches
+        return results.dynamics.wrenches
     estimated = group_forces(forces)
-    measured = report_input.dynamics.wrenches
+    measured = results.dynamics.wrenches
     if measured is None or not len(measured.names):
         return estimated
-    instead = _instead(forces, measured, report_input.model)
+    instead = _instead(forces, measured, results.model)
     if instead.all():
         return estimated
     time = estimated.time
@@ -75,8 +71,8 @@ def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> 
     """(frames, wrenches) whether contacts were estimated then where a wrench was measured."""
     bodies = _bodies(forces, model)
     result = np.zeros((len(forces), len(measured.names)), dtype=bool)
-    for k, site in enumerate(forces.sites):
-        on = forces.strengths[:, k] > 0.0
+    for column, site in enumerate(forces.sites):
+        on = forces.strengths[:, column] > 0.0
         for j, body in enumerate(measured.bodies):
             if not body or body in bodies[site.group]:
                 result[on, j] = True
@@ -97,13 +93,15 @@ def group_forces(forces: ContactForces) -> Wrenches:
     first: dict[str, str] = {}
     for site in forces.sites:
         first.setdefault(site.group, site.body)
-    return replace(forces, sites=tuple(replace(one, body=first[one.group]) for one in forces.sites)).wrenches("group")
+    return replace(forces, sites=tuple(replace(site, body=first[site.group]) for site in forces.sites)).wrenches(
+        "group"
+    )
 
 
 def _at(time: Array, clock: Array, values: Array) -> Array:
     """Columns (samples, n, 3) at other times, by the straight line between samples; NaN outside."""
     flat = values.reshape(len(values), -1)
-    columns = [np.interp(time, clock, one, left=np.nan, right=np.nan) for one in flat.T]
+    columns = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in flat.T]
     return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
 
 
@@ -138,11 +136,11 @@ def groups_of(
     """Estimated forces by group, each beside what was measured on its bodies; of two bodies the force on the first."""
     near = _bodies(forces, model)
     names = tuple(dict.fromkeys(site.group for site in forces.sites))
-    members = {name: [index for index, one in enumerate(forces.sites) if one.group == name] for name in names}
-    first = {name: forces.sites[own[0]] for name, own in members.items()}
+    members = {name: [index for index, site in enumerate(forces.sites) if site.group == name] for name in names}
+    first = {name: forces.sites[indices[0]] for name, indices in members.items()}
     limbs = {name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names}
     blocks = {name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names}
-    found = []
+    groups = []
     for name, member in members.items():
         known = None
         columns = (
@@ -152,43 +150,43 @@ def groups_of(
             known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
             size = np.linalg.norm(np.nan_to_num(known), axis=1)
             known[size < LOADED * size.max(initial=0.0)] = np.nan
-        beside = [one for one in names if blocks[one] == blocks[name]]
+        beside = [other for other in names if blocks[other] == blocks[name]]
         side = limbs[name].side
-        alone = bool(side) and [limbs[one].side for one in beside].count(side) == 1
+        alone = bool(side) and [limbs[other].side for other in beside].count(side) == 1
         style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
         against = first[name].against
         label = row_label(name, who) + (f" on {row_label(against, who).lower()}" if against != GROUND else "")
         ready = np.asarray((forces.strengths[:, member] > 0.0).any(axis=1))
         force = forces.forces[:, member].sum(axis=1)
-        found.append(Group(name, label, blocks[name], style, against, force, ready, known))
-    return tuple(found)
+        groups.append(Group(name, label, blocks[name], style, against, force, ready, known))
+    return tuple(groups)
 
 
-def contact_verdicts(report_input: ReportInput, height: float) -> list[Verdict]:
+def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
     """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015).
 
     Parameters
     ----------
     height : mean height of the center of mass over the ground [m]
     """
-    if report_input.contacts.forces is None or not len(report_input.contacts.forces):
+    if results.contacts.forces is None or not len(results.contacts.forces):
         return []
     rows: list[Verdict] = []
-    acting = acting_forces(report_input)
+    acting = acting_forces(results)
     total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
-    residuals = report_input.contacts.residuals
+    residuals = results.contacts.residuals
     if residuals is not None and peak > 0.0:
         for what, scale in (("force", peak), ("moment", peak * height)):
             names = [name.removeprefix("residual_") for name in residuals.names]
-            own = [index for index, name in enumerate(names) if name.startswith(what[0].upper())]
-            values = np.linalg.norm(residuals.values[:, own], axis=1)
-            if own and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
+            columns = [index for index, name in enumerate(names) if name.startswith(what[0].upper())]
+            values = np.linalg.norm(residuals.values[:, columns], axis=1)
+            if columns and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
                 detail = f" left over once contacts carry; F = {peak:.4g} N"
-                found = judged_residual(what, values, residuals.time, scale, contacts=True)
-                rows += [replace(row, detail=row.detail + detail) for row, _ in found]
-    lost = report_input.contacts.infeasible
+                verdicts = judged_residual(what, values, residuals.time, scale, contacts=True)
+                rows += [replace(row, detail=row.detail + detail) for row, _ in verdicts]
+    lost = results.contacts.infeasible
     first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
-    unit = f"of {len(report_input.contacts.forces)}"
+    unit = f"of {len(results.contacts.forces)}"
     rows.append(Verdict(Quantity.INFEASIBLE_CONTACT, float(len(lost)), unit, 0.0, time=first, detail=relaxation))
     return rows

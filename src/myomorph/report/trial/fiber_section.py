@@ -11,8 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.given import ShownTension
 from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.report_input import ShownTension
 from myomorph.tension.fibers import Fibers
 
 STYLES = ("first", "second")
@@ -23,8 +23,8 @@ SHOWN = 8
 
 def fiber_section(prepared: Prepared) -> Section | None:
     """Normalized fiber lengths, tendon strains, and powers of fiber and tendon of the major muscles."""
-    tension = prepared.given.tension
-    if tension is None or tension.fibers is None or not len(tension.time) or prepared.given.model is None:
+    tension = prepared.results.tension
+    if tension is None or tension.fibers is None or not len(tension.time) or prepared.results.model is None:
         return None
     fibers = tension.fibers
     mean = np.nan_to_num(tension.forces).mean(axis=0)
@@ -49,11 +49,11 @@ def fiber_section(prepared: Prepared) -> Section | None:
 
 def _charts(prepared: Prepared, tension: ShownTension, fibers: Fibers, pair: Pair) -> Iterator[str]:
     """Length and strain of both sides, and powers of the first."""
-    model = prepared.given.model
+    model = prepared.results.model
     assert model is not None
     columns = [(names[0], tension.muscles.index(names[0])) for names in pair.members.values()][: len(STYLES)]
     optimal = [model.muscle(name).optimal_fiber_length for name, _ in columns]
-    normal = [fibers.lengths[:, m] / one for (_, m), one in zip(columns, optimal, strict=True)]
+    normal = [fibers.lengths[:, m] / optimum for (_, m), optimum in zip(columns, optimal, strict=True)]
     strains = [100.0 * fibers.tendon_strains[:, m] for _, m in columns]
     names = [name for name, _ in columns]
     first, at = columns[0]
@@ -86,9 +86,11 @@ def _lines(time: Array, values: list[Array], labels: list[str], ends: np.ndarray
 def _grids(tension: ShownTension, fibers: Fibers) -> tuple[Grid, ...]:
     """Muscles on rigid tendons: those that cannot reach with place and size, the others by name."""
     rows = []
-    for one in fibers.unreachable:
-        why = "path shorter than the slack tendon" if one.worst <= 0.0 else "fibers too long"
-        rows.append((one.muscle, f"{number(tension.time[one.frame], 0.001)} s", number(one.worst), why))
-    cannot = {one.muscle for one in fibers.unreachable}
+    for unreachable in fibers.unreachable:
+        why = "path shorter than the slack tendon" if unreachable.worst <= 0.0 else "fibers too long"
+        rows.append(
+            (unreachable.muscle, f"{number(tension.time[unreachable.frame], 0.001)} s", number(unreachable.worst), why)
+        )
+    cannot = {unreachable.muscle for unreachable in fibers.unreachable}
     rows += [(name, "", "", "rigid in the model, or without curves") for name in fibers.rigid if name not in cannot]
     return (Grid(HEAD, tuple(rows), "Muscles on rigid tendons", len(rows) > 12),) if rows else ()

@@ -64,8 +64,8 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
     columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
     bars = [
         bar_plot(
-            title if k == 0 else "",
-            "cm" if k == 0 else "",
+            title if place == 0 else "",
+            "cm" if place == 0 else "",
             [fit.marker_names[i] for i in part],
             [largest[part], rms[part]],
             ["second", "first"],
@@ -74,18 +74,18 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
             width=505,
             peak=peak,
         )
-        for k, part in enumerate(columns)
+        for place, part in enumerate(columns)
     ]
     return [over_time, *bars]
 
 
 def axis_names(up: Array) -> tuple[list[Array], list[str]]:
     """Unit vectors up, along and across, with their printed names; the ground's own axes where they are."""
-    k = int(np.argmax(np.abs(up)))
+    vertical = int(np.argmax(np.abs(up)))
     letters = "xyz"
-    others = [i for i in range(3) if i != k]
+    others = [i for i in range(3) if i != vertical]
     vectors = [np.asarray(up, dtype=np.float64)] + [np.eye(3)[i] for i in others]
-    return vectors, [f"vertical ({letters[k]})", *(f"horizontal ({letters[i]})" for i in others)]
+    return vectors, [f"vertical ({letters[vertical]})", *(f"horizontal ({letters[i]})" for i in others)]
 
 
 def wrench_styles(wrenches: Wrenches) -> list[tuple[str, str]]:
@@ -109,7 +109,7 @@ def force_figures(
     factor, unit = scaled_unit("N", wrenches.forces)
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
         components = factor * (wrenches.forces @ vector)
-        lines = [Line(wrenches.time, components[:, k], style, label) for k, (label, style) in enumerate(styles)]
+        lines = [Line(wrenches.time, components[:, axis], style, label) for axis, (label, style) in enumerate(styles)]
         if i == 0 and len(styles) > 1:
             total = Line(wrenches.time, np.nan_to_num(components).sum(axis=1), "middle", "sum")
             lines.insert(0, total)
@@ -137,9 +137,9 @@ class Ground:
     @staticmethod
     def under(up: Array) -> Ground:
         """Of a vertical (3,)."""
-        k = int(np.argmax(np.abs(up)))
-        first, second = (i for i in range(3) if i != k)
-        return Ground((first, second), np.array([1.0, -1.0 if k == 1 else 1.0]))
+        vertical = int(np.argmax(np.abs(up)))
+        first, second = (i for i in range(3) if i != vertical)
+        return Ground((first, second), np.array([1.0, -1.0 if vertical == 1 else 1.0]))
 
     @property
     def axes(self) -> tuple[str, str]:
@@ -258,11 +258,11 @@ def activation_panel(
 
 def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float]) -> Array | None:
     """Mean of columns (frames,), weighted by the strength of each muscle; None where none exists."""
-    found = [name for name in names if name in series.names]
-    if not found:
+    known = [name for name in names if name in series.names]
+    if not known:
         return None
-    weights = np.array([max(strengths.get(name, 1.0), 1e-12) for name in found])
-    return np.stack([series[name] for name in found], axis=1) @ weights / weights.sum()
+    weights = np.array([max(strengths.get(name, 1.0), 1e-12) for name in known])
+    return np.stack([series[name] for name in known], axis=1) @ weights / weights.sum()
 
 
 def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequence[Event]) -> str:

@@ -39,123 +39,113 @@ LIGHT = 0.002
 """Share of the body's mass under which a link of a model of many links is left out of a chart."""
 
 
-def identification_sections(identification_input: IdentificationInput) -> list[Section]:
+def identification_sections(identified: IdentificationInput) -> list[Section]:
     """All sections that what was given allows."""
-    styles = dict(zip(identification_input.parameters, STYLES, strict=False))
+    styles = dict(zip(identified.parameters, STYLES, strict=False))
     made = (
-        body_section(identification_input),
-        mass_section(identification_input),
-        segment_section(identification_input),
-        base_section(identification_input),
-        *(validation_section(check, styles, i) for i, check in enumerate(identification_input.validation)),
-        calibration_section(identification_input),
+        body_section(identified),
+        mass_section(identified),
+        segment_section(identified),
+        base_section(identified),
+        *(validation_section(check, styles, i) for i, check in enumerate(identified.validation)),
+        calibration_section(identified),
     )
-    return [one for one in made if one is not None]
+    return [section for section in made if section is not None]
 
 
-def body_section(identification_input: IdentificationInput) -> Section:
+def body_section(identified: IdentificationInput) -> Section:
     """The body colored by how much of each link is known from the data, and what identification had to say."""
-    figures = [Figure(body_picture(identification_input), "medium")] if identification_input.model.bodies else []
-    if len(identification_input.share):
-        masses = np.array([body.mass for body in identification_input.model.bodies])
-        order = np.argsort(-np.nan_to_num(identification_input.share, nan=-1.0), kind="stable")
+    figures = [Figure(body_picture(identified), "medium")] if identified.model.bodies else []
+    if len(identified.share):
+        masses = np.array([body.mass for body in identified.model.bodies])
+        order = np.argsort(-np.nan_to_num(identified.share, nan=-1.0), kind="stable")
         order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > MAX_OPEN_ROWS else order
-        names = [identification_input.model.body_names[i] for i in order]
-        share = [100.0 * identification_input.share[order]]
+        names = [identified.model.body_names[i] for i in order]
+        share = [100.0 * identified.share[order]]
         plot = dot_plot("Information from the data", "%", names, share, ["first"], ["share"], 520)
         figures.append(Figure(plot, "medium"))
-    lead = f"{number(identification_input.model.mass)} kg in {len(identification_input.model.bodies)} links"
-    lead += f", masses “{identification_input.chosen}”" if identification_input.chosen else ""
-    lead += f"; mass points: {identification_input.source}" if identification_input.source else ""
+    lead = f"{number(identified.model.mass)} kg in {len(identified.model.bodies)} links"
+    lead += f", masses “{identified.chosen}”" if identified.chosen else ""
+    lead += f"; mass points: {identified.source}" if identified.source else ""
     lead += "."
-    if len(identification_input.share):
+    if len(identified.share):
         lead += (
             " Colors: how much of the information on a link comes from motion and forces (blue) rather than from "
             "the shape of the body (red)."
         )
-    wrong = [check for check in identification_input.checks if not check.possible]
-    if identification_input.checks:
-        words = "; ".join(f"{one.link}, {one.reason}" for one in wrong[:5])
-        count = len(identification_input.checks)
+    wrong = [check for check in identified.checks if not check.possible]
+    if identified.checks:
+        words = "; ".join(f"{check.link}, {check.reason}" for check in wrong[:5])
+        count = len(identified.checks)
         lead += f" {len(wrong)} of {count} links are not physically possible: {words}." if wrong else ""
         lead += "" if wrong else f" All {count} links are physically possible."
     grids = []
-    if identification_input.left_out:
-        frames = identification_input.frames or sum(identification_input.left_out.values())
-        lost = identification_input.left_out.items()
+    if identified.left_out:
+        frames = identified.frames or sum(identified.left_out.values())
+        lost = identified.left_out.items()
         rows = tuple((why, number(count, 1.0), f"{number(100.0 * count / frames)} %") for why, count in lost)
         grids.append(Grid(("Reason", "Frames", "Of all"), rows, "Frames excluded"))
-    if identification_input.notes:
-        grids.append(
-            Grid(("Note",), tuple((text,) for text in identification_input.notes), "Notes of the identification")
-        )
-    title = "The identified body" if identification_input.parameters else "The body"
+    if identified.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in identified.notes), "Notes of the identification"))
+    title = "The identified body" if identified.parameters else "The body"
     return Section("body-identified", title, lead, (), tuple(figures), tuple(grids))
 
 
-def body_picture(identification_input: IdentificationInput) -> str:
+def body_picture(identified: IdentificationInput) -> str:
     """The model from its right side and from the front as one drawing with its scale of colors."""
-    model = replace(identification_input.model, muscles=())
-    pose = identification_input.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
-    scene = make_scene(model, pose, [0], identification_input.surfaces)
-    share = identification_input.share if len(identification_input.share) else np.full(len(model.bodies), np.nan)
+    model = replace(identified.model, muscles=())
+    pose = identified.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
+    scene = make_scene(model, pose, [0], identified.surfaces)
+    share = identified.share if len(identified.share) else np.full(len(model.bodies), np.nan)
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])
     drawn = pictures(scene, 560, 560, colors)
-    palette, ends = (
-        (LEVEL, ("from the shape", "half", "from the data")) if len(identification_input.share) else (None, ())
-    )
+    palette, ends = (LEVEL, ("from the shape", "half", "from the data")) if len(identified.share) else (None, ())
     return picture_row("The identified body", drawn, palette=palette, ends=ends)
 
 
-def mass_section(identification_input: IdentificationInput) -> Section | None:
+def mass_section(identified: IdentificationInput) -> Section | None:
     """Masses per link by method, their spread along the spine, and whether each link is possible."""
-    if not identification_input.parameters:
+    if not identified.parameters:
         return None
-    masses = identification_input.masses
+    masses = identified.masses
     heavy = np.argsort(-next(iter(masses.values())), kind="stable")
     shown = [i for i in heavy if max(mass[i] for mass in masses.values()) >= 0.001]
-    names, values = [identification_input.model.body_names[i] for i in shown], [mass[shown] for mass in masses.values()]
+    names, values = [identified.model.body_names[i] for i in shown], [mass[shown] for mass in masses.values()]
     plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
-    grids = [
-        _grid(
-            mass_sheet(identification_input),
-            "Mass of each link [kg]",
-            len(identification_input.model.bodies) > MAX_OPEN_ROWS,
-        )
-    ]
-    spine = spine_sheet(identification_input)
+    grids = [_grid(mass_sheet(identified), "Mass of each link [kg]", len(identified.model.bodies) > MAX_OPEN_ROWS)]
+    spine = spine_sheet(identified)
     if spine.rows:
         grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
-    if identification_input.checks:
-        sheet = link_sheet(identification_input)
-        keep = [sheet.head.index(one) for one in ("link", "mass [kg]", "share from the data", sheet.head[5], "possible",
-                                                  "reason")]  # fmt: skip
+    if identified.checks:
+        sheet = link_sheet(identified)
+        printed = ("link", "mass [kg]", "share from the data", sheet.head[5], "possible", "reason")
+        keep = [sheet.head.index(name) for name in printed]
         cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
-        grids.append(_grid(cut, f"Physical consistency of {len(identification_input.checks)} links", True))
-    left = len(identification_input.model.bodies) - len(shown)
+        grids.append(_grid(cut, f"Physical consistency of {len(identified.checks)} links", True))
+    left = len(identified.model.bodies) - len(shown)
     lead = "Every method's mass of every link, heaviest first."
     lead += f" {left} links below one gram are only in the table." if left else ""
     legend = tuple(zip(STYLES, masses, strict=False))
     return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
 
-def segment_section(identification_input: IdentificationInput) -> Section | None:
+def segment_section(identified: IdentificationInput) -> Section | None:
     """Shares of the body's mass beside athletes', and which link counts to which segment."""
-    if not identification_input.parameters or not segments_given(identification_input):
+    if not identified.parameters or not segments_given(identified):
         return None
-    masses = identification_input.masses
-    chosen = identification_input.chosen if identification_input.chosen in masses else next(iter(masses))
+    masses = identified.masses
+    chosen = identified.chosen if identified.chosen in masses else next(iter(masses))
     rows = []
     for name, athletes in ATHLETES.items():
-        right = [segment_share(identification_input, mass, name, "right") for mass in masses.values()]
-        left = segment_share(identification_input, masses[chosen], name, "left")
+        right = [segment_share(identified, mass, name, "right") for mass in masses.values()]
+        left = segment_share(identified, masses[chosen], name, "left")
         paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
         label = name.replace(" ", "\u00a0")
         rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
-    segments = segments_given(identification_input)
+    segments = segments_given(identified)
     members: dict[str, list[str]] = {}
-    for body in identification_input.model.body_names:
+    for body in identified.model.body_names:
         if body in segments:
             members.setdefault(segment_words(segments[body]).capitalize(), []).append(body)
     links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
@@ -172,9 +162,9 @@ def segment_section(identification_input: IdentificationInput) -> Section | None
     return Section("segments", "Segments of the body", lead, (), (), grids)
 
 
-def base_section(identification_input: IdentificationInput) -> Section | None:
+def base_section(identified: IdentificationInput) -> Section | None:
     """How well the base parameters are known, and what no motion, or not this one, shows."""
-    base = identification_input.base
+    base = identified.base
     if base is None:
         return None
     well = int(np.sum(base.shown & (base.relative_sd < WELL_KNOWN)))
@@ -188,17 +178,17 @@ def base_section(identification_input: IdentificationInput) -> Section | None:
     plot = rank_plot(*words, base.names, base.relative_sd, limits, base.shown, 880)
     grids = [_base_grid(base)]
     if np.isfinite(base.residual).any():
-        cells = tuple(f"{number(float(one))} {unit}" for unit, one in zip(UNITS, base.residual, strict=True))
+        cells = tuple(f"{number(float(residual))} {unit}" for unit, residual in zip(UNITS, base.residual, strict=True))
         grids.insert(0, Grid(COMPONENTS, (cells,), "Residual of the base parameters, root mean square"))
-    misfit = misfit_sheet(identification_input)
+    misfit = misfit_sheet(identified)
     if misfit.rows:
         grids.insert(0, _grid(misfit, "Residual of the base wrench in the frames used, root mean square of its norm"))
-    if identification_input.from_shape:
-        rows = tuple((link, ", ".join(names)) for link, names in identification_input.from_shape.items())
+    if identified.from_shape:
+        rows = tuple((link, ", ".join(names)) for link, names in identified.from_shape.items())
         grids.append(Grid(("Link", "Parameters"), rows, "Parameters that come from the shape of the body", True))
     for title, names in (
-        ("Not identifiable from this motion", identification_input.not_shown),
-        ("Not identifiable from any motion", identification_input.never_shown),
+        ("Not identifiable from this motion", identified.not_shown),
+        ("Not identifiable from any motion", identified.never_shown),
     ):
         if names:
             grids.append(Grid((title,), tuple((name,) for name in names), f"{title}: {len(names)}", True))
@@ -227,8 +217,8 @@ def _grid(sheet: Sheet, title: str, folded: bool = False) -> Grid:
             return "–"
         return number(cell) if isinstance(cell, float) else str(cell)
 
-    head = tuple(_short(one) for one in sheet.head)
-    return Grid(head, tuple(tuple(words(one) for one in row) for row in sheet.rows), title, folded)
+    head = tuple(_short(name) for name in sheet.head)
+    return Grid(head, tuple(tuple(words(cell) for cell in row) for row in sheet.rows), title, folded)
 
 
 def _short(name: str) -> str:

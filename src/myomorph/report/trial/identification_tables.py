@@ -37,7 +37,7 @@ class Sheet:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.head)
         for row in self.rows:
-            writer.writerow(["" if _empty(one) else repr(one) if isinstance(one, float) else one for one in row])
+            writer.writerow(["" if _empty(cell) else repr(cell) if isinstance(cell, float) else cell for cell in row])
         return text.getvalue()
 
 
@@ -78,31 +78,26 @@ _SPINE = (
 )
 
 
-def segments_given(identification_input: IdentificationInput) -> Mapping[str, Segment]:
+def segments_given(identified: IdentificationInput) -> Mapping[str, Segment]:
     """Segment of each body: as given, else by the bodies' names; none of a model whose names contain none."""
     try:
-        return identification_input.segments or segments_of(identification_input.model)
+        return identified.segments or segments_of(identified.model)
     except BadData:
         return {}
 
 
-def mass_sheet(identification_input: IdentificationInput) -> Sheet:
+def mass_sheet(identified: IdentificationInput) -> Sheet:
     """Mass of every link by every method [kg], its sum last ([D] tables 3.1 and 3.2), and intervals."""
-    masses = identification_input.masses
-    own = identification_input.model.bodies
-    known = len(identification_input.sd) > 0
+    masses = identified.masses
+    bodies = identified.model.bodies
+    known = len(identified.sd) > 0
     rows: list[tuple[Cell, ...]] = []
-    for i, body in enumerate(identification_input.model.body_names):
+    for i, body in enumerate(identified.model.body_names):
         row: tuple[Cell, ...] = (body, *(float(mass[i]) for mass in masses.values()))
         if known:
-            reach = NINETY * float(identification_input.sd[i, 0])
-            low, high = max(float(own[i].mass) - reach, 0.0), float(own[i].mass) + reach
-            row += (
-                float(identification_input.sd[i, 0]),
-                low,
-                high,
-                "data" if identification_input.from_data[i, 0] else "prior",
-            )
+            reach = NINETY * float(identified.sd[i, 0])
+            low, high = max(float(bodies[i].mass) - reach, 0.0), float(bodies[i].mass) + reach
+            row += (float(identified.sd[i, 0]), low, high, "data" if identified.from_data[i, 0] else "prior")
         rows.append(row)
     total: tuple[Cell, ...] = (
         "Total",
@@ -113,7 +108,7 @@ def mass_sheet(identification_input: IdentificationInput) -> Sheet:
     return Sheet(head + (TRUST if known else ()), (*rows, total))
 
 
-def parameter_sheet(identification_input: IdentificationInput) -> Sheet:
+def parameter_sheet(identified: IdentificationInput) -> Sheet:
     """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
 
     Below the methods stand the standard deviations of the model's parameters, and whether data or prior say them.
@@ -121,19 +116,16 @@ def parameter_sheet(identification_input: IdentificationInput) -> Sheet:
     units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
     head = ("method", "link", *(f"{name} [{unit}]" for name, unit in zip(PARAMETERS, units, strict=True)))
     rows: list[tuple[Cell, ...]] = [
-        (method, body, *(float(one) for one in row))
-        for method, table in identification_input.parameters.items()
-        for body, row in zip(identification_input.model.body_names, table, strict=True)
+        (method, body, *(float(parameter) for parameter in row))
+        for method, table in identified.parameters.items()
+        for body, row in zip(identified.model.body_names, table, strict=True)
     ]
-    if len(identification_input.sd):
-        names = identification_input.model.body_names
+    if len(identified.sd):
+        names = identified.model.body_names
+        rows += [("standard deviation", name, *map(float, row)) for name, row in zip(names, identified.sd, strict=True)]
         rows += [
-            ("standard deviation", name, *map(float, row))
-            for name, row in zip(names, identification_input.sd, strict=True)
-        ]
-        rows += [
-            ("determined by", name, *("data" if one else "prior" for one in row))
-            for name, row in zip(names, identification_input.from_data, strict=True)
+            ("determined by", name, *("data" if from_data else "prior" for from_data in row))
+            for name, row in zip(names, identified.from_data, strict=True)
         ]
     return Sheet(head, tuple(rows))
 
@@ -148,17 +140,17 @@ def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
     return result
 
 
-def spine_sheet(identification_input: IdentificationInput) -> Sheet:
+def spine_sheet(identified: IdentificationInput) -> Sheet:
     """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3)."""
-    masses = identification_input.masses
+    masses = identified.masses
     rows: list[tuple[Cell, ...]] = [
         (group, len(members), *(float(np.std(mass[members])) for mass in masses.values()))
-        for group, members in spine_groups(identification_input.model.body_names).items()
+        for group, members in spine_groups(identified.model.body_names).items()
     ]
     return Sheet(("link group", "links", *(f"{name} [kg]" for name in masses)), tuple(rows))
 
 
-def segment_share(identification_input: IdentificationInput, masses: Array, row: str, side: str) -> float | None:
+def segment_share(identified: IdentificationInput, masses: Array, row: str, side: str) -> float | None:
     """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link.
 
     Parameters
@@ -166,46 +158,42 @@ def segment_share(identification_input: IdentificationInput, masses: Array, row:
     masses : (bodies,) [kg]
     side : "right" or "left", for segments that come in pairs
     """
-    segments = segments_given(identification_input)
+    segments = segments_given(identified)
     members = [
         i
-        for i, body in enumerate(identification_input.model.body_names)
+        for i, body in enumerate(identified.model.body_names)
         if body in segments and segments[body].name in _PARTS[row] and segments[body].side in ("", side)
     ]
     total = float(masses.sum())
     return 100.0 * float(masses[members].sum()) / total if members and total > 0.0 else None
 
 
-def segment_sheet(identification_input: IdentificationInput) -> Sheet:
+def segment_sheet(identified: IdentificationInput) -> Sheet:
     """Segments' shares of the body's mass [%] beside athletes' ([D] table 3.4), right and left."""
-    masses = identification_input.masses
+    masses = identified.masses
     head = ["segment", "athletes (Ae et al. 1992) [%]"]
     head += [f"{name}, {side} [%]" for side in ("right", "left") for name in masses]
     rows = [
         (row, ATHLETES[row])
-        + tuple(
-            segment_share(identification_input, mass, row, side)
-            for side in ("right", "left")
-            for mass in masses.values()
-        )
+        + tuple(segment_share(identified, mass, row, side) for side in ("right", "left") for mass in masses.values())
         for row in _PARTS
     ]
     return Sheet(tuple(head), tuple(rows))
 
 
-def link_sheet(identification_input: IdentificationInput) -> Sheet:
+def link_sheet(identified: IdentificationInput) -> Sheet:
     """Segment of every link ([D] table 3.5), and how well it is known and whether it is possible."""
-    segments = segments_given(identification_input)
-    checks = {one.link: one for one in identification_input.checks}
+    segments = segments_given(identified)
+    checks = {check.link: check for check in identified.checks}
     rows: list[tuple[Cell, ...]] = []
-    for i, body in enumerate(identification_input.model.body_names):
+    for i, body in enumerate(identified.model.body_names):
         segment, check = segments.get(body), checks.get(body)
         where = ("", "") if segment is None else (segment.name, segment.side)
-        share = float(identification_input.share[i]) if len(identification_input.share) else None
+        share = float(identified.share[i]) if len(identified.share) else None
         judged: tuple[Cell, ...] = (None,) * 4
         if check is not None:
             judged = check.mass, check.least_eigenvalue, "yes" if check.possible else "no", check.reason
-        rows.append((body, *where, share, *judged, ", ".join(identification_input.from_shape.get(body, ()))))
+        rows.append((body, *where, share, *judged, ", ".join(identified.from_shape.get(body, ()))))
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",
         "possible", "reason", "parameters from the shape",
@@ -213,13 +201,13 @@ def link_sheet(identification_input: IdentificationInput) -> Sheet:
     return Sheet(head, tuple(rows))
 
 
-def misfit_sheet(identification_input: IdentificationInput) -> Sheet:
+def misfit_sheet(identified: IdentificationInput) -> Sheet:
     """Root mean square misfit of moment and force by every method, in the frames used and in those held out."""
     rows: list[tuple[Cell, ...]] = [
-        (name, float(one[0]), float(one[1])) for name, one in identification_input.misfit.items()
+        (name, float(errors[0]), float(errors[1])) for name, errors in identified.misfit.items()
     ]
-    for name, one in identification_input.held_out.items():
-        rows.append((f"{name}, on {identification_input.held_out_on}", float(one[0]), float(one[1])))
+    for name, errors in identified.held_out.items():
+        rows.append((f"{name}, on {identified.held_out_on}", float(errors[0]), float(errors[1])))
     return Sheet(("method", "moment [N m]", "force [N]"), tuple(rows))
 
 
@@ -255,7 +243,7 @@ def wrench_errors(check: WrenchCheck) -> list[WrenchError]:
     return result
 
 
-def validation_sheet(identification_input: IdentificationInput) -> Sheet:
+def validation_sheet(identified: IdentificationInput) -> Sheet:
     """Errors of the base wrench on motions not used ([D] figure 3.3), component by component."""
     rows = [
         (
@@ -268,7 +256,7 @@ def validation_sheet(identification_input: IdentificationInput) -> Sheet:
             error.peak,
             error.share,
         )
-        for check in identification_input.validation
+        for check in identified.validation
         for error in wrench_errors(check)
     ]
     head = (
@@ -282,17 +270,19 @@ def wrench_sheet(check: WrenchCheck) -> Sheet:
     """The six components over time, measured and by every method: the curves of [D] figure 3.3."""
     columns = {"measured": check.measured, **check.predicted}
     units = ("N m",) * 3 + ("N",) * 3
-    head = [f"{one} {name} [{unit}]" for name in columns for one, unit in zip(COMPONENTS, units, strict=True)]
+    head = [
+        f"{component} {name} [{unit}]" for name in columns for component, unit in zip(COMPONENTS, units, strict=True)
+    ]
     values = np.hstack([check.time[:, None], *columns.values()])
-    return Sheet(("time [s]", *head), tuple(tuple(float(one) for one in row) for row in values))
+    return Sheet(("time [s]", *head), tuple(tuple(float(value) for value in row) for row in values))
 
 
-def base_sheet(identification_input: IdentificationInput) -> Sheet:
+def base_sheet(identified: IdentificationInput) -> Sheet:
     """Base parameters with their standard deviations."""
     head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
-    if identification_input.base is None:
+    if identified.base is None:
         return Sheet(head, ())
-    base = identification_input.base
+    base = identified.base
     rows = [
         (name, float(value), float(abs(value) * relative), float(relative), "yes" if shown else "no")
         for name, value, relative, shown in zip(base.names, base.estimate, base.relative_sd, base.shown, strict=True)
@@ -300,49 +290,47 @@ def base_sheet(identification_input: IdentificationInput) -> Sheet:
     return Sheet(head, tuple(rows))
 
 
-def length_sheet(identification_input: IdentificationInput) -> Sheet:
+def length_sheet(identified: IdentificationInput) -> Sheet:
     """Link lengths before and after calibration, and their standard deviations [m]."""
-    lengths = () if identification_input.calibration is None else identification_input.calibration.lengths
+    lengths = () if identified.calibration is None else identified.calibration.lengths
     head = ("length", "before [m]", "after [m]", "standard deviation [m]")
     return Sheet(head, tuple((length.name, length.before, length.after, length.sd) for length in lengths))
 
 
-def marker_sheet(identification_input: IdentificationInput) -> Sheet:
+def marker_sheet(identified: IdentificationInput) -> Sheet:
     """How far calibration moved each marker on its body [m]."""
-    moved = {} if identification_input.calibration is None else identification_input.calibration.markers
-    bodies = {marker.name: marker.body for marker in identification_input.model.markers}
+    moved = {} if identified.calibration is None else identified.calibration.markers
+    bodies = {marker.name: marker.body for marker in identified.model.markers}
     return Sheet(
         ("marker", "body", "moved by [m]"), tuple((name, bodies.get(name, ""), far) for name, far in moved.items())
     )
 
 
-def trial_sheet(identification_input: IdentificationInput) -> Sheet:
+def trial_sheet(identified: IdentificationInput) -> Sheet:
     """Marker errors before and after calibration, trial by trial [m]."""
-    errors = () if identification_input.calibration is None else identification_input.calibration.errors
+    errors = () if identified.calibration is None else identified.calibration.errors
     head = ("trial", "used for calibration", "RMS before [m]", "RMS after [m]")
     return Sheet(
         head, tuple((error.trial, "yes" if error.used else "no", error.before, error.after) for error in errors)
     )
 
 
-def identification_tables(identification_input: IdentificationInput) -> dict[str, Sheet]:
+def identification_tables(identified: IdentificationInput) -> dict[str, Sheet]:
     """Every table that was given something, by the name of the file to write it to."""
-    found = {
-        "masses.csv": mass_sheet(identification_input) if identification_input.parameters else None,
-        "parameters.csv": parameter_sheet(identification_input) if identification_input.parameters else None,
-        "spine.csv": spine_sheet(identification_input) if identification_input.parameters else None,
-        "segments.csv": segment_sheet(identification_input)
-        if identification_input.parameters and segments_given(identification_input)
-        else None,
-        "links.csv": link_sheet(identification_input),
-        "misfit.csv": misfit_sheet(identification_input),
-        "base_parameters.csv": base_sheet(identification_input),
-        "cross_validation.csv": validation_sheet(identification_input),
-        "lengths.csv": length_sheet(identification_input),
-        "markers.csv": marker_sheet(identification_input),
-        "marker_errors.csv": trial_sheet(identification_input),
+    sheets = {
+        "masses.csv": mass_sheet(identified) if identified.parameters else None,
+        "parameters.csv": parameter_sheet(identified) if identified.parameters else None,
+        "spine.csv": spine_sheet(identified) if identified.parameters else None,
+        "segments.csv": segment_sheet(identified) if identified.parameters and segments_given(identified) else None,
+        "links.csv": link_sheet(identified),
+        "misfit.csv": misfit_sheet(identified),
+        "base_parameters.csv": base_sheet(identified),
+        "cross_validation.csv": validation_sheet(identified),
+        "lengths.csv": length_sheet(identified),
+        "markers.csv": marker_sheet(identified),
+        "marker_errors.csv": trial_sheet(identified),
     }
-    for i, check in enumerate(identification_input.validation):
+    for i, check in enumerate(identified.validation):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", check.trial)
-        found[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
-    return {name: sheet for name, sheet in found.items() if sheet is not None and sheet.rows}
+        sheets[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
+    return {name: sheet for name, sheet in sheets.items() if sheet is not None and sheet.rows}

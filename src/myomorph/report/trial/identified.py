@@ -75,35 +75,10 @@ class LinkCheck:
 
 @read_only
 @dataclass(frozen=True, eq=False)
-class WrenchCheck:
-    """The base wrench on a motion that identification did not see, [D] figure 3.3.
+class WrenchCheck(CrossValidation):
+    """The base wrench on a motion that identification did not see, and the name of that trial."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    measured : (frames, 6) moment about the base body's origin [N m], then force [N], in ground
-    predicted : the same by each set of masses, by name
-    weight : of the body [N]
-    trial : name of the motion
-    """
-
-    time: Array
-    measured: Array
-    predicted: Mapping[str, Array]
-    weight: float
     trial: str = ""
-
-    def __post_init__(self) -> None:
-        shape = (len(self.time), 6)
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        object.__setattr__(self, "measured", frozen_array(self.measured, shape))
-        predicted = {name: frozen_array(one, shape) for name, one in self.predicted.items()}
-        object.__setattr__(self, "predicted", FrozenMap(predicted))
-
-    @property
-    def errors(self) -> Mapping[str, Array]:
-        """(frames, 6) predicted less measured, by name; NaN where either is missing."""
-        return {name: one - self.measured for name, one in self.predicted.items()}
 
 
 @dataclass(frozen=True)
@@ -229,8 +204,8 @@ class IdentificationInput:
 
     def __post_init__(self) -> None:
         bodies = len(self.model.bodies)
-        given = {name: frozen_array(parameter, (bodies, 10)) for name, parameter in self.parameters.items()}
-        object.__setattr__(self, "parameters", FrozenMap(given))
+        parameters = {name: frozen_array(parameter, (bodies, 10)) for name, parameter in self.parameters.items()}
+        object.__setattr__(self, "parameters", FrozenMap(parameters))
         if len(self.share) not in (0, bodies):
             raise BadData(f"expected the share of {bodies} links, but got {len(self.share)}")
         object.__setattr__(self, "share", frozen_array(self.share, (-1,)))
@@ -296,8 +271,8 @@ def identification_input(
         left_out=identification.left_out,
         frames=sum(recording.frames for recording in identification.recordings),
         validation=tuple(
-            WrenchCheck(one.time, one.measured, one.predicted, one.weight, name)
-            for name, one in (validation or {}).items()
+            WrenchCheck(check.time, check.measured, check.predicted, check.weight, name)
+            for name, check in (validation or {}).items()
         ),
         calibration=calibration,
         surfaces=surfaces,

@@ -20,21 +20,21 @@ HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Im
 
 def joint_contact_section(prepared: Prepared) -> Section | None:
     """Whole force of each joint and the force at each of its contact points, in body weights."""
-    found = prepared.given.joint_contacts
-    if found is None or not len(found) or not np.isfinite(found.totals).any():
+    forces = prepared.results.joint_contacts
+    if forces is None or not len(forces) or not np.isfinite(forces.totals).any():
         return None
     strides = prepared.strides
-    figures = tuple(Figure(_chart(prepared, found, joint, strides), "medium") for joint in found.joints)
+    figures = tuple(Figure(_chart(prepared, forces, joint, strides), "medium") for joint in forces.joints)
     lead = (
         "The force that the joint transmits as a whole, and the pushes of its contact points along their normals, "
         "which balance the force along them and the moment across them. Forces across the normals (ligaments, "
         "friction) are part of the whole only."
     )
-    if any(own_strides(joint, strides) for joint in found.joints):
+    if any(own_strides(joint, strides) for joint in forces.joints):
         lead += " Over the stride: thin lines are strides, the thick one their mean."
-    rest = _left(found)
+    rest = _left(forces)
     legend = [("first", "whole joint")]
-    names = dict.fromkeys(found.points)
+    names = dict.fromkeys(forces.points)
     legend += list(zip(STYLES[1:], list(names)[: len(STYLES) - 1], strict=False))
     rows = tuple(
         (
@@ -43,22 +43,22 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
             f"{number(load.start, 0.001)} s",
             f"{number(load.stop, 0.001)} s",
             f"{number(load.peak)} N",
-            number(load.peak / found.weight),
+            number(load.peak / forces.weight),
             f"{load.peak_percent:.0f} %",
             f"{number(load.impulse)} N·s",
         )
-        for load in stride_loads(found.loads(), strides)
+        for load in stride_loads(forces.loads(), strides)
     )
     grid = Grid(HEAD, rows, "Peaks and impulses by stride", len(rows) > 12)
     return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
 
 
-def _left(joint_contact_forces: JointContactForces) -> str:
+def _left(forces: JointContactForces) -> str:
     """What the points do not carry, joint by joint, as sentences; "" where that is nothing."""
     texts = []
-    for j, joint in enumerate(joint_contact_forces.joints):
-        moment = float(np.nanmax(joint_contact_forces.unbalanced_moments[:, j]))
-        pull = float(np.nanmax(joint_contact_forces.unbalanced_forces[:, j]))
+    for j, joint in enumerate(forces.joints):
+        moment = float(np.nanmax(forces.unbalanced_moments[:, j]))
+        pull = float(np.nanmax(forces.unbalanced_forces[:, j]))
         if moment > 0.1:
             texts.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
         if pull > 1.0:
@@ -67,17 +67,15 @@ def _left(joint_contact_forces: JointContactForces) -> str:
     return f" {text[0].upper()}{text[1:]}." if text else ""
 
 
-def _chart(prepared: Prepared, joint_contact_forces: JointContactForces, joint: str, strides: Strides | None) -> str:
-    own = [index for index, name in enumerate(joint_contact_forces.joint_of) if name == joint]
-    names = ("whole joint", *(joint_contact_forces.points[k] for k in own))
-    columns = [joint_contact_forces.of(joint), *(joint_contact_forces.forces[:, k] for k in own)]
-    loads = Series(joint_contact_forces.time, names, np.stack(columns, axis=1) / joint_contact_forces.weight)
+def _chart(prepared: Prepared, forces: JointContactForces, joint: str, strides: Strides | None) -> str:
+    points = [index for index, name in enumerate(forces.joint_of) if name == joint]
+    names = ("whole joint", *(forces.points[point] for point in points))
+    columns = [forces.of(joint), *(forces.forces[:, point] for point in points)]
+    loads = Series(forces.time, names, np.stack(columns, axis=1) / forces.weight)
     steps = own_strides(joint, strides)
     styles = (STYLES * (1 + len(names) // len(STYLES)))[: len(names)]
     if not steps:
-        lines = [
-            Line(joint_contact_forces.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)
-        ]
+        lines = [Line(forces.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)]
         return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
     cycles = over_cycles(loads, [(step.start, step.stop) for step in steps]).values
     curves = [

@@ -86,19 +86,19 @@ class MotionAnalysis:
 
 def analyse(prepared: Prepared) -> MotionAnalysis | None:
     """The analysis of what was given; None where neither a center of gravity nor contacts are known."""
-    given = prepared.given
+    results = prepared.results
     contacts = _contacts(prepared)
-    who = subjects(given.model) if given.model is not None and prepared.centroid is not None else ()
+    who = subjects(results.model) if results.model is not None and prepared.centroid is not None else ()
     if not who and (contacts is None or not contacts.intervals):
         return None
     sources = tuple({interval.source for interval in contacts.intervals}) if contacts is not None else ()
-    people = sum(1 for one in who if one.muscles)
+    people = sum(1 for subject in who if subject.muscles)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
     walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
     preset = (
-        preset_of(given.analysis.preset)
-        if given.analysis.preset
+        preset_of(results.analysis.preset)
+        if results.analysis.preset
         else fitting_preset(walks, sources, people, len(who) > people > 0)
     )
     persons = _persons(prepared, who, preset)
@@ -107,16 +107,16 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     cutting = cut(
         Cuttable(prepared.span, clock, prepared.events, tuple(limb.label for limb in limbs), touching, nothing, period),
         preset.cuts,
-        given.analysis.phases,
+        results.analysis.phases,
     )
     activations = _activations(prepared, persons)
     center = persons[0].center if persons else None
-    own = _of_first(activations, persons)
-    measures = tuple(measure(stage, center, own, clock, touching) for stage in cutting.stages)
-    rows = _rows(own, clock, limbs, touching)
+    muscles = _of_first(activations, persons)
+    measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
+    rows = _rows(muscles, clock, limbs, touching)
     return MotionAnalysis(
         preset,
-        bool(given.analysis.preset),
+        bool(results.analysis.preset),
         prepared.span,
         tuple(axis_names(prepared.up)[1]),
         persons,
@@ -132,13 +132,13 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
 
 
 def _contacts(prepared: Prepared) -> Contacts | None:
-    given = prepared.given
-    if given.contacts.touches is not None:
-        return given.contacts.touches
-    if given.contacts.forces is not None and given.contacts.forces.sites:
-        return solved_contacts(given.contacts.forces)
-    if given.dynamics.wrenches is not None and len(given.dynamics.wrenches.names):
-        return measured_contacts(given.dynamics.wrenches, prepared.up, prepared.weight)
+    results = prepared.results
+    if results.contacts.touches is not None:
+        return results.contacts.touches
+    if results.contacts.forces is not None and results.contacts.forces.sites:
+        return solved_contacts(results.contacts.forces)
+    if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
+        return measured_contacts(results.dynamics.wrenches, prepared.up, prepared.weight)
     return None
 
 
@@ -155,32 +155,34 @@ def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) ->
 def _clock(prepared: Prepared) -> Array:
     if prepared.centroid is not None:
         return prepared.centroid.time
-    wrenches = prepared.given.dynamics.wrenches
+    wrenches = prepared.results.dynamics.wrenches
     if wrenches is not None and len(wrenches) > 1:
         return wrenches.time[:: max(1, len(wrenches) // MAX_FRAMES)]
     return np.linspace(*prepared.span, 1001)
 
 
 def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tuple[Person, ...]:
-    given, motion = prepared.given, prepared.given.kinematics.motion
-    if given.model is None or motion is None or prepared.centroid is None or not who:
+    results, motion = prepared.results, prepared.results.kinematics.motion
+    if results.model is None or motion is None or prepared.centroid is None or not who:
         return ()
     fewer = thinned(motion, MAX_FRAMES)
-    centers = (prepared.centroid,) if len(who) == 1 else centroids(given.model, fewer, who)
+    centers = (prepared.centroid,) if len(who) == 1 else centroids(results.model, fewer, who)
     vectors = np.stack(axis_names(prepared.up)[0])
-    names = given.tension.muscles if given.tension is not None else ()
-    found = []
-    for one, center in zip(who, centers, strict=True):
+    names = results.tension.muscles if results.tension is not None else ()
+    persons = []
+    for subject, center in zip(who, centers, strict=True):
         series = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
-        lowest = lowest_joint(given.model, fewer, one, prepared.up)
+        lowest = lowest_joint(results.model, fewer, subject, prepared.up)
         height = float(np.nanmean(series.values[:, 0])) if np.isfinite(series.values[:, 0]).any() else float("nan")
         muscles, lacking = named_muscles(
-            [name for name in names if name in set(one.muscles)], preset.muscles if one.muscles else (), one.prefix
+            [name for name in names if name in set(subject.muscles)],
+            preset.muscles if subject.muscles else (),
+            subject.prefix,
         )
         periods = tuple(find_period(series.time, column) if len(series) > 8 else NONE for column in series.values.T)
-        standing = standing_height(given.model, one, prepared.up), height - lowest
-        found.append(Person(one, series, standing, _still(series), periods, muscles, lacking))
-    return tuple(found)
+        standing = standing_height(results.model, subject, prepared.up), height - lowest
+        persons.append(Person(subject, series, standing, _still(series), periods, muscles, lacking))
+    return tuple(persons)
 
 
 def _still(center: Series) -> float:
@@ -203,10 +205,10 @@ def _period(persons: tuple[Person, ...]) -> float:
 
 
 def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
-    series = prepared.given.activations
+    series = prepared.results.activations
     if series is None:
         return None
-    strengths, names, columns = prepared.given.strengths, [], []
+    strengths, names, columns = prepared.results.strengths, [], []
     for person in persons:
         for pair in person.muscles:
             for side, members in pair.members.items():
@@ -219,7 +221,7 @@ def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | No
 
 def column_name(person: Person, pair: Pair, side: str) -> str:
     """Name of a muscle's column in `MotionAnalysis.activations`."""
-    return ", ".join(one for one in (person.who.name, pair.label, side) if one)
+    return ", ".join(word for word in (person.who.name, pair.label, side) if word)
 
 
 def _of_first(activations: Series | None, persons: tuple[Person, ...]) -> Series | None:
@@ -258,8 +260,8 @@ def _joined(rows: list[Series]) -> Series:
     for row in rows:
         inside &= (last.time >= row.time[0] - 1e-9) & (last.time <= row.time[-1] + 1e-9)
     time = last.time[inside]
-    columns = [np.interp(time, one.time, column) for one in rows for column in one.values.T]
-    names = tuple(name for one in rows for name in one.names)
+    columns = [np.interp(time, row.time, column) for row in rows for column in row.values.T]
+    names = tuple(name for row in rows for name in row.names)
     return Series(time, names, np.stack(columns, axis=1) if len(time) else np.zeros((0, len(names))))
 
 

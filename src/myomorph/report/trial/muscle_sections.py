@@ -21,11 +21,11 @@ from myomorph.report.trial.tables import few
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
     """Measured channels on the muscles of a pair: side, time and envelope."""
-    emg = prepared.given.recorded.emg
+    emg = prepared.results.recorded.emg
     if emg is None:
         return []
     result = []
-    for channel, muscles in prepared.given.recorded.emg_muscles.items():
+    for channel, muscles in prepared.results.recorded.emg_muscles.items():
         if channel not in emg.names:
             continue
         for side, members in pair.members.items():
@@ -36,22 +36,22 @@ def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
 
 def matched_emg(prepared: Prepared) -> bool:
     """Whether the muscles of some EMG channel are known."""
-    emg = prepared.given.recorded.emg
-    return emg is not None and any(name in emg.names for name in prepared.given.recorded.emg_muscles)
+    emg = prepared.results.recorded.emg
+    return emg is not None and any(name in emg.names for name in prepared.results.recorded.emg_muscles)
 
 
 def activation_section(prepared: Prepared) -> Section | None:
     """Sixteen muscles on both sides, EMG behind where it was measured on them."""
-    given = prepared.given
-    tension, series = given.tension, given.activations
+    results = prepared.results
+    tension, series = results.tension, results.activations
     if tension is None or series is None:
         return None
     mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
     chosen = major_muscles(tension.muscles, mean)
-    shown, strengths = (prepared.detail, prepared.events), given.strengths
-    truth = given.recorded.truth.activations if given.recorded.truth else None
+    shown, strengths = (prepared.detail, prepared.events), results.strengths
+    truth = results.recorded.truth.activations if results.recorded.truth else None
     figures = []
-    spread = given.uncertainty.spreads.get("activations")
+    spread = results.uncertainty.spreads.get("activations")
     for pair in chosen:
         measured = emg_of(prepared, pair)
         drawn = activation_panel(pair, tension.muscles, strengths, series, *shown, measured, truth, spread)
@@ -71,12 +71,12 @@ def activation_section(prepared: Prepared) -> Section | None:
 
 def tension_section(prepared: Prepared) -> Section | None:
     """All muscles at once, and the largest in a table."""
-    tension = prepared.given.tension
+    tension = prepared.results.tension
     if tension is None or not len(tension.time) or not len(tension.muscles):
         return None
     drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
     forces = Series(tension.time, tension.muscles, tension.forces)
-    rows, strengths = [], prepared.given.strengths
+    rows, strengths = [], prepared.results.strengths
     for row in sorted(extremes(forces), key=lambda extreme: -extreme.high):
         active = number(float(np.nanmax(tension.activations[:, tension.muscles.index(row.name)])))
         most = strengths.get(row.name, 0.0)
@@ -97,14 +97,14 @@ def tension_section(prepared: Prepared) -> Section | None:
 
 def emg_section(prepared: Prepared) -> Section | None:
     """Channels whose muscle is not known, or not among those drawn above."""
-    emg, on_muscles = prepared.given.recorded.emg, prepared.given.recorded.emg_muscles
+    emg, on_muscles = prepared.results.recorded.emg, prepared.results.recorded.emg_muscles
     if emg is None:
         return None
     drawn: set[str] = set()
-    if prepared.given.tension is not None:
-        chosen = major_muscles(prepared.given.tension.muscles, None)
+    if prepared.results.tension is not None:
+        chosen = major_muscles(prepared.results.tension.muscles, None)
         shown = {name for pair in chosen for name in pair.names}
-        drawn = {one for one, muscles in on_muscles.items() if shown & set(muscles)}
+        drawn = {channel for channel, muscles in on_muscles.items() if shown & set(muscles)}
     left = [name for name in emg.names if name not in drawn]
     if not left:
         return None
@@ -122,8 +122,8 @@ def emg_section(prepared: Prepared) -> Section | None:
 
 def length_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths, where tensions were not solved."""
-    lengths = prepared.given.muscles.lengths
-    if lengths is None or prepared.given.tension is not None or not len(lengths):
+    lengths = prepared.results.muscles.lengths
+    if lengths is None or prepared.results.tension is not None or not len(lengths):
         return None
     figures = tuple(
         Figure(pair_panel(pair.label, "mm", _first_parts(pair), lengths, prepared.detail, prepared.events, 1000.0))
@@ -173,4 +173,4 @@ def stride_chart(analysis: LengthAnalysis, pair: Pair) -> str:
         drawn.append(CycleCurve(mean.mean, side or "right", names[0], (mean.low, mean.high), each=strides))
     several = any(len(names) > 1 for names in pair.members.values())
     title = f"{pair.label} ({split_side(drawn[0].label)[0]})" if several else pair.label
-    return cycle_chart(title, "mm", drawn, [one for curve in drawn for one in curve.each])
+    return cycle_chart(title, "mm", drawn, [values for curve in drawn for values in curve.each])

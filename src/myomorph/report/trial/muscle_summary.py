@@ -55,8 +55,8 @@ def _range(model: Model, time: Array, fibers: Array) -> str:
     """The shortest and the longest fibers, and which leave the range of active force."""
     names, ends = model.muscle_names, []
     for at in (np.nanargmin(fibers), np.nanargmax(fibers)):
-        frame, k = np.unravel_index(int(at), fibers.shape)
-        ends.append(f"{fibers[frame, k]:.2f} ({names[k]} at {time[frame]:.2f} s)")
+        frame, muscle = np.unravel_index(int(at), fibers.shape)
+        ends.append(f"{fibers[frame, muscle]:.2f} ({names[muscle]} at {time[frame]:.2f} s)")
     low, high = FIBER_RANGE
     with np.errstate(invalid="ignore"):
         out = np.any((fibers < low) | (fibers > high), axis=0)
@@ -72,13 +72,13 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
     shares = -velocities / np.where(limit > 0.0, limit, np.nan)
     if not np.isfinite(shares).any():
         return "no velocities"
-    frame, k = np.unravel_index(int(np.nanargmax(shares)), shares.shape)
-    share = float(shares[frame, k])
+    frame, column = np.unravel_index(int(np.nanargmax(shares)), shares.shape)
+    share = float(shares[frame, column])
     with np.errstate(invalid="ignore"):
         over = np.any(shares >= 1.0, axis=0)
     verdict = "below it" if not over.any() else f"{_some(model.muscle_names, over)} too fast to pull"
     return (
-        f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[k]} at "
+        f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[column]} at "
         f"{time[frame]:.2f} s): {verdict}"
     )
 
@@ -93,14 +93,14 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     jumping = odd > np.maximum(JUMP, UNUSUAL * np.median(odd, axis=0))
     if not jumping.any():
         return "no path jumps"
-    frame, k = np.unravel_index(int(np.argmax(np.where(jumping, odd, 0.0))), odd.shape)
-    where = f"{model.muscle_names[k]} by {1e3 * odd[frame, k]:.1f} mm at {time[frame + 1]:.2f} s"
+    frame, muscle = np.unravel_index(int(np.argmax(np.where(jumping, odd, 0.0))), odd.shape)
+    where = f"{model.muscle_names[muscle]} by {1e3 * odd[frame, muscle]:.1f} mm at {time[frame + 1]:.2f} s"
     count = int(jumping.any(axis=0).sum())
     some = "1 path jumps" if count == 1 else f"{count} paths jump"
     return f"{some} ({where}): moment arms there are doubtful"
 
 
 def _some(names: tuple[str, ...], which: NDArray[np.bool_]) -> str:
-    found = [name for name, one in zip(names, which, strict=True) if one]
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return ", ".join(found[:MOST_NAMED]) + more
+    chosen = [name for name, flag in zip(names, which, strict=True) if flag]
+    more = f" and {len(chosen) - MOST_NAMED} more" if len(chosen) > MOST_NAMED else ""
+    return ", ".join(chosen[:MOST_NAMED]) + more

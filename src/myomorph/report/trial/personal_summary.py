@@ -13,7 +13,7 @@ def personal_lines(personalized: Personalized) -> list[str]:
     """What was fitted to, whether it explains what was held out, and what the recordings show."""
     lines = []
     if personalized.mapped is not None:
-        before, after = (float(np.nanmax(one)) for one in (personalized.mapped.before, personalized.mapped.after))
+        before, after = (float(np.nanmax(values)) for values in (personalized.mapped.before, personalized.mapped.after))
         lines.append(
             f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber "
             f"lengths differ by at "
@@ -25,19 +25,19 @@ def personal_lines(personalized: Personalized) -> list[str]:
             f"as {personalized.frames[0]:.0f} independent ones, torques of {len(personalized.coordinates)} coordinates"
         )
     if personalized.held_out is not None:
-        one = personalized.held_out
-        generic, own = (float(np.sqrt(np.nanmean(left**2))) for left in (one.left_generic, one.left))
-        better = "better" if one.score < one.score_generic else "NO better"
-        if better == "better" and own > generic:
+        held_out = personalized.held_out
+        generic, fitted = (float(np.sqrt(np.nanmean(left**2))) for left in (held_out.left_generic, held_out.left))
+        better = "better" if held_out.score < held_out.score_generic else "NO better"
+        if better == "better" and fitted > generic:
             better = "better by the score, which counts EMG and what is likely, but leaving more torque"
         lines.append(
-            f"{', '.join(one.recordings)}, held out: {better} than generic muscles (score {one.score:.2f}, generic "
-            f"{one.score_generic:.2f}; torque left {own:.2f}, generic {generic:.2f} N m)"
+            f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles (score {held_out.score:.2f}, "
+            f"generic {held_out.score_generic:.2f}; torque left {fitted:.2f}, generic {generic:.2f} N m)"
         )
     elif personalized.recordings:
         lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
     lines += [
-        one for one in (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized)) if one
+        line for line in (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized)) if line
     ]
     return lines
 

@@ -53,12 +53,12 @@ class PersonalizedInput:
     lines: tuple[str, ...]
 
 
-def personalized_page(head: PageHead, personalized_input: PersonalizedInput) -> str:
+def personalized_page(head: PageHead, person: PersonalizedInput) -> str:
     """The page as HTML text."""
     sections = []
-    if personalized_input.before.any():
+    if person.before.any():
         figure = Figure(
-            fiber_ranges(personalized_input.muscles, personalized_input.before, personalized_input.after),
+            fiber_ranges(person.muscles, person.before, person.after),
             "full",
             "Normalized fiber lengths over the recordings, tendons at slack length: above of the generic muscle, "
             "below of the person's. The shaded range is that expected of a recording.",
@@ -67,12 +67,7 @@ def personalized_page(head: PageHead, personalized_input: PersonalizedInput) -> 
             Section("fibers", "Fiber lengths", "", (("second", "generic"), ("first", "person")), figures=(figure,))
         )
     sections.append(
-        Section(
-            "parameters",
-            "Parameters",
-            ". ".join(personalized_input.lines) + ".",
-            grids=tuple(_grids(personalized_input.rows)),
-        )
+        Section("parameters", "Parameters", ". ".join(person.lines) + ".", grids=tuple(_grids(person.rows)))
     )
     return rendered(head, sections, ())
 
@@ -84,7 +79,7 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     high = max(1.6, float(np.max([before, after])))
     area = frame(LEFT, 24.0, LEFT + WIDTH, 24.0 + height, (low, high), (0.0, float(len(names))))
     marks = []
-    left, right = (float(area.x.at(one)) for one in PHYSIOLOGICAL)
+    left, right = (float(area.x.at(limit)) for limit in PHYSIOLOGICAL)
     marks.append(rect("spread", left, 24.0, right - left, height))
     marks.append(grid_along(area, 6))
     for index, name in enumerate(names):

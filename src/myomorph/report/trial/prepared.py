@@ -16,7 +16,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
 from myomorph.report.page.parts import Verdict
 from myomorph.report.trial.estimated_forces import contact_verdicts
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.report.trial.tables import (
     body_scale,
     gap_verdicts,
@@ -53,7 +53,7 @@ class Prepared:
     verdicts : everything held against a limit
     """
 
-    given: ReportInput
+    results: ReportInput
     up: Array
     span: tuple[float, float]
     movement: Movement
@@ -98,22 +98,27 @@ class Prepared:
     @cached_property
     def strides(self) -> Strides | None:
         """Of the motion, None where it is no walk."""
-        model, motion = self.given.model, self.given.kinematics.motion
+        model, motion = self.results.model, self.results.kinematics.motion
         if model is None or motion is None:
             return None
         return walking_strides(
             model,
             motion,
-            self.given.kinematics.fit,
-            wrenches=self.given.dynamics.wrenches,
-            events=self.given.recorded.events or (),
+            self.results.kinematics.fit,
+            wrenches=self.results.dynamics.wrenches,
+            events=self.results.recorded.events or (),
         )
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:
         """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-        model, muscles = self.given.model, self.given.muscles
-        if model is None or muscles.lengths is None or self.given.analysis.preset not in GAITS or self.strides is None:
+        model, muscles = self.results.model, self.results.muscles
+        if (
+            model is None
+            or muscles.lengths is None
+            or self.results.analysis.preset not in GAITS
+            or self.strides is None
+        ):
             return None
         return length_analysis(model, muscles.lengths, self.strides, muscles.velocities)
 
@@ -125,47 +130,47 @@ class Prepared:
         return float(np.nanmean(self.centroid.values @ self.up)) - self.floor
 
 
-def prepare(report_input: ReportInput) -> Prepared:
+def prepare(results: ReportInput) -> Prepared:
     """Span, events, center of mass and verdicts of what was given."""
-    up = np.array([0.0, 1.0, 0.0]) if report_input.model is None else report_input.model.up
-    span = _span(report_input)
-    motion = report_input.kinematics.motion
+    up = np.array([0.0, 1.0, 0.0]) if results.model is None else results.model.up
+    span = _span(results)
+    motion = results.kinematics.motion
     com = None
-    if report_input.model is not None and motion is not None and len(motion) and report_input.model.mass > 0.0:
+    if results.model is not None and motion is not None and len(motion) and results.model.mass > 0.0:
         # It is drawn, not computed with.
-        com = centroid(report_input.model, thinned(motion, MOST_CENTROID_FRAMES))
+        com = centroid(results.model, thinned(motion, MOST_CENTROID_FRAMES))
     weight = None
-    if report_input.model is not None and report_input.model.mass > 0.0 and np.any(report_input.model.gravity):
-        weight = report_input.model.weight
+    if results.model is not None and results.model.mass > 0.0 and np.any(results.model.gravity):
+        weight = results.model.weight
     # A model of part of a body does not weigh what stands on the plates.
-    whole = weight if not report_input.dynamics.root_note else None
+    whole = weight if not results.dynamics.root_note else None
     movement = Movement()
-    pressing = report_input.dynamics.wrenches
-    if pressing is None and report_input.contacts.forces is not None:
-        pressing = report_input.contacts.forces.wrenches()
+    pressing = results.dynamics.wrenches
+    if pressing is None and results.contacts.forces is not None:
+        pressing = results.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
         movement = find_movement(pressing, up, whole, com)
-    if report_input.recorded.events is not None:
-        kind = movement.kind if not report_input.recorded.events else movement.kind or "movement"
+    if results.recorded.events is not None:
+        kind = movement.kind if not results.recorded.events else movement.kind or "movement"
         movement = Movement(
-            kind, tuple(sorted(report_input.recorded.events, key=lambda event: event.time)), movement.measures
+            kind, tuple(sorted(results.recorded.events, key=lambda event: event.time)), movement.measures
         )
-    scale = body_scale(report_input.kinematics.markers)
-    prepared = Prepared(report_input, up, span, movement, com, _floor(report_input, up), whole, scale, ())
+    scale = body_scale(results.kinematics.markers)
+    prepared = Prepared(results, up, span, movement, com, _floor(results, up), whole, scale, ())
     return replace(prepared, verdicts=tuple(_verdicts(prepared)))
 
 
-def _span(report_input: ReportInput) -> tuple[float, float]:
-    for one in (
-        report_input.kinematics.motion,
-        report_input.dynamics.torques,
-        report_input.tension,
-        report_input.kinematics.markers,
-        report_input.dynamics.wrenches,
-        report_input.recorded.emg,
+def _span(results: ReportInput) -> tuple[float, float]:
+    for series in (
+        results.kinematics.motion,
+        results.dynamics.torques,
+        results.tension,
+        results.kinematics.markers,
+        results.dynamics.wrenches,
+        results.recorded.emg,
     ):
-        if one is not None and len(one.time):
-            return float(one.time[0]), float(one.time[-1])
+        if series is not None and len(series.time):
+            return float(series.time[0]), float(series.time[-1])
     return 0.0, 1.0
 
 
@@ -175,13 +180,13 @@ def thinned(motion: Motion, max_frames: int) -> Motion:
     return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
 
 
-def _floor(report_input: ReportInput, up: Array) -> float:
+def _floor(results: ReportInput, up: Array) -> float:
     """Height of the ground: the plates', else of loaded points of application, else zero."""
-    if report_input.recorded.plates:
-        return float(np.mean([plate.corners @ up for plate in report_input.recorded.plates]))
-    if report_input.dynamics.wrenches is not None and len(report_input.dynamics.wrenches.names):
-        loaded = np.nan_to_num(report_input.dynamics.wrenches.forces @ up)
-        points = report_input.dynamics.wrenches.points @ up
+    if results.recorded.plates:
+        return float(np.mean([plate.corners @ up for plate in results.recorded.plates]))
+    if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
+        loaded = np.nan_to_num(results.dynamics.wrenches.forces @ up)
+        points = results.dynamics.wrenches.points @ up
         shown = points[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(points)]
         if shown.size:
             return float(np.median(shown))
@@ -189,25 +194,25 @@ def _floor(report_input: ReportInput, up: Array) -> float:
 
 
 def _verdicts(prepared: Prepared) -> list[Verdict]:
-    given, motion, tension = prepared.given, prepared.given.kinematics.motion, prepared.given.tension
-    model, torques, wrenches = given.model, given.dynamics.torques, given.dynamics.wrenches
+    results, motion, tension = prepared.results, prepared.results.kinematics.motion, prepared.results.tension
+    model, torques, wrenches = results.model, results.dynamics.torques, results.dynamics.wrenches
     rows: list[Verdict] = []
-    if given.kinematics.fit is not None:
-        rows += marker_verdicts(given.kinematics.fit, prepared.scale)
-    if given.kinematics.markers is not None:
-        rows += gap_verdicts(given.kinematics.markers)
+    if results.kinematics.fit is not None:
+        rows += marker_verdicts(results.kinematics.fit, prepared.scale)
+    if results.kinematics.markers is not None:
+        rows += gap_verdicts(results.kinematics.markers)
     if model is not None and motion is not None and len(motion):
         rows += range_verdicts(model, motion)
     # What contacts were solved for is still in the torques of inverse dynamics.
-    judged = not given.dynamics.root_note and given.contacts.forces is None and prepared.center_height > 0
+    judged = not results.dynamics.root_note and results.contacts.forces is None and prepared.center_height > 0
     if judged and model is not None and torques is not None and wrenches is not None:
         rows += residual_verdicts(model, torques, wrenches, prepared.center_height)
-    rows += contact_verdicts(given, prepared.center_height)
+    rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
         rows.append(unsolved_verdict(tension.solved, tension.time))
         if model is not None and torques is not None:
             names, reserves = tension.reserve_coordinates, tension.reserves
-            rows += reserve_verdicts(model, torques, names, reserves, tension.time, given.muscles.driven)
+            rows += reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)
         bounds = {} if model is None else {muscle.name: muscle.max_activation for muscle in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
         if tension.passive is not None or tension.overstretched:

@@ -46,7 +46,7 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
 
 def _center_grid(analysis: MotionAnalysis) -> Grid:
     """When every phase is, and its center of gravity."""
-    total = sum(one.stage.duration for one in analysis.measures)
+    total = sum(measure.stage.duration for measure in analysis.measures)
     head = ["Phase", "Time", "Duration"]
     short = ", ".join(axis.rpartition("(")[2].rstrip(")") for axis in analysis.axes)
     if analysis.persons:
@@ -111,7 +111,7 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
     values: dict[tuple[int, int, str], float] = {}
     for i, pair in enumerate(person.muscles):
         for side in pair.members:
-            name = ", ".join(one for one in (person.who.name, pair.label, side) if one)
+            name = ", ".join(word for word in (person.who.name, pair.label, side) if word)
             for j, rows in enumerate(inside):
                 column = series[name][rows]
                 mean = float(np.nanmean(column)) if np.isfinite(column).any() else float("nan")
@@ -130,7 +130,7 @@ def _activity(analysis: MotionAnalysis, person: Person) -> str:
             cells.append(tuple(row))
         table.append((pair.label, tuple(cells)))
     title = "Mean activation by phase"
-    return sided_table(title, "darker: more active", [one.name for one in stages], table)
+    return sided_table(title, "darker: more active", [stage.name for stage in stages], table)
 
 
 def correlation_section(analysis: MotionAnalysis) -> Section | None:

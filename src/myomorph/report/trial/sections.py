@@ -21,7 +21,6 @@ from myomorph.report.trial.figures import (
     pressure_figure,
     residual_figures,
 )
-from myomorph.report.trial.given import Truth
 from myomorph.report.trial.identification import identification_sections
 from myomorph.report.trial.joint_contact_section import joint_contact_section
 from myomorph.report.trial.muscle_sections import (
@@ -33,6 +32,7 @@ from myomorph.report.trial.muscle_sections import (
     tension_section,
 )
 from myomorph.report.trial.prepared import Prepared
+from myomorph.report.trial.report_input import Truth
 from myomorph.report.trial.tables import few, residuals
 from myomorph.report.trial.uncertainty_section import uncertainty_section
 from myomorph.report.trial.validation import truth_section
@@ -42,13 +42,13 @@ BANDS = " Bands hold 90 % of the draws (see Uncertainty)."
 
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     """All sections that what was given allows, and a sentence on each that it does not."""
-    given = prepared.given
-    found = [] if given.identification is None else identification_sections(given.identification)
+    results = prepared.results
+    made = [] if results.identification is None else identification_sections(results.identification)
     missing: list[str] = []
-    motion, wrenches = given.kinematics.motion, given.dynamics.wrenches
-    if found and motion is None and given.kinematics.markers is None and wrenches is None:
-        return found, missing
-    found += analysis_sections(prepared)
+    motion, wrenches = results.kinematics.motion, results.dynamics.wrenches
+    if made and motion is None and results.kinematics.markers is None and wrenches is None:
+        return made, missing
+    made += analysis_sections(prepared)
     for make, absent in (
         (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
         (force_section, ""),
@@ -66,19 +66,19 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     ):
         section = make(prepared)
         if section is not None:
-            found.append(section)
+            made.append(section)
         elif absent and not (make is emg_section and matched_emg(prepared)):
             missing.append(absent)
     if wrenches is None:
         missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
-    if motion is not None and given.dynamics.torques is None:
+    if motion is not None and results.dynamics.torques is None:
         missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
-    return [*found, *given.more], missing
+    return [*made, *results.more], missing
 
 
 def marker_section(prepared: Prepared) -> Section | None:
     """Marker errors over time and one by one."""
-    fit = prepared.given.kinematics.fit
+    fit = prepared.results.kinematics.fit
     if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
         return None
     over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
@@ -98,25 +98,25 @@ def marker_section(prepared: Prepared) -> Section | None:
 
 def force_section(prepared: Prepared) -> Section | None:
     """Ground forces, center of pressure, center of mass and residuals."""
-    given = prepared.given
-    wrenches, torques, events = given.dynamics.wrenches, given.dynamics.torques, prepared.events
+    results = prepared.results
+    wrenches, torques, events = results.dynamics.wrenches, results.dynamics.torques, prepared.events
     drawn: list[str] = []
     lead = ""
     if wrenches is not None and len(wrenches.names):
         drawn += force_figures(wrenches, prepared.up, prepared.detail, events, prepared.weight)
-        drawn.append(pressure_figure(wrenches, given.recorded.plates, prepared.up))
+        drawn.append(pressure_figure(wrenches, results.recorded.plates, prepared.up))
     # The first of the forces is the vertical one.
     first = len(drawn) > 0
     if prepared.centroid is not None:
         drawn += centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
-    if wrenches is not None and torques is not None and given.model is not None:
-        found, lead = residuals(given.model, torques), given.dynamics.root_note
-        if not lead and found is not None and np.isfinite(prepared.center_height):
+    if wrenches is not None and torques is not None and results.model is not None:
+        left, lead = residuals(results.model, torques), results.dynamics.root_note
+        if not lead and left is not None and np.isfinite(prepared.center_height):
             net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
             peak = float(net.max(initial=0.0))
-            drawn += residual_figures(torques.time, *found, peak, prepared.center_height, prepared.span, events)
+            drawn += residual_figures(torques.time, *left, peak, prepared.center_height, prepared.span, events)
             lead = "Residuals are what the model's root would have to be pushed with to move as recorded."
-    figures = [Figure(one, "medium" if first and i == 0 else "small") for i, one in enumerate(drawn) if one]
+    figures = [Figure(chart, "medium" if first and i == 0 else "small") for i, chart in enumerate(drawn) if chart]
     if not figures:
         return None
     grids: tuple[Grid, ...] = ()
@@ -135,22 +135,22 @@ def force_section(prepared: Prepared) -> Section | None:
 
 def joint_section(prepared: Prepared) -> Section | None:
     """Angles and moments of the joints that move, right and left together."""
-    given, motion = prepared.given, prepared.given.kinematics.motion
-    if motion is None or not len(motion) or given.model is None:
+    results, motion = prepared.results, prepared.results.kinematics.motion
+    if motion is None or not len(motion) or results.model is None:
         return None
     ranges = {
         name: float(np.nanmax(column) - np.nanmin(column))
         for name, column in zip(motion.names, motion.values.T, strict=True)
         if np.isfinite(column).any()
     }
-    chosen = coordinate_pairs(given.model, ranges)
+    chosen = coordinate_pairs(results.model, ranges)
     if not chosen:
         return None
     figures = []
-    scale = moment_scale(given.model) if not given.dynamics.root_note else None
-    truth, torques = given.recorded.truth or Truth(), given.dynamics.torques
+    scale = moment_scale(results.model) if not results.dynamics.root_note else None
+    truth, torques = results.recorded.truth or Truth(), results.dynamics.torques
     shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
-    angles, moments = (given.uncertainty.spreads.get(name) for name in ("coordinates", "torques"))
+    angles, moments = (results.uncertainty.spreads.get(name) for name in ("coordinates", "torques"))
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
         drawing = pair_panel(
@@ -165,17 +165,17 @@ def joint_section(prepared: Prepared) -> Section | None:
     lead = f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving} coordinates that "
     lead += "move; all are in the table." + (" Vertical lines are events." if prepared.events else "")
     lead += prepared.detail_note + (BANDS if angles is not None else "")
-    legend = SIDES_LEGEND + ((("truth", "truth"),) if given.recorded.truth else ())
+    legend = SIDES_LEGEND + ((("truth", "truth"),) if results.recorded.truth else ())
     title = "Joint angles and moments" if torques is not None else "Joint angles"
     return Section("joints", title, lead, legend, tuple(figures), tuple(_joint_grids(prepared, motion)))
 
 
 def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
-    given = prepared.given
-    model = given.model
+    results = prepared.results
+    model = results.model
     assert model is not None
     turning = {coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"}
-    torques = given.dynamics.torques
+    torques = results.dynamics.torques
 
     def grid(series: Series, units: tuple[str, str], last: str, what: str) -> Grid:
         rows = []

@@ -65,11 +65,11 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     Source: Hicks et al. 2015 (force under 5 % of the peak external force, moment under 1 % of that times the height of
     the center of mass).
     """
-    found = residuals(model, torques)
-    if found is None or not np.isfinite(found[0]).any() or model.weight <= 0.0:
+    root = residuals(model, torques)
+    if root is None or not np.isfinite(root[0]).any() or model.weight <= 0.0:
         return ""
     parts = []
-    for what, values, unit in (("force", found[0], "N"), ("moment", found[1], "N m")):
+    for what, values, unit in (("force", root[0], "N"), ("moment", root[1], "N m")):
         at = int(np.nanargmax(values))
         share = "" if unit == "N m" else f", {plain(100 * values[at] / model.weight)} % of body weight"
         rms = float(np.sqrt(np.nanmean(values**2)))
@@ -82,7 +82,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     peak = float(net.max(initial=0.0))
     if peak <= 0.0 or not height > 0.0:
         return text
-    force, moment = (float(np.nanmax(one)) for one in found)
+    force, moment = (float(np.nanmax(component)) for component in root)
     shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
     within = force <= RESIDUAL_FORCE * peak and moment <= RESIDUAL_MOMENT * peak * height
     limits = f"{100 * RESIDUAL_FORCE:g} and {100 * RESIDUAL_MOMENT:g} %"
@@ -137,14 +137,17 @@ def _reserves(model: Model, tension: Tension) -> str:
             f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * RESERVE:g} %"
         )
     for unit in ("N", "N m"):
-        own = [i for i, name in enumerate(tension.reserve_names) if _residual_unit(model, name, names[i]) == unit]
-        values = np.abs(tension.reserves[:, own])
-        if own and np.isfinite(values).any():
+        columns = [i for i, name in enumerate(tension.reserve_names) if _residual_unit(model, name, names[i]) == unit]
+        values = np.abs(tension.reserves[:, columns])
+        if columns and np.isfinite(values).any():
             frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
-            name, start = tension.reserve_names[own[column]], ", " if text.endswith(" s)") else "; largest residual "
+            name, start = (
+                tension.reserve_names[columns[column]],
+                ", " if text.endswith(" s)") else "; largest residual ",
+            )
             text += f"{start}{plain(values[frame, column])} {unit} ({name} at {time[frame]:.2f} s)"
     if alone:
-        name = max(alone, key=lambda one: float(np.nanmax(np.abs(torques[one]))))
+        name = max(alone, key=lambda coordinate: float(np.nanmax(np.abs(torques[coordinate]))))
         peak = float(np.nanmax(np.abs(torques[name])))
         largest = f"{name} up to {plain(peak)} {reserve_unit(model, name)}"
         text += f"; {len(alone)} coordinates without muscles are carried by reserves alone ({largest})"
@@ -166,9 +169,9 @@ def reserve_coordinate(model: Model, name: str) -> str:
     """The coordinate that a reserve drives, "" where it drives none."""
     if name in model.coordinate_names:
         return name
-    own = next((actuator.coordinate for actuator in model.actuators if actuator.name == name), "")
+    coordinate = next((actuator.coordinate for actuator in model.actuators if actuator.name == name), "")
     short = name.removesuffix("_reserve").removeprefix("reserve_")
-    return own or (short if short in model.coordinate_names else "")
+    return coordinate or (short if short in model.coordinate_names else "")
 
 
 def reserve_unit(model: Model, coordinate: str) -> str:
@@ -187,7 +190,7 @@ def calibration_line(calibration: Calibration) -> str:
     """Frames, markers, errors before and after, size, and whether the search ended."""
     count = sum(len(frame) for frame in calibration.frames)
     names = calibration.marker_names
-    after = np.concatenate([one.reshape(-1, len(names)) for one in calibration.after])
+    after = np.concatenate([errors.reshape(-1, len(names)) for errors in calibration.after])
     with np.errstate(invalid="ignore"):
         each = np.sqrt(np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0))
     worst = int(np.nanargmax(each))

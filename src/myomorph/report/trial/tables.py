@@ -108,14 +108,14 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
     height : mean height of the center of mass over the ground [m]
     """
     weight = model.weight
-    found = residuals(model, torques)
+    root = residuals(model, torques)
     inside = (wrenches.time >= torques.time[0] - 1e-6) & (wrenches.time <= torques.time[-1] + 1e-6)
     net = np.linalg.norm(np.nan_to_num(wrenches.forces[inside]).sum(axis=1), axis=1)
     peak = float(net.max()) if net.size else 0.0
-    if found is None or peak <= 0.0 or not np.isfinite(found[0]).any():
+    if root is None or peak <= 0.0 or not np.isfinite(root[0]).any():
         return []
     rows = []
-    for what, values, scale in (("force", found[0], peak), ("moment", found[1], peak * height)):
+    for what, values, scale in (("force", root[0], peak), ("moment", root[1], peak * height)):
         for row, at in judged_residual(what, values, torques.time, scale):
             detail = f"; F = {peak:.4g} N"
             if what == "force" and at is not None:
@@ -271,7 +271,7 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
     worst = int(np.argmax(full.sum(axis=0)))
     first = float(time[int(np.argmax(full[:, worst]))])
     detail = f"{names[worst]} in {100 * float(full[:, worst].mean()):.1f} % of frames; all: "
-    detail += few([name for name, one in zip(names, ever, strict=True) if one], 8)
+    detail += few([name for name, saturated in zip(names, ever, strict=True) if saturated], 8)
     return [Verdict(Quantity.SATURATED, float(ever.sum()), f"of {len(names)}", 0.0, names[worst], first, "", detail)]
 
 
@@ -315,7 +315,7 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
     if not beyond:
         return [Verdict(Quantity.OUT_OF_RANGE, 0.0, "", 0.0)]
     far, name, time = max(beyond)
-    detail = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([one for _, one, _ in beyond], 8)
+    detail = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([name for _, name, _ in beyond], 8)
     return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", detail)]
 
 

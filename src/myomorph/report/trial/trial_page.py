@@ -17,8 +17,8 @@ from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
-from myomorph.report.trial.given import ReportInput, Truth
 from myomorph.report.trial.prepared import Prepared, prepare
+from myomorph.report.trial.report_input import ReportInput, Truth
 from myomorph.report.trial.sections import sections
 
 __all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
@@ -27,7 +27,7 @@ KEY_INSTANTS, FEW_INSTANTS = 6, 3
 WIDE = 1.2
 
 
-def report_page(report_input: ReportInput) -> str:
+def report_page(results: ReportInput) -> str:
     """One self-contained HTML page: no network, every style, script and picture inside.
 
     A section appears where its part is given; what is absent is told in one sentence each. Works
@@ -35,23 +35,23 @@ def report_page(report_input: ReportInput) -> str:
 
     Parameters
     ----------
-    report_input : everything one trial produced, each part optional
+    results : everything one trial produced, each part optional
 
     Returns
     -------
     HTML text, to be written as UTF-8
     """
-    return prepared_page(prepare(report_input))
+    return prepared_page(prepare(results))
 
 
 def prepared_page(prepared: Prepared) -> str:
     """The page of what was prepared already."""
-    given = prepared.given
+    results = prepared.results
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
-    forces = "ground" if given.contacts.forces is None else "estimated contact"
+    forces = "ground" if results.contacts.forces is None else "estimated contact"
     return rendered(
-        given.head,
+        results.head,
         parts,
         _numbered(prepared, parts),
         facts=_facts(prepared),
@@ -60,39 +60,39 @@ def prepared_page(prepared: Prepared) -> str:
         missing=missing,
         instants=instants,
         motion=motion,
-        muscles_colored=given.tension is not None,
-        arrows="" if acting_forces(given) is None else forces,
+        muscles_colored=results.tension is not None,
+        arrows="" if acting_forces(results) is None else forces,
     )
 
 
 def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Reference]:
-    given = prepared.given
+    results = prepared.results
     return references(
-        given.kinematics.fit is not None,
-        given.dynamics.torques is not None,
-        given.tension is not None,
+        results.kinematics.fit is not None,
+        results.dynamics.torques is not None,
+        results.tension is not None,
         prepared.movement.kind == "jump",
-        given.identification is not None,
+        results.identification is not None,
         any(part.key == "analysis" for part in parts),
     )
 
 
 def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     """Lines of the heading: name and text."""
-    given = prepared.given
-    rows = [("Subject", given.recorded.subject)] if given.recorded.subject else []
-    rows += list(given.recorded.facts.items())
-    if given.model is not None:
-        model = given.model
+    results = prepared.results
+    rows = [("Subject", results.recorded.subject)] if results.recorded.subject else []
+    rows += list(results.recorded.facts.items())
+    if results.model is not None:
+        model = results.model
         text = f"{model.name}: {len(model.bodies)} bodies, {len(model.coordinates)} coordinates"
         text += f", {len(model.muscles)} muscles" if model.muscles else ""
         rows.append(("Model", f"{text}, {number(model.mass)} kg"))
-    motion = given.kinematics.motion
+    motion = results.kinematics.motion
     for name, series in (
         ("Motion", motion),
-        ("Markers", given.kinematics.markers),
-        ("Forces", given.dynamics.wrenches),
-        ("EMG", given.recorded.emg),
+        ("Markers", results.kinematics.markers),
+        ("Forces", results.dynamics.wrenches),
+        ("EMG", results.recorded.emg),
     ):
         if series is not None and len(series.time) > 1:
             # The rate of a long clock is its mean; times are often rounded to a millisecond.
@@ -108,9 +108,9 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
 
 def _tiles(prepared: Prepared) -> list[Tile]:
     """The few numbers to see first."""
-    given = prepared.given
+    results = prepared.results
     tiles = []
-    fit = given.kinematics.fit
+    fit = results.kinematics.fit
     if fit is not None and np.isfinite(fit.errors).any():
         rms = 100 * float(np.sqrt(np.nanmean(fit.errors**2)))
         tiles.append(Tile(f"{number(rms)} cm", "marker error, RMS", _state(prepared, Quantity.MARKER_RMS)))
@@ -121,12 +121,12 @@ def _tiles(prepared: Prepared) -> list[Tile]:
         (Quantity.RESIDUAL_MOMENT_PEAK, "residual moment, of COM height × force"),
         (Quantity.RESERVES, "largest reserve, of its peak torque"),
     ):
-        own = (verdict for verdict in prepared.verdicts if verdict.quantity == quantity)
-        tiles += [Tile(f"{number(one.value)} %", name, one.state) for one in own]
-    if given.tension is not None:
-        solved = int(np.sum(given.tension.solved))
+        matching = (verdict for verdict in prepared.verdicts if verdict.quantity == quantity)
+        tiles += [Tile(f"{number(verdict.value)} %", name, verdict.state) for verdict in matching]
+    if results.tension is not None:
+        solved = int(np.sum(results.tension.solved))
         state = _state(prepared, Quantity.NOT_OPTIMAL)
-        tiles.append(Tile(f"{solved} / {len(given.tension.time)}", "frames optimal", state))
+        tiles.append(Tile(f"{solved} / {len(results.tension.time)}", "frames optimal", state))
         full = next(verdict for verdict in prepared.verdicts if verdict.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles
@@ -138,39 +138,42 @@ def _state(prepared: Prepared, quantity: Quantity) -> str:
 
 def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     """Pictures at key instants, and the moving skeleton; empty without a model and a motion."""
-    given, motion = prepared.given, prepared.given.kinematics.motion
-    if given.model is None or motion is None or not given.model.bodies:
+    results, motion = prepared.results, prepared.results.kinematics.motion
+    if results.model is None or motion is None or not results.model.bodies:
         return [], ""
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return [], ""
     chosen = _key_frames(motion, good, prepared)
-    activations, forces = given.activations, acting_forces(given)
-    still = make_scene(given.model, motion, [frame for frame, _ in chosen], given.surfaces, activations, forces)
+    activations, forces = results.activations, acting_forces(results)
+    still = make_scene(results.model, motion, [frame for frame, _ in chosen], results.surfaces, activations, forces)
     if proportion(still, "side") > WIDE:
         chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
-        still = make_scene(given.model, motion, [one for one, _ in chosen], given.surfaces, activations, forces)
+        still = make_scene(results.model, motion, [frame for frame, _ in chosen], results.surfaces, activations, forces)
     drawn = pictures(still)
     instants = []
     for i, (frame, label) in enumerate(chosen):
-        side, front = (next(one for one in drawn if one.frame == i and one.view == view) for view in ("side", "front"))
-        text = ", ".join(one for one in (label, f"{number(float(motion.time[frame]), 0.001)} s") if one)
+        side, front = (
+            next(picture for picture in drawn if picture.frame == i and picture.view == view)
+            for view in ("side", "front")
+        )
+        text = ", ".join(word for word in (label, f"{number(float(motion.time[frame]), 0.001)} s") if word)
         instants.append(
             Instant(text, data_uri(side.image), data_uri(front.image), side.width, front.width, side.height)
         )
-    points = sum(len(muscle.path.points) for muscle in given.model.muscles)
-    count = frames_to_play(len(good), points, len(given.model.bodies))
+    points = sum(len(muscle.path.points) for muscle in results.model.muscles)
+    count = frames_to_play(len(good), points, len(results.model.bodies))
     first, last = np.searchsorted(motion.time[good], prepared.played)
     played = good[first : max(last, first) + 1]
     moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
-    scene = make_scene(given.model, motion, [int(i) for i in moving], given.surfaces, activations, forces)
+    scene = make_scene(results.model, motion, [int(i) for i in moving], results.surfaces, activations, forces)
     return instants, player(scene)
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:
     """Frames to show with their labels: at times asked for, at events where there are some, else evenly spread."""
-    if prepared.given.analysis.times:
-        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.given.analysis.times)]
+    if prepared.results.analysis.times:
+        return [(frame, "") for frame in nearest_frames(motion.time, good, prepared.results.analysis.times)]
     first, last = np.searchsorted(motion.time[good], prepared.detail)
     good = good[first : max(last, first) + 1]
     time = motion.time[good]
@@ -179,7 +182,7 @@ def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tu
         for event in prepared.events
         if time[0] <= event.time <= time[-1]
     ]
-    marked = [one for i, one in enumerate(marked) if i == 0 or one[0] != marked[i - 1][0]]
+    marked = [mark for i, mark in enumerate(marked) if i == 0 or mark[0] != marked[i - 1][0]]
     if len(marked) > KEY_INSTANTS:
         # Neighbouring events of one cycle tell more than single ones far apart.
         start = max(0, (len(marked) - KEY_INSTANTS) // 2)

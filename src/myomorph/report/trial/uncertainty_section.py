@@ -35,19 +35,20 @@ LEADING, LEAST = 3, 0.01
 
 def uncertainty_section(prepared: Prepared) -> Section | None:
     """For each table its least sure columns, and which sources of error matter most there."""
-    found = prepared.given.uncertainty
-    if not found.spreads:
+    uncertainty = prepared.results.uncertainty
+    if not uncertainty.spreads:
         return None
     grids = []
-    for name, spread in found.spreads.items():
+    for name, spread in uncertainty.spreads.items():
         title = TITLES.get(name, name.replace("_", " ").capitalize())
-        units = [unit_of(name, column, prepared.given.model) for column in spread.names]
-        grids.append(_grid(title, units, spread, found.shares.get(name)))
-    if found.sizes:
-        grids.append(_sizes(found.sizes))
+        units = [unit_of(name, column, prepared.results.model) for column in spread.names]
+        grids.append(_grid(title, units, spread, uncertainty.shares.get(name)))
+    if uncertainty.sizes:
+        grids.append(_sizes(uncertainty.sizes))
     lead = (
-        f"{found.draws - found.failed} of {found.draws} inputs, drawn with errors of sizes that were stated or that "
-        f"are usual, have a solution; {found.summary}. They are as right as these sizes are. Of each "
+        f"{uncertainty.draws - uncertainty.failed} of {uncertainty.draws} inputs, drawn with errors of sizes that were "
+        f"stated or that are usual, have a solution; {uncertainty.summary}. "
+        "They are as right as these sizes are. Of each "
         "table the columns with the widest limits are shown; uncertainty.csv has all."
     )
     return Section("uncertainty", "Uncertainty", lead, (), (), tuple(grids))
@@ -71,9 +72,12 @@ def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -
     deviations = scales * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
     order = np.argsort(-np.nan_to_num(widths))[:ROWS]
     rows = []
-    for k in order:
-        row = (spread.names[k], *(f"{number(one[k])} {units[k]}".strip() for one in (widths, deviations)))
-        rows.append(row if shares is None else (*row, _leading(shares, int(k))))
+    for column in order:
+        row = (
+            spread.names[column],
+            *(f"{number(values[column])} {units[column]}".strip() for values in (widths, deviations)),
+        )
+        rows.append(row if shares is None else (*row, _leading(shares, int(column))))
     head = ("Column", "Mean width of the limits", "Standard deviation")
     return Grid(head if shares is None else (*head, "Most of it from"), tuple(rows), title)
 
@@ -84,8 +88,8 @@ def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
     for size in sizes:
         if not size.size:
             continue
-        found = f"{size.origin}, {size.items} sizes, {number(size.least)} to {number(size.greatest)}"
-        rows.append((size.source, size.group, number(size.size), found if size.items else size.origin))
+        origin = f"{size.origin}, {size.items} sizes, {number(size.least)} to {number(size.greatest)}"
+        rows.append((size.source, size.group, number(size.size), origin if size.items else size.origin))
     return Grid(("Source", "Group", "Standard deviation", "From"), tuple(rows), "Sizes of errors")
 
 

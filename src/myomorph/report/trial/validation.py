@@ -47,17 +47,17 @@ def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int
         f"Cross-validation: {check.trial or order + 1}" if order else "Cross-validation",
         lead,
         (("measured", "measured"), *((style, name) for name, style in styles.items())),
-        tuple(Figure(_chart(check, k, styles, span)) for k in FORCE_FIRST),
+        tuple(Figure(_chart(check, component, styles, span)) for component in FORCE_FIRST),
         _grids(check),
     )
 
 
-def _chart(check: WrenchCheck, k: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
-    lines = [Line(check.time, check.measured[:, k], "measured", "measured")]
+def _chart(check: WrenchCheck, component: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
+    lines = [Line(check.time, check.measured[:, component], "measured", "measured")]
     # The first method is drawn last, over the others.
     for name in reversed(list(check.predicted)):
-        lines.append(Line(check.time, check.predicted[name][:, k], styles[name], name))
-    return time_plot(COMPONENTS[k], UNITS[k], lines, span, height=200)
+        lines.append(Line(check.time, check.predicted[name][:, component], styles[name], name))
+    return time_plot(COMPONENTS[component], UNITS[component], lines, span, height=200)
 
 
 def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
@@ -69,9 +69,9 @@ def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
             return "–" if wrench_error is None else number(float(getattr(wrench_error, of))) + (" %" if percent else "")
 
         rows = []
-        for k in FORCE_FIRST:
-            name = COMPONENTS[k] if percent else f"{COMPONENTS[k]} [{UNITS[k]}]"
-            rows.append((name, *(told(errors.get((COMPONENTS[k], method))) for method in methods)))
+        for component in FORCE_FIRST:
+            name = COMPONENTS[component] if percent else f"{COMPONENTS[component]} [{UNITS[component]}]"
+            rows.append((name, *(told(errors.get((COMPONENTS[component], method))) for method in methods)))
         return Grid(("Component", *methods), tuple(rows), title, folded)
 
     return (
@@ -102,51 +102,56 @@ MAX_MARKERS = 40
 MAX_OPEN_ROWS = 30
 
 
-def calibration_section(identification_input: IdentificationInput) -> Section | None:
+def calibration_section(identified: IdentificationInput) -> Section | None:
     """Lengths, markers and marker errors before and after kinematic identification."""
-    found = identification_input.calibration
-    if found is None:
+    calibration = identified.calibration
+    if calibration is None:
         return None
     lead = "Segment lengths and marker positions that fit the recordings"
-    lead += f", from {number(found.frames, 1.0)} frames." if found.frames else "."
-    lead += f" {found.ended}" if found.ended else ""
-    lead += " Bars are ± one standard deviation." if any(length.sd for length in found.lengths) else ""
+    lead += f", from {number(calibration.frames, 1.0)} frames." if calibration.frames else "."
+    lead += f" {calibration.ended}" if calibration.ended else ""
+    lead += " Bars are ± one standard deviation." if any(length.sd for length in calibration.lengths) else ""
     return Section(
-        "calibration", "Lengths and markers", lead, (), _calibration_figures(found), _calibration_grids(found)
+        "calibration",
+        "Lengths and markers",
+        lead,
+        (),
+        _calibration_figures(calibration),
+        _calibration_grids(calibration),
     )
 
 
-def _calibration_figures(calibrated_body: CalibratedBody) -> tuple[Figure, ...]:
+def _calibration_figures(calibrated: CalibratedBody) -> tuple[Figure, ...]:
     figures = []
-    if calibrated_body.lengths:
-        names = [length.name for length in calibrated_body.lengths]
-        change = 1000.0 * np.array([length.after - length.before for length in calibrated_body.lengths])
-        sd = 1000.0 * np.array([np.nan if length.sd is None else length.sd for length in calibrated_body.lengths])
+    if calibrated.lengths:
+        names = [length.name for length in calibrated.lengths]
+        change = 1000.0 * np.array([length.after - length.before for length in calibrated.lengths])
+        sd = 1000.0 * np.array([np.nan if length.sd is None else length.sd for length in calibrated.lengths])
         figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
-    if calibrated_body.markers:
-        moved = dict(sorted(calibrated_body.markers.items(), key=lambda one: -one[1])[:MAX_MARKERS])
+    if calibrated.markers:
+        moved = dict(sorted(calibrated.markers.items(), key=lambda item: -item[1])[:MAX_MARKERS])
         far = [1000.0 * np.array(list(moved.values()))]
         figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
     return tuple(Figure(figure, "medium") for figure in figures)
 
 
-def _calibration_grids(calibrated_body: CalibratedBody) -> tuple[Grid, ...]:
+def _calibration_grids(calibrated: CalibratedBody) -> tuple[Grid, ...]:
     grids = []
-    if calibrated_body.errors:
+    if calibrated.errors:
         head = ("Trial", "Used for calibration", "RMS before", "RMS after")
         errors = tuple(
             (error.trial, "yes" if error.used else "no", _millimetres(error.before), _millimetres(error.after))
-            for error in calibrated_body.errors
+            for error in calibrated.errors
         )
         grids.append(Grid(head, errors, "Marker errors before and after"))
-    if calibrated_body.lengths:
+    if calibrated.lengths:
         head = ("Length", "Before", "After", "Standard deviation")
         rows = tuple(
             (length.name, *(_millimetres(value) for value in (length.before, length.after, length.sd)))
-            for length in calibrated_body.lengths
+            for length in calibrated.lengths
         )
         grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
-    if calibrated_body.zeros:
+    if calibrated.zeros:
         head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
         rows = tuple(
             (
@@ -155,11 +160,11 @@ def _calibration_grids(calibrated_body: CalibratedBody) -> tuple[Grid, ...]:
                 f"{number(np.degrees(zero.lowest))}° to {number(np.degrees(zero.highest))}°",
                 zero.source,
             )
-            for zero in calibrated_body.zeros
+            for zero in calibrated.zeros
         )
         grids.append(Grid(head, rows, "Zero angles", len(rows) > MAX_OPEN_ROWS))
-    if calibrated_body.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in calibrated_body.notes), "Notes of the calibration"))
+    if calibrated.notes:
+        grids.append(Grid(("Note",), tuple((text,) for text in calibrated.notes), "Notes of the calibration"))
     return tuple(grids)
 
 
@@ -169,22 +174,22 @@ def _millimetres(value: float | None) -> str:
 
 def truth_section(prepared: Prepared) -> Section | None:
     """Estimate beside truth, for captures that were simulated."""
-    given = prepared.given
-    truth = given.recorded.truth
+    results = prepared.results
+    truth = results.recorded.truth
     if truth is None:
         return None
-    model, grids = given.model, []
+    model, grids = results.model, []
     no_angles: set[str] = set()
     turning = (
         {coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"} if model else set()
     )
-    for title, estimate, known, own, units in (
-        ("Angles and translations", given.kinematics.motion, truth.motion, turning, ("°", "m")),
-        ("Joint moments", given.dynamics.torques, truth.torques, turning, ("N·m", "N")),
-        ("Activations", given.activations, truth.activations, no_angles, ("", "")),
+    for title, estimate, known, rotations, units in (
+        ("Angles and translations", results.kinematics.motion, truth.motion, turning, ("°", "m")),
+        ("Joint moments", results.dynamics.torques, truth.torques, turning, ("N·m", "N")),
+        ("Activations", results.activations, truth.activations, no_angles, ("", "")),
     ):
         if estimate is not None and known is not None:
-            grids.append(_compared_grid(title, compared(estimate, known), own, *units))
+            grids.append(_compared_grid(title, compared(estimate, known), rotations, *units))
     shown = tuple(grid for grid in grids if grid.rows)
     if not shown:
         return None
@@ -207,10 +212,10 @@ def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], un
         return f"{number(value)} {unit if name in turning or not other else other}".strip()
 
     def group(text: str, chosen: list[Comparison], name: str) -> tuple[str, ...]:
-        rms = float(np.sqrt(np.mean([one.rmse**2 for one in chosen])))
-        return text, told(rms, name), told(max(one.worst for one in chosen), name), "", ""
+        rms = float(np.sqrt(np.mean([row.rmse**2 for row in chosen])))
+        return text, told(rms, name), told(max(row.worst for row in chosen), name), "", ""
 
-    turned = [one for one in rows if one.name in turning] or list(rows)
+    turned = [row for row in rows if row.name in turning] or list(rows)
     lines: list[tuple[str, ...]]
     lines = [group("all" if len(turned) == len(rows) else "all rotations", turned, turned[0].name)] if rows else []
     for row in rows:

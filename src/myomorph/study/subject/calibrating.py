@@ -320,7 +320,7 @@ def calibration_page(calibrated: Calibrated) -> str:
     """Lengths and markers before and after as HTML text, see `report_page`."""
     # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
     from myomorph.report.page.parts import Note, PageHead, SourceFile
-    from myomorph.report.trial.given import ReportInput
+    from myomorph.report.trial.report_input import ReportInput
 
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page

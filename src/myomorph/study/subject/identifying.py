@@ -21,9 +21,9 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
-from myomorph.report.trial.given import Recorded, ReportInput
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.identified import identification_input
+from myomorph.report.trial.report_input import Recorded, ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup

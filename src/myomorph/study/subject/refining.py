@@ -20,7 +20,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, file_source, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings

@@ -16,7 +16,7 @@ from myomorph.analysis.cycles import SAMPLES, Cycles
 from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
 from myomorph.model.series import Series
-from myomorph.report.study.study_given import Described, Outlier
+from myomorph.report.study.study_input import Described, Outlier
 from myomorph.study.trial.tidy import OF_STRIDE
 from myomorph.study.trial.trial_inputs import IN_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS

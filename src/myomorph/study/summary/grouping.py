@@ -17,7 +17,7 @@ from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.study.group_page import group_page
-from myomorph.report.study.study_given import ValueDifference
+from myomorph.report.study.study_input import ValueDifference
 from myomorph.store.results import STORED, file_name, read_result
 from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.groups import GroupPlan

@@ -17,7 +17,7 @@ from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
 from myomorph.io.parsing.text import written
-from myomorph.report.study.study_given import Judged, StudyInput, TrialLine
+from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, made_at

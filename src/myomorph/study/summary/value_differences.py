@@ -11,7 +11,7 @@ from scipy.special import ndtri
 from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.report.study.study_given import ValueDifference
+from myomorph.report.study.study_input import ValueDifference
 from myomorph.study.summary.condition_values import RunningMeans
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.value_errors import ValueErrors, of_subject

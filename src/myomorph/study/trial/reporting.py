@@ -24,8 +24,8 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
-from myomorph.report.trial.given import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.prepared import Prepared, prepare
+from myomorph.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.trial_page import prepared_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_source, read_result

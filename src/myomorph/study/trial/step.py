@@ -24,7 +24,7 @@ from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 if TYPE_CHECKING:
-    from myomorph.report.trial.given import ReportInput
+    from myomorph.report.trial.report_input import ReportInput
     from myomorph.study.trial.trial_inputs import Signals, Value
     from myomorph.study.trial.trial_strides import TrialStrides
 

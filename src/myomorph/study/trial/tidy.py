@@ -53,7 +53,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     limits = get_value_limits(found)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
     _write_rows(
-        outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.given.head.warnings)
+        outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.results.head.warnings)
     )
     # Last, so that where there are values there is everything.
     _write_rows(

@@ -41,7 +41,7 @@ class TrialNotes:
     Attributes
     ----------
     real, assumed, simulated : for the first lines of the report
-    root : what the forces at the root are where they are not residuals, see `report.trial.given.Dynamics`
+    root : what the forces at the root are where they are not residuals, see `report.trial.report_input.Dynamics`
     """
 
     real: tuple[str, ...] = ()

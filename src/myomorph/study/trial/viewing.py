@@ -12,7 +12,7 @@ from myomorph.store.netcdf import open_netcdf
 from myomorph.store.results import DAMAGED, STORED, read_result
 
 if TYPE_CHECKING:
-    from myomorph.report.trial.given import ReportInput
+    from myomorph.report.trial.report_input import ReportInput
     from myomorph.study.trial.reporting import ModelMaker
     from myomorph.viewer.replay import Replay
 

@@ -15,7 +15,7 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
-from myomorph.report.trial.given import Dynamics, ReportInput
+from myomorph.report.trial.report_input import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics

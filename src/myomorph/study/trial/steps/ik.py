@@ -19,7 +19,7 @@ from myomorph.motion.crossings import CrossingOptions, crossings, within_crossin
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sync import cut
-from myomorph.report.trial.given import Kinematics, ReportInput
+from myomorph.report.trial.report_input import Kinematics, ReportInput
 from myomorph.store import stored as store
 from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome

@@ -16,8 +16,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import ReportedPaths
-from myomorph.report.trial.given import MusclePaths, ReportInput
 from myomorph.report.trial.muscle_summary import muscles_line
+from myomorph.report.trial.report_input import MusclePaths, ReportInput
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name

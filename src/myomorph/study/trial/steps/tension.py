@@ -19,7 +19,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.report.trial.given import EstimatedContacts, ReportInput, ShownTension, Situation
+from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
 from myomorph.store import stored as store
 from myomorph.store.emg_store import get_conflicts

@@ -16,7 +16,7 @@ from myomorph.analysis.walking import walking_strides
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.report.trial.given import ReportInput
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors

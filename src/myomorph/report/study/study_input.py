@@ -50,7 +50,7 @@ class TrialLine:
     @property
     def over(self) -> int:
         """Quantities beyond their limit."""
-        return sum(one.state == "over" for one in self.judged.values())
+        return sum(judged.state == "over" for judged in self.judged.values())
 
 
 @dataclass(frozen=True)
