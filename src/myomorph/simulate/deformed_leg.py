@@ -121,7 +121,7 @@ def right_leg(whole: Model) -> Model:
     root = Joint("ground_pelvis", "WeldJoint", GROUND, "pelvis", stands, Transform.identity())
     joints = [joint for joint in whole.joints if joint.child in kept and joint.child != "pelvis"]
     moved = {name for joint in joints for name in joint.coordinates}
-    muscles = tuple(_led(one) for one in whole.muscles if {point.body for point in one.path.points} <= kept)
+    muscles = tuple(_led(muscle) for muscle in whole.muscles if {point.body for point in muscle.path.points} <= kept)
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     return replace(
         whole,

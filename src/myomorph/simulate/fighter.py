@@ -213,7 +213,7 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
     children: dict[str, list[Segment]] = {}
     for segment in segments():
         children.setdefault(segment.parent, []).append(segment)
-    sites: dict[str, list[str]] = {one.name: [] for one in segments()}
+    sites: dict[str, list[str]] = {segment.name: [] for segment in segments()}
     for name, (body, place_on) in marker_points().items():
         sites[body].append(f'<site name="{prefix}marker_{name}" pos="{_text(s * place_on)}"/>')
     for side in "rl":

@@ -263,7 +263,7 @@ def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict
         path = []
         for i, point in enumerate(fixed_points(muscle)):
             path.append(f'<site site="{site(point.body, f"{muscle.name}-{i + 1}", point.location)}"/>')
-            for wrap in (one for one in tendon_wraps(muscle) if one.after == i):
+            for wrap in (wrap for wrap in tendon_wraps(muscle) if wrap.after == i):
                 side = ""
                 if wrap.side is not None:
                     side = f' sidesite="{site(wrap.side_body, f"{muscle.name}-side-{wrap.wrap_object}", wrap.side)}"'
@@ -298,7 +298,7 @@ def specimen_mjcf(specimen: Specimen) -> str:
     inside, paths = _muscles_mjcf(model, lambda body: Transform.identity())
     for marker in model.markers:
         inside[marker.body].append(_site(marker.name, marker.location))
-    joints = {one.child: one for one in model.joints}
+    joints = {joint.child: joint for joint in model.joints}
     rows = dict(zip(model.body_names, inertial_parameters(model), strict=True))
 
     def body(name: str) -> str:
@@ -376,11 +376,11 @@ def _line(specimen: Specimen, bone: str) -> tuple[Array, Array]:
     if bone == specimen.base:
         start = specimen.center
     else:
-        start = next(one for one in model.joints if one.child == bone).child_frame.translation
+        start = next(joint for joint in model.joints if joint.child == bone).child_frame.translation
     ends = [np.asarray(model.body(bone).mass_center)]
     for joint in model.joints:
         if joint.parent == bone and bone != specimen.base:
             place = poses.origins[0, tree.body_index[joint.child]] - poses.origins[0, b]
             ends.append(poses.rotations[0, b].T @ place)
-    end = max(ends, key=lambda one: float(np.linalg.norm(one - start)))
+    end = max(ends, key=lambda end: float(np.linalg.norm(end - start)))
     return (start, end) if np.linalg.norm(end - start) > 1e-3 else (start, start + np.array([0.0, 0.05, 0.0]))

@@ -218,7 +218,7 @@ def _swings(
 def hanging(limb: HeldLimb, parameters: Array) -> Array:
     """(3, 3) of the limb in ground where it hangs at rest, turned the shortest way from the model's default pose."""
     model = limb.specimen.model
-    joint = next(one for one in model.joints if one.child == limb.specimen.first)
+    joint = next(joint for joint in model.joints if joint.child == limb.specimen.first)
     pose = limb.specimen.stand.rotation @ joint.parent_frame.rotation
     start = pose @ parameters[1:4]
     down = np.asarray(model.gravity) / np.linalg.norm(model.gravity)

@@ -152,7 +152,7 @@ class _Equations:
 
 def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, free_zero: bool) -> list[_Equations]:
     """The equations of moment and of force of one condition."""
-    used = [np.flatnonzero(one.used) for one in recordings]
+    used = [np.flatnonzero(recording.used) for recording in recordings]
     along = free_directions(recordings)
     predicted = predicted_rows(recordings, used)
     moment: list[tuple[Array, Array, Array]] = []

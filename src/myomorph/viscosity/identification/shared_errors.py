@@ -47,7 +47,7 @@ def with_shared_errors(
     """
     instruments = instruments or Instruments.assumed(errors)
     conditions = {name: condition for name in COLUMNS if (condition := getattr(specimen_viscosity, name)) is not None}
-    given = {name: tuple(thinned(each) for each in one.recordings) for name, one in conditions.items()}
+    given = {name: tuple(thinned(each) for each in condition.recordings) for name, condition in conditions.items()}
     try:
         exact = _values(given, conditions, options)
         changes = []

@@ -97,7 +97,7 @@ def kept_muscles(
     BadModel : a strand that was asked for runs over what is no part of the specimen
     """
     model, base = source.model, source.bones[0]
-    wanted = names or {one.name: (one.name,) for one in model.muscles if _crosses(source, one, base)}
+    wanted = names or {muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)}
     notes: list[str] = []
     muscles: list[Muscle] = []
     found: dict[str, tuple[str, ...]] = {}

@@ -102,7 +102,7 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     """
     if len(specimen.joint_coordinates) == 1:
         return differentiate(motion, cutoff)
-    joint = next(one for one in specimen.model.joints if one.child == specimen.first)
+    joint = next(joint for joint in specimen.model.joints if joint.child == specimen.first)
     axes = np.array([axis.vector for axis in joint.axes])
     order = "".join("XYZ"[int(np.argmax(axis))] for axis in axes)
     columns = [motion.names.index(name) for name in joint.coordinates]

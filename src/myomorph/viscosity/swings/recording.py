@@ -186,7 +186,7 @@ def force_mismatch(
         far = np.linalg.norm(b - A @ x, axis=1)
         scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
         trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
-    wanted = [Y @ x[:4] + x[4 + 3 * k : 7 + 3 * k] for k, Y in enumerate(rows)]
+    wanted = [Y @ x[:4] + x[4 + 3 * index : 7 + 3 * index] for index, Y in enumerate(rows)]
     moving = [
         np.linalg.norm(one[use] - one[use].mean(axis=0), axis=1)
         for one, use in zip(wanted, candidates, strict=True)

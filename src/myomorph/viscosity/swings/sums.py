@@ -73,15 +73,15 @@ def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.nda
     frames : of each recording, those that take part in the fit
     """
     along = free_directions(recordings)
-    states = [_state(one) for one in recordings]
+    states = [_state(recording) for recording in recordings]
     # The columns of I_xx, I_yy, I_zz hold the angular acceleration about x, y, z.
-    measured = [moment_rows(one)[:, [0, 1, 2], [4, 5, 6]] @ along.T for one in recordings]
+    measured = [moment_rows(recording)[:, [0, 1, 2], [4, 5, 6]] @ along.T for recording in recordings]
     A = np.concatenate([state[use] for state, use in zip(states, frames, strict=True)])
     b = np.concatenate([one[use] for one, use in zip(measured, frames, strict=True)])
     size = np.sqrt(np.square(A).mean(axis=0))
     size = np.where(size > 0.0, size, 1.0)
     law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
-    rates = np.concatenate([one.rates[use] for one, use in zip(recordings, frames, strict=True)])
+    rates = np.concatenate([recording.rates[use] for recording, use in zip(recordings, frames, strict=True)])
     still = _still(rates, b, A @ law)
     turning = np.eye(len(still)) - still
     result = []
@@ -186,10 +186,10 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         raise BadData("no recording of swings is given")
     for recording in recordings:
         _check(recordings[0], recording)
-    parts = [(number, use) for number, one in enumerate(recordings) for use in _swings(one)]
+    parts = [(number, use) for number, recording in enumerate(recordings) for use in _swings(recording)]
     if not parts:
         raise BadData(
-            f"none of the trials {', '.join(one.name for one in recordings)} holds a frame of free swing: "
+            f"none of the trials {', '.join(recording.name for recording in recordings)} holds a frame of free swing: "
             "release the limb without touching it, and check that its markers are seen"
         )
     speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
@@ -198,7 +198,7 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
     predicted = predicted_rows(recordings, [_of(live, number) for number in range(len(recordings))])
     along = free_directions(recordings)
     return SwingSums(
-        tuple(one.name for one in recordings),
+        tuple(recording.name for recording in recordings),
         recordings[0].axes,
         recordings[0].muscles,
         np.array([block.trial for block in blocks]),

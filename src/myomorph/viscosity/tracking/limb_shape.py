@@ -43,7 +43,7 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     the specimen, and the root mean square by which markers moved against the center [m]
     """
     poses = _limb_poses(specimen)
-    common = set.intersection(*(set(one.names) for one in trials))
+    common = set.intersection(*(set(trial.names) for trial in trials))
     carried = [marker for marker in specimen.model.markers if marker.body in poses and marker.name in common]
     names = [one.name for one in carried]
     if len(names) < MIN_MARKERS:

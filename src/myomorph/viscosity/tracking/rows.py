@@ -59,7 +59,7 @@ def swing_recordings(
     ]
     if not any(one.any() for one in free):
         raise BadData(
-            f"none of the trials {', '.join(one.name for one in trials)} has a frame of free swing with motion and "
+            f"none of the trials {', '.join(trial.name for trial in trials)} has a frame of free swing with motion and "
             "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
         )
     rest = _rest(specimen, made, free)

@@ -79,7 +79,7 @@ def track(
     options = options or TrackingOptions()
     if not trials:
         raise BadData("no trial of the swinging limb is given")
-    shown = [one.markers if one.time is None else cut(one.markers, *one.time) for one in trials]
+    shown = [trial.markers if trial.time is None else cut(trial.markers, *trial.time) for trial in trials]
     checked = [
         checked_clusters(specimen, one, trial.name, options.cluster) for one, trial in zip(shown, trials, strict=True)
     ]
@@ -93,7 +93,7 @@ def track(
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
     ]
-    base, held, found = _held_still(started, markers, [one.name for one in trials], sure, weights, options)
+    base, held, found = _held_still(started, markers, [trial.name for trial in trials], sure, weights, options)
     if astray and options.center == "model":
         found = [[replace(slip, center_off=not (slip.lasting or slip.before)) for slip in own] for own in found]
     posed = _posed(started.standing(base), held)

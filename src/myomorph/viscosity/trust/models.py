@@ -259,10 +259,10 @@ def compare_passive_laws(
             float(force),
         )
         fits.append(fit)
-    least_aic, least_bic = min(one.aic for one in fits), min(one.bic for one in fits)
-    fits = [replace(one, aic=one.aic - least_aic, bic=one.bic - least_bic) for one in fits]
-    by_bic = min((one for one in fits if one.bic <= MAX_CRITERION_DIFFERENCE), key=lambda one: (one.free, one.bic))
-    plain = min((one for one in fits if one.terms in PLAIN), key=lambda one: one.bic)
+    least_aic, least_bic = min(fit.aic for fit in fits), min(fit.bic for fit in fits)
+    fits = [replace(fit, aic=fit.aic - least_aic, bic=fit.bic - least_bic) for fit in fits]
+    by_bic = min((fit for fit in fits if fit.bic <= MAX_CRITERION_DIFFERENCE), key=lambda fit: (fit.free, fit.bic))
+    plain = min((fit for fit in fits if fit.terms in PLAIN), key=lambda fit: fit.bic)
     chosen = by_bic if by_bic.terms in PLAIN or _predicts_better(by_bic, plain) else plain
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")

@@ -119,7 +119,7 @@ class MomentArmSensitivity:
 
     def spread(self, kind: Kind) -> MomentArmSpread:
         """Of one kind of error."""
-        return next(one for one in self.spreads if one.kind == kind)
+        return next(spread for spread in self.spreads if spread.kind == kind)
 
 
 def moment_arm_sensitivity(
