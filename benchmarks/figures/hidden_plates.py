@@ -1,21 +1,16 @@
-"""The figure of docs/contact-forces.md: `python -m benchmarks.figures.hidden_plates [FILE]`."""
+"""The figure of docs/contact-forces.md: `python -m benchmarks.figures hidden-plates`."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("svg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from benchmarks.figures.page import legend, page, zero_lines
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from data_collection import data_folder
 
-FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "hidden-plates.svg"
 SHOWN = (0, 1, 2, 5)
 COLORS = {"right": "#b2182b", "left": "#2166ac"}
 ROWS = ((1, "vertical [weight]"), (0, "fore-aft [weight]"))
@@ -24,23 +19,16 @@ ROWS = ((1, "vertical [weight]"), (0, "fore-aft [weight]"))
 def draw(file: Path) -> None:
     """Measured and estimated force of each foot over its weight: vertical above, fore-aft below."""
     folder = data_folder()
-    plt.rcParams.update({"svg.hashsalt": "hidden", "svg.fonttype": "none", "font.size": 9})
-    figure, axes = plt.subplots(len(ROWS), len(SHOWN), figsize=(11.0, 4.8), sharex="col", sharey="row")
-    for column, number in enumerate(SHOWN):
-        hidden = opened(folder, CASES[number])
-        _panels(axes[:, column], hidden)
-        axes[0, column].set_title(hidden.case.name, fontsize=9)
-        axes[-1, column].set_xlabel("time [s]")
-    for row, (_, label) in enumerate(ROWS):
-        axes[row, 0].set_ylabel(label)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False)
-    for one in np.ravel(axes):
-        one.spines[["top", "right"]].set_visible(False)
-        one.axhline(0.0, color="#999999", lw=0.6)
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.94))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, metadata={"Date": None})
+    with page(file, len(ROWS), len(SHOWN), (11.0, 4.8), sharex="col", sharey="row") as (figure, axes):
+        for column, number in enumerate(SHOWN):
+            hidden = opened(folder, CASES[number])
+            _panels(axes[:, column], hidden)
+            axes[0, column].set_title(hidden.case.name, fontsize=9)
+            axes[-1, column].set_xlabel("time [s]")
+        for row, (_, label) in enumerate(ROWS):
+            axes[row, 0].set_ylabel(label)
+        legend(figure, axes[0, 0], 4)
+        zero_lines(axes)
 
 
 def _panels(axes: np.ndarray, hidden: Hidden) -> None:
@@ -58,7 +46,3 @@ def _line(
     panel: Axes, time: np.ndarray, values: np.ndarray, use: np.ndarray, color: str, style: str, label: str
 ) -> None:
     panel.plot(time[use], values[use], style, color=color, lw=1.3 if style == "-" else 1.6, label=label)
-
-
-if __name__ == "__main__":
-    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)

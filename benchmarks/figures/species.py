@@ -1,30 +1,26 @@
 """The figure of docs/morphing.md: a man's leg and a mouse's with homologous muscles in one color.
 
-`python -m benchmarks.figures.species [FILE]`
+`python -m benchmarks.figures species-leg`
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 import myomorph as mm
+from benchmarks.figures.page import page
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
 from data_collection import data_folder
 from myomorph.morph.species.counterparts import Posed
 from myomorph.muscles.path import compile_paths
 from myomorph.study.subject.species_morphing import read_species
 
-FILE = Path(__file__).resolve().parents[2] / "docs" / "images" / "species-leg.svg"
 METHOD = "SSD"
 BENT = 0.5 * np.pi
 POSTURES = {
@@ -60,23 +56,19 @@ def draw(file: Path) -> None:
     moved, anatomist = from_man(data, METHOD).model, anatomist_on_skeleton(data).model
     homologues = {name: read_species("human-mouse").homologous(name) for name in SHOWN}
     colors = dict(zip(SHOWN, plt.get_cmap("tab20").colors, strict=False))
-    plt.rcParams.update({"svg.hashsalt": "species", "svg.fonttype": "none", "font.size": 9})
-    figure, axes = plt.subplots(1, 3, figsize=(9.6, 4.6))
-    one = {name: (name,) for name in SHOWN}
-    _leg(axes[0], ours, ours.model, MAN, "man", one, colors)
-    _leg(axes[1], theirs, moved, (*MOUSE, *FEET), "mouse", one, colors)
-    _leg(axes[2], theirs, anatomist, (*MOUSE, *FEET), "mouse", homologues, colors)
-    for shown, title in zip(
-        axes, ("man", f"mouse, the man's muscles ({METHOD})", "mouse, the anatomist's"), strict=True
-    ):
-        shown.set_title(title, fontsize=9)
-        shown.set_aspect("equal")
-        shown.axis("off")
-    handles = [plt.Line2D([], [], color=colors[name], lw=2, label=word) for name, word in SHOWN.items()]
-    figure.legend(handles=handles, loc="lower center", ncols=5, frameon=False, fontsize=8)
-    figure.tight_layout(rect=(0.0, 0.14, 1.0, 1.0))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, metadata={"Date": None}, dpi=150)
+    with page(file, 1, 3, (9.6, 4.6), below=0.14, above=1.0) as (figure, axes):
+        one = {name: (name,) for name in SHOWN}
+        _leg(axes[0], ours, ours.model, MAN, "man", one, colors)
+        _leg(axes[1], theirs, moved, (*MOUSE, *FEET), "mouse", one, colors)
+        _leg(axes[2], theirs, anatomist, (*MOUSE, *FEET), "mouse", homologues, colors)
+        for shown, title in zip(
+            axes, ("man", f"mouse, the man's muscles ({METHOD})", "mouse, the anatomist's"), strict=True
+        ):
+            shown.set_title(title, fontsize=9)
+            shown.set_aspect("equal")
+            shown.axis("off")
+        handles = [plt.Line2D([], [], color=colors[name], lw=2, label=word) for name, word in SHOWN.items()]
+        figure.legend(handles=handles, loc="lower center", ncols=5, frameon=False, fontsize=8)
 
 
 def _leg(
@@ -106,7 +98,3 @@ def _leg(
             flat = root_pose.apply(points[np.isfinite(points[:, 0])]) @ side.T
             axes.plot(flat[:, 0], flat[:, 1], color=colors[name], lw=1.6, solid_capstyle="round")
     axes.autoscale_view()
-
-
-if __name__ == "__main__":
-    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)

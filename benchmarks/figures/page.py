@@ -1,0 +1,59 @@
+"""How every figure is drawn: `python -m benchmarks.figures NAME [FILE]` writes docs/images/NAME.svg, or the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+
+
+@contextmanager
+def page(
+    file: Path,
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    below: float = 0.0,
+    above: float = 0.94,
+    **shared: Any,
+) -> Iterator[tuple[Figure, np.ndarray]]:
+    """A figure and its axes as `plt.subplots` gives them; at the end laid out and written.
+
+    Parameters
+    ----------
+    file : whose name seeds the identifiers in it, so that the same numbers give the same bytes
+    size : width and height [in]
+    below, above : where the axes begin and end, as shares of the height
+    shared : further ones of `plt.subplots`
+    """
+    plt.rcParams.update({"svg.hashsalt": file.stem, "svg.fonttype": "none", "font.size": 9})
+    figure, axes = plt.subplots(rows, columns, figsize=size, **shared)
+    yield figure, axes
+    for axis in np.ravel(axes):
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout(rect=(0.0, below, 1.0, above))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, metadata={"Date": None}, dpi=150)
+    plt.close(figure)
+
+
+def legend(figure: Figure, axes: Axes, columns: int, **more: Any) -> None:
+    """The legend of one of the axes, above all of them."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="upper center", ncols=columns, frameon=False, **more)
+
+
+def zero_lines(axes: np.ndarray) -> None:
+    """A thin line at zero in each."""
+    for axis in np.ravel(axes):
+        axis.axhline(0.0, color="#999999", lw=0.6)
