@@ -296,18 +296,29 @@ def injected_force_faults(folder: Path) -> Iterator[Row]:
 def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> Iterator[Row]:
     """A row a fault, put into every recording that can have it."""
     for fault in faults:
-        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
+        verdicts = []
         for clean in recordings:
             faulty = fault.change(clean)
             if faulty is not None:
                 findings = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
-                counts[verdict(fault, findings)].append(clean.name)
-        yield {
-            "fault": fault.name,
-            "recordings": sum(map(len, counts.values())),
-            **{word: len(names) for word, names in counts.items()},
-            "missed in": ", ".join(counts["missed"]) or "none",
-        }
+                verdicts.append((verdict(fault, findings), clean.name))
+        yield counted(fault.name, verdicts)
+
+
+def counted(fault: str, verdicts: Sequence[tuple[str, str]]) -> Row:
+    """The row of a fault from what became of it (mended, found or missed) in each recording."""
+    counts = {word: [name for given, name in verdicts if given == word] for word in ("mended", "found", "missed")}
+    return {
+        "fault": fault,
+        "recordings": len(verdicts),
+        **{word: len(names) for word, names in counts.items()},
+        "missed in": ", ".join(counts["missed"]) or "none",
+    }
+
+
+def texts_of(findings: Sequence[Finding], nothing: str = "none") -> str:
+    """What some findings say."""
+    return "; ".join(finding.text for finding in findings) or nothing
 
 
 def clean_forces(folder: Path) -> Iterator[Row]:
@@ -320,8 +331,8 @@ def clean_forces(folder: Path) -> Iterator[Row]:
             "recording": walk.name,
             "model [kg]": plain.model.mass,
             "frames": len(plain.motion),
-            "findings": "; ".join(one.text for one in found) or "none",
-            "with the mass of the plates": "; ".join(one.text for one in left) or "none",
+            "findings": texts_of(found),
+            "with the mass of the plates": texts_of(left),
         }
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.accuracy.faults import texts_of
 from benchmarks.recordings import RECORDINGS
 from myomorph.model.findings import Finding
 from myomorph.motion.ik import tracked_markers
@@ -265,13 +266,19 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
         yield row
 
 
+def inner_angles(model: mm.Model, names: Sequence[str]) -> list[int]:
+    """Which of some coordinates are angles of joints within the body."""
+    root = {name for joint in model.joints if joint.parent == "ground" for name in joint.coordinates}
+    return [k for k, name in enumerate(names) if name not in root and model.coordinate(name).motion == "rotational"]
+
+
 def same_angles_word(model: mm.Model, markers: mm.Markers, faulty: mm.Markers, before: Sequence[Finding]) -> str:
     """Mended where the angles of all joints are those of the clean recording, within 0.1 degrees."""
     found = checked_kinematics(model, faulty)
     clean = checked_kinematics(model, markers).fit.motion.values
-    root = {name for joint in model.joints if joint.parent == "ground" for name in joint.coordinates}
-    inner = [i for i, one in enumerate(model.coordinates) if one.name not in root and one.motion == "rotational"]
-    apart = np.degrees(np.nanmax(np.abs(found.fit.motion.values - clean)[:, inner]))
+    apart = np.degrees(
+        np.nanmax(np.abs(found.fit.motion.values - clean)[:, inner_angles(model, model.coordinate_names)])
+    )
     word = "mended" if apart < 0.1 else f"missed: {apart:.1f} degrees"
     new = verdict((), found.findings, before)
     return word + new.removeprefix("missed")
@@ -282,13 +289,16 @@ def clean_markers(folder: Path) -> Iterator[Row]:
     recordings: Mapping[str, tuple[str, str]] = SCALED | ALSO_CLEAN
     for name, files in recordings.items():
         found = checked_kinematics(*opened(folder, *files)).findings
-        about = [one for one in found if one.kind in ABOUT_THE_MODEL]
-        faults = [one for one in found if one.kind not in ABOUT_THE_MODEL]
-        yield {
-            "recording": name,
-            "called": "; ".join(one.text for one in faults) or "nothing",
-            "about the model": "; ".join(f"{one.kind}: {one.place}" for one in about) or "nothing",
-        }
+        yield {"recording": name, **called(found)}
+
+
+def called(findings: Sequence[Finding]) -> Row:
+    """What is called on a recording, facts about the model apart."""
+    about = [finding for finding in findings if finding.kind in ABOUT_THE_MODEL]
+    return {
+        "called": texts_of([finding for finding in findings if finding not in about], "nothing"),
+        "about the model": "; ".join(f"{finding.kind}: {finding.place}" for finding in about) or "nothing",
+    }
 
 
 def mended_angles(folder: Path) -> Iterator[Row]:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -97,19 +98,26 @@ def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
     """Model, motion and forces of a recording by the commands; None with the last line said where there are none."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
-        study = out / "study.toml"
-        status, said = typed("analyze", folder / raw.file, "--mass", f"{raw.mass:g}", "--prepare", "--out", out)
-        if not status:
-            text = study.read_text(encoding="utf-8")
-            short = re.sub(r"(?m)^steps = \[.*\]$", 'steps = ["calibrate", "ik", "id"]', text)
-            study.write_text(short, encoding="utf-8")
-            status, said = typed("run", study, "--out", out, "--workers", "1")
+        steps = ("calibrate", "ik", "id")
+        status, said = through_the_commands(out, steps, folder / raw.file, "--mass", f"{raw.mass:g}")
         if status:
             return None, said.rpartition("\n")[2].replace(f"{folder / raw.file}: ", "")
         ((_, trial),) = mm.load(out).items()
         if trial.motion is None or trial.wrenches is None:
             return None, "no forces on feet"
         return Recorded(raw.name, mm.read_model(out / "calibrated.osim"), trial.motion, trial.wrenches), said
+
+
+def through_the_commands(out: Path, steps: Sequence[str], *words: object) -> tuple[int, str]:
+    """Exit status and all that is printed by `analyze --prepare` and by `run` of its study, cut short to some steps."""
+    status, said = typed("analyze", *words, "--prepare", "--out", out)
+    if status:
+        return status, said
+    study = out / "study.toml"
+    short = re.sub(r"(?m)^steps = \[.*\]$", f"steps = {json.dumps(steps)}", study.read_text(encoding="utf-8"))
+    study.write_text(short, encoding="utf-8")
+    status, also = typed("run", study, "--out", out, "--workers", "1")
+    return status, f"{said}\n{also}"
 
 
 def typed(*words: object) -> tuple[int, str]:

@@ -6,7 +6,6 @@ after inverse kinematics, and `myomorph run` runs it: protocol, axes, calibratio
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,15 +16,18 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy import unseen_faults
+from benchmarks.accuracy.faults import counted
 from benchmarks.accuracy.marker_faults import (
     ABOUT_THE_MODEL,
     MARKER_FAULTS,
     MarkerFault,
+    called,
     findings_of,
+    inner_angles,
     same_angles_word,
     verdict,
 )
-from benchmarks.accuracy.unseen_faults import GAIT, SAMPLES, typed
+from benchmarks.accuracy.unseen_faults import GAIT, SAMPLES, through_the_commands
 from benchmarks.accuracy.unseen_faults import RAW as OF_FORCES
 from benchmarks.accuracy.unseen_faults import Raw as RawForces
 from myomorph.model.arrays import Array
@@ -102,7 +104,7 @@ def injected_after_calibration(folder: Path) -> Iterator[Row]:
     cases = [one for one in (calibrated(folder, raw) for raw in OF_FORCES) if one is not None]
     before = [checked_kinematics(model, markers).findings for _, model, markers in cases]
     for fault in (one for one in MARKER_FAULTS if one.name in CHOSEN):
-        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
+        verdicts = []
         for (name, model, markers), known in zip(cases, before, strict=True):
             faulty = fault.change(model, markers)
             if faulty is None:
@@ -111,13 +113,8 @@ def injected_after_calibration(folder: Path) -> Iterator[Row]:
                 word = verdict(fault.kinds, findings_of(model, faulty), known)
             else:
                 word = same_angles_word(model, markers, faulty, known)
-            counts[word.split()[0].rstrip(":")].append(name)
-        yield {
-            "fault": fault.name,
-            "recordings": sum(map(len, counts.values())),
-            **{word: len(names) for word, names in counts.items()},
-            "missed in": ", ".join(counts["missed"]) or "none",
-        }
+            verdicts.append((word.split()[0].rstrip(":"), name))
+        yield counted(fault.name, verdicts)
 
 
 def clean_after_calibration(folder: Path) -> Iterator[Row]:
@@ -145,36 +142,18 @@ def calibrated(folder: Path, raw: RawForces) -> tuple[str, mm.Model, mm.Markers]
 def injected_marker_faults(folder: Path) -> Iterator[Row]:
     """Faults of markers put into recordings that were not used before: how many were mended, found and missed."""
     for fault in (one for one in MARKER_FAULTS if one.name in FROM_THE_BEGINNING):
-        counts: dict[str, list[str]] = {"mended": [], "found": [], "missed": []}
-        others: set[str] = set()
-        for raw in RAW:
-            found = injected(folder, raw, fault)
-            if found is not None:
-                word, besides = found
-                counts[word].append(raw.name)
-                others |= besides
-        yield {
-            "fault": fault.name,
-            "recordings": sum(map(len, counts.values())),
-            **{word: len(names) for word, names in counts.items()},
-            "missed in": ", ".join(counts["missed"]) or "none",
-            "also called": ", ".join(sorted(others)) or "nothing",
-        }
+        results = [(raw.name, result) for raw in RAW if (result := injected(folder, raw, fault)) is not None]
+        others = set().union(*(besides for _, (_, besides) in results))
+        row = counted(fault.name, [(word, name) for name, (word, _) in results])
+        yield row | {"also called": ", ".join(sorted(others)) or "nothing"}
 
 
 def clean_markers(folder: Path) -> Iterator[Row]:
     """What is called on the same recordings with nothing put in; facts about the model apart."""
     for raw in RAW:
         markers, one = clean(folder, raw)
-        about = [each for each in one.findings if each.kind in ABOUT_THE_MODEL]
-        faults = [each for each in one.findings if each.kind not in ABOUT_THE_MODEL]
-        yield {
-            "recording": raw.name,
-            "frames": len(markers),
-            "static trial": "yes" if raw.static else "no",
-            "called": "; ".join(each.text for each in faults) or "nothing",
-            "about the model": "; ".join(f"{each.kind}: {each.place}" for each in about) or "nothing",
-        }
+        row: Row = {"recording": raw.name, "frames": len(markers), "static trial": "yes" if raw.static else "no"}
+        yield row | called(one.findings)
 
 
 def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]] | None:
@@ -203,10 +182,7 @@ def same_angles(one: Result, other: Result) -> bool:
         return False
     if one.motion.names != other.motion.names or len(one.motion) != len(other.motion):
         return False
-    root = {name for joint in one.model.joints if joint.parent == "ground" for name in joint.coordinates}
-    kinds = {each.name: each.motion for each in one.model.coordinates}
-    inner = [i for i, name in enumerate(one.motion.names) if name not in root and kinds[name] == "rotational"]
-    apart: Array = np.abs(one.motion.values - other.motion.values)[:, inner]
+    apart: Array = np.abs(one.motion.values - other.motion.values)[:, inner_angles(one.model, one.motion.names)]
     return bool(np.degrees(np.nanmax(apart)) < ALIKE)
 
 
@@ -238,15 +214,10 @@ def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
     """What `analyze` and `run` make of markers."""
     with tempfile.TemporaryDirectory() as name:
         home = Path(name)
-        out, study = home / "out", home / "out" / "study.toml"
+        out = home / "out"
         mm.write_trc(markers, home / "motion.trc", "m")
         more = ("--static", folder / static) if static else ()
-        status, said = typed("analyze", home / "motion.trc", "--mass", "70", *more, "--prepare", "--out", out)
-        if not status:
-            text = study.read_text(encoding="utf-8")
-            study.write_text(re.sub(r"(?m)^steps = \[.*\]$", 'steps = ["calibrate", "ik"]', text), encoding="utf-8")
-            status, also = typed("run", study, "--out", out, "--workers", "1")
-            said = f"{said}\n{also}"
+        status, said = through_the_commands(out, ("calibrate", "ik"), home / "motion.trc", "--mass", "70", *more)
         if status:
             line = said.rpartition("\n")[2]
             return Result(None, None, (Finding("refused", "recording", line),), said)
