@@ -11,6 +11,7 @@ from readable import frame_program
 from walking import task, walk
 
 from myomorph.model.series import Motion, Series
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.solve import solve_tension, tension_problem
@@ -125,13 +126,7 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
     assert np.flatnonzero(found.status != OPTIMAL).tolist() == [10]
     kept = np.arange(len(motion)) < 10
-    before = Motion(
-        motion.time[kept],
-        motion.names,
-        motion.values[kept],
-        velocities=motion.velocities[kept],
-        accelerations=motion.accelerations[kept],
-    )
+    before = take_frames(motion, kept)
     strengths = Series(before.time, ask.strengths.names, ask.strengths.values[kept])
     part = replace(ask, strengths=strengths)
     alone = solve_tension(model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part)

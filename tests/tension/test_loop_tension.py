@@ -12,8 +12,9 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.paths import MovingPathPoint
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import take_frames
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
@@ -32,9 +33,7 @@ def shoulder(data):
     model = read_osim(data(f"{FOLDER}/model_cmc/TSM_subject_CMC_noWeight.osim"))
     whole = differentiate(motion_from_table(read_sto(data(f"{FOLDER}/ik/ABD01.mot")), model), 3.0)
     kept = np.array([150, 300, 420])
-    motion = Motion(
-        whole.time[kept], whole.names, whole.values[kept], whole.velocities[kept], whole.accelerations[kept]
-    )
+    motion = take_frames(whole, kept)
     motion, _ = closed_motion(model, motion)
     return model, motion, inverse_dynamics(model, motion)
 

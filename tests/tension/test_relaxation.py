@@ -13,8 +13,9 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
+from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.problem import tension_problem
@@ -120,9 +121,7 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
     keep = np.arange(300, 900, 50)
-    motion = Motion(
-        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
-    )
+    motion = take_frames(whole, keep)
     sites = foot_sites(model)
     ready = strengths(model, motion, sites, find_contacts(model, motion, sites))
     groups = np.array([one.group for one in sites])

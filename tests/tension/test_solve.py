@@ -15,7 +15,7 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
+from myomorph.motion.sync import resample_wrenches, take_frames
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -31,13 +31,7 @@ SPRING = "opensim-gait-subject01/ref_so_10dof18musc/"
 
 def frames(motion: Motion, keep) -> Motion:
     """Some frames of a motion."""
-    return Motion(
-        motion.time[keep],
-        motion.names,
-        motion.values[keep],
-        velocities=motion.velocities[keep],
-        accelerations=motion.accelerations[keep],
-    )
+    return take_frames(motion, keep)
 
 
 def arm(data) -> tuple[Model, Motion, Series]:

@@ -72,11 +72,6 @@ class Decay:
         return replace(self, effective=samples)
 
     @property
-    def aic(self) -> float:
-        """Akaike's criterion; only differences between laws of one signal, judged by one number, tell anything."""
-        return 2.0 * (self.effective * float(np.log(self.residual)) + self.free)
-
-    @property
     def bic(self) -> float:
         """Schwarz's criterion, likewise."""
         return 2.0 * self.effective * float(np.log(self.residual)) + float(np.log(self.effective)) * self.free

@@ -246,7 +246,6 @@ def measure_muscles(data: Path) -> Iterator[dict[str, object]]:
 
 
 RULES = ("joints", "frames", "pelvis by joints")
-HIS = {"joints": "his", "frames": "his, by the frames' directions", "pelvis by joints": "his, pelvis by joints"}
 
 
 def _open(data: Path, pair: MuscleHomology) -> str:
