@@ -7,21 +7,20 @@ import pytest
 
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
-from myomorph.muscles.elastic_arrays import compile_elastic, has_elastic_tendon
-from myomorph.muscles.fiber_equations import degroote_stretch, tendon_factor
-from myomorph.muscles.fiber_jets import FLOOR, TAKEN_UP, TONE, fiber_jet, tendon_jet
-from myomorph.muscles.hill import active_length_factor, passive_length_factor, velocity_factor
+from myomorph.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
+from myomorph.muscles.hill_arrays import compile_elastic, has_elastic_tendon
+from myomorph.muscles.model_table import muscle_model
+from myomorph.muscles.models.thelen import TAKEN_UP
 from myomorph.rigid.kernels import kernel
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 
 
-@kernel
-def _curves(E, x, v, factors):
-    for k in range(x.shape[0]):
-        factors[k, 0] = active_length_factor(E.hill, 0, x[k])
-        factors[k, 1] = passive_length_factor(E.hill, 0, x[k])
-        factors[k, 2] = velocity_factor(E.hill, 0, v[k])
+def factors_of(kind: str, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(values, 3) f_L, f_PE and f_V of a class."""
+    muscle = model(kind).muscles[0]
+    curves = muscle_model(muscle).curves(muscle)
+    return np.stack([curves.active(x), curves.passive(x), np.maximum(curves.velocity(v), 0.0)], axis=1)
 
 
 @kernel
@@ -88,8 +87,7 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     # Outside of where corners of Thelen's curves are rounded; how much that changes is a test of its own.
     v = np.where(np.abs(v / kappa) < 0.02, 0.02 * kappa, v)
     x = np.where(np.abs(x - 1.0) < TAKEN_UP, 1.0 + TAKEN_UP, x)
-    factors, out = np.empty((200, 3)), np.empty((200, 10))
-    _curves(E, x, v / kappa, factors)
+    factors, out = factors_of(kind, x, v / kappa), np.empty((200, 10))
     _pulls(E, x * E.hill.fiber[0], v * E.hill.speed[0], a, out)
     expected = a * factors[:, 0] * factors[:, 2] + factors[:, 1] + E.damping[0] * v
     pulling = expected > 0.05
@@ -99,9 +97,8 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
 
 def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
     E, x = arrays("Thelen2003Muscle"), np.linspace(1.0 - 1.5 * TAKEN_UP, 1.0 + 1.5 * TAKEN_UP, 300)
-    factors, out = np.empty((300, 3)), np.empty((300, 10))
+    factors, out = factors_of("Thelen2003Muscle", x, np.full(300, 0.1)), np.empty((300, 10))
     _pulls(E, x * E.hill.fiber[0], np.full(300, 0.1 * E.hill.speed[0]), np.ones(300), out)
-    _curves(E, x, np.full(300, 0.1), factors)
     left = out[:, 0] - factors[:, 0] * factors[:, 2] - factors[:, 1] - TONE - FLOOR
     assert 1e-4 < np.abs(left).max() < 1e-3
     # No step in the slope any more: neighbors differ by a small part of the slope with which the curve begins.
@@ -115,11 +112,8 @@ def test_the_stretch_of_a_tendon_is_the_inverse_of_its_force(kind):
     f = np.linspace(0.002, 1.8, 300)
     jets = np.empty((300, 3))
     _stretch_jets(compile_elastic(one, True), f, jets)
-    stretch, muscle = jets[:, 0], one.muscles[0]
-    if kind == "DeGrooteFregly2016Muscle":
-        assert np.allclose(stretch, degroote_stretch(muscle, f), atol=1e-14)
-    else:
-        assert np.allclose(tendon_factor(muscle, stretch), f, atol=1e-9)
+    muscle = one.muscles[0]
+    assert np.allclose(muscle_model(muscle).tendon(muscle)(jets[:, 0]), f, atol=1e-9)
 
 
 def test_a_tendon_that_the_model_calls_rigid_is_not_elastic():

@@ -11,9 +11,9 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.hill_classes import KINDS
+from myomorph.muscles.model_table import MODELS
 
-OPENSIM_KINDS = [kind for kind in KINDS if kind != "mujoco"]
+OPENSIM_KINDS = [kind for kind in MODELS if kind != "mujoco"]
 SIZES = {"max_isometric_force": 950.0, "optimal_fiber_length": 0.09, "tendon_slack_length": 0.21}
 
 rng = np.random.default_rng(5)
@@ -132,7 +132,7 @@ def test_passive_force_of_thelens_muscle_follows_its_formula():
     np.testing.assert_allclose(ours.passive[:, 0] / 950.0, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MODELS)
 def test_every_class_pulls_with_its_maximum_isometric_force_at_optimal_length(kind):
     pennation = 0.0 if kind == "mujoco" else 0.3
     length = 0.21 + 0.09 * np.cos(pennation)
@@ -142,7 +142,7 @@ def test_every_class_pulls_with_its_maximum_isometric_force_at_optimal_length(ki
     assert ours.active[0, 0] * 0.0 == ours.passive[0, 0] * 0.0
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MODELS)
 def test_no_muscle_ever_pushes(kind):
     lengths, speeds = np.meshgrid(0.21 + 0.09 * np.linspace(-2, 3, 60), np.linspace(-3, 3, 60))
     for pennation in (0.0, 0.7):

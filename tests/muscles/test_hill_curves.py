@@ -1,11 +1,25 @@
-"""Millard's curves against OpenSim's, with default and other parameters."""
+"""Curves: Millard's against OpenSim's; derivatives of all classes' against finite differences; inverses, corners."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from myomorph.muscles.hill_curves import active_force_length, force_velocity, passive_force_length, spline_curve
+from myomorph.model.paths import Muscle, Path
+from myomorph.muscles.curves import (
+    ASINH,
+    BELL,
+    EXPONENTIAL,
+    LOGARITHM,
+    LOGISTIC,
+    RATIO,
+    Curve,
+    Piece,
+    Shape,
+    spline_curve,
+)
+from myomorph.muscles.model_table import MODELS, muscle_model
+from myomorph.muscles.models.millard import active_force_length, force_velocity, passive_force_length
 
 X = np.linspace(-1.6, 2.6, 4201)
 
@@ -41,7 +55,7 @@ def test_passive_force_length_is_opensims(parameters):
 
 def test_a_spline_curve_is_the_spline():
     opensim = pytest.importorskip("opensim")
-    x, y = [-1.0, 0.2, 0.5, 1.3, 2.0], [0.0, 0.3, 1.0, 0.7, 0.9]
+    x, y = (-1.0, 0.2, 0.5, 1.3, 2.0), (0.0, 0.3, 1.0, 0.7, 0.9)
     theirs = opensim.SimmSpline()
     for a, b in zip(x, y, strict=True):
         theirs.addPoint(a, b)
@@ -54,3 +68,71 @@ def test_curves_are_continuous_with_their_slopes():
         x = np.linspace(-1.2, 2.0, 200001)
         slope = np.diff(curve(x)) / np.diff(x)
         assert np.abs(np.diff(slope)).max() < 5e-3
+
+
+def slopes_agree(curve: Curve, x: np.ndarray, h: float = 1e-5) -> None:
+    """Values, slopes and curvatures against central differences, where no piece or line begins nearby."""
+    breaks = [piece.start for piece in curve.pieces] + [curve.end]
+    x = x[np.all([np.abs(x - at) > 2.0 * h for at in breaks], axis=0)]
+    jets, before, after = curve.jets(x), curve.jets(x - h), curve.jets(x + h)
+    np.testing.assert_allclose(jets[:, 0], curve(x), rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(jets[:, 1:], (after[:, :2] - before[:, :2]) / (2.0 * h), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_derivatives_of_every_class_are_those_of_finite_differences(kind):
+    muscle = Muscle("m", kind, Path(()), 500.0, 0.05, 0.1)
+    model = muscle_model(muscle)
+    assert muscle_model(muscle) is model
+    x, v = np.linspace(0.3, 1.9, 331), np.linspace(-1.3, 1.3, 331)
+    for curves in (model.curves(muscle), model.smooth_curves(muscle)):
+        slopes_agree(curves.active, x)
+        slopes_agree(curves.passive, x)
+        slopes_agree(curves.velocity, v)
+    if model.elastic:
+        force = np.linspace(0.01, 1.5, 200)
+        slopes_agree(model.tendon(muscle), np.linspace(0.99, 1.07, 200), 1e-7)
+        slopes_agree(model.stretch(muscle), force)
+        np.testing.assert_allclose(model.tendon(muscle)(model.stretch(muscle)(force)), force, atol=1e-9)
+
+
+@pytest.mark.parametrize("form", [RATIO, EXPONENTIAL, BELL, LOGARITHM, ASINH, LOGISTIC])
+def test_every_elementary_function_has_its_derivatives(form):
+    functions = {
+        RATIO: lambda z: z,
+        EXPONENTIAL: np.exp,
+        BELL: lambda z: np.exp(-z * z),
+        LOGARITHM: np.log,
+        ASINH: np.arcsinh,
+        LOGISTIC: lambda z: 1.0 / (1.0 + np.exp(z)),
+    }
+    x = np.linspace(0.2, 2.0, 50)
+    curve = Curve((Piece(-np.inf, (0.3, -0.2), shapes=(Shape(form, 1.7, 0.4, 0.6, 1.1, 0.25),)),))
+    expected = 0.3 - 0.2 * x + 1.7 * functions[form]((0.4 + 0.6 * x) / (1.1 + 0.25 * x))
+    np.testing.assert_allclose(curve(x), expected, rtol=1e-14)
+    slopes_agree(curve, x)
+
+
+def test_lines_and_bounds_hold_a_curve_outside():
+    curve = Curve((Piece(0.0, (1.0, 0.0, 1.0)),), 2.0, (-1.0, None), (0.5, 6.0))
+    np.testing.assert_allclose(curve([-0.2, 1.0, 2.0, 2.1]), [1.2, 2.0, 5.0, 5.4])
+    np.testing.assert_allclose(curve.jets([-9.0, 2.1, 3.0]), [[6.0, 0.0, 0.0], [5.4, 4.0, 0.0], [6.0, 0.0, 0.0]])
+    assert np.isnan(curve(np.nan))
+
+
+def test_a_corner_is_rounded_without_a_step_in_value_or_slope():
+    corner = Curve((Piece(-1.0, (0.0, 1.0)), Piece(0.0, (1.0, 3.0))), 1.0, (None, None))
+    smooth = corner.rounded(0.0, 0.1)
+    for at in (-0.1, 0.1):
+        before, after = smooth.jets([at - 1e-9, at + 1e-9])
+        np.testing.assert_allclose(before[:2], after[:2], atol=1e-6)
+    far = np.array([-2.0, -0.5, -0.1, 0.1, 0.7, 3.0])
+    np.testing.assert_allclose(smooth(far), corner(far), atol=1e-14)
+
+
+def test_the_inverse_of_polynomials_is_exact_and_shapes_are_refused():
+    curve = force_velocity(0.1, 0.25, 5.0, 0.1)
+    x = np.linspace(-1.5, 1.5, 301)
+    np.testing.assert_allclose(curve.inverse()(curve(x)), x, atol=1e-8)
+    with pytest.raises(ValueError, match="polynomials"):
+        Curve((Piece(0.0, shapes=(Shape(EXPONENTIAL, 1.0),)),)).inverse()

@@ -17,10 +17,10 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import take_frames
-from myomorph.muscles.fiber_equations import degroote_stretch, degroote_velocity_factor, length_factors
 from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
 from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.model_table import muscle_model
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import joint_load_term
@@ -74,7 +74,9 @@ def test_fibers_and_tendons_are_as_long_as_the_paths_and_share_their_power(data)
     assert np.allclose(fibers.fiber_powers + fibers.tendon_powers, whole, atol=1e-9)
     strength = np.array([one.max_isometric_force for one in model.muscles])
     for m, muscle in enumerate(model.muscles):
-        assert np.allclose(tendon[:, m], H.tendon[m] * degroote_stretch(muscle, found.forces[:, m] / strength[m]))
+        assert np.allclose(
+            tendon[:, m], H.tendon[m] * muscle_model(muscle).stretch(muscle)(found.forces[:, m] / strength[m])
+        )
 
 
 def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
@@ -101,17 +103,18 @@ def test_a_general_solver_finds_no_less_effort(data):
     share = np.ones((len(time), 1))
     share[[0, -1]] = 0.5
 
+    curves = [muscle_model(muscle).curves(muscle) for muscle in model.muscles]
+    stretches = [muscle_model(muscle).stretch(muscle) for muscle in model.muscles]
+
     def activations(f):
-        tendon = np.stack([H.tendon[m] * degroote_stretch(one, f[:, m]) for m, one in enumerate(model.muscles)], axis=1)
+        tendon = H.tendon * np.stack([stretch(f[:, m]) for m, stretch in enumerate(stretches)], axis=1)
         along = middle - 0.5 * (tendon[1:] + tendon[:-1])
         fiber = np.sqrt(along**2 + H.height**2)
         v = (speed - np.diff(tendon, axis=0) / dt) * along / fiber / H.speed
-        factor = np.stack(
-            [length_factors(H, m, np.ascontiguousarray(fiber[:, m] / H.fiber[m]))[0] for m in range(6)], 1
-        )
+        factor = np.stack([curves[m].active(fiber[:, m] / H.fiber[m]) for m in range(6)], axis=1)
         pull = 0.5 * (f[1:] + f[:-1]) * fiber / along - TONE
         pull -= 0.25 * SLACKENED**2 / pull
-        return pull / (factor * np.maximum(degroote_velocity_factor(v), 0.0) + FLOOR)
+        return pull / (factor * np.maximum(curves[0].velocity(v), 0.0) + FLOOR)
 
     def cost(flat):
         f = flat.reshape(len(time), 6)

@@ -18,10 +18,10 @@ from scipy.ndimage import gaussian_filter1d
 import myomorph as mm
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.paths import Muscle
 from myomorph.model.sides import split_side
-from myomorph.muscles.fiber_equations import Fibers, fibers_of
-from myomorph.muscles.fiber_equilibrium import equilibrium
-from myomorph.muscles.hill_classes import DEGROOTE, KINDS
+from myomorph.muscles.fiber_equations import FIBER_LENGTH, Fibers
+from myomorph.muscles.fiber_states import equilibrium, fibers_of, state_names
 from myomorph.muscles.passive import joint_forces
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
@@ -123,17 +123,19 @@ def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) ->
     moved = mm.muscle_kinematics(model, motion, moment_arms=False)
     time, found = np.array(motion.time), np.empty_like(activations)
     for m, muscle in enumerate(model.muscles):
-        if KINDS[muscle.kind] == DEGROOTE:
-            raise ValueError("DeGrooteFregly2016Muscle: integrated_degroote takes all its muscles at once")
+        if FIBER_LENGTH not in state_names(muscle):
+            raise ValueError(f"{muscle.kind}: integrated_degroote takes all its muscles at once")
         length, speed, a = (
             CubicSpline(time, one) for one in (moved.lengths[:, m], moved.velocities[:, m], activations[:, m])
         )
 
-        def at(t: Array, state: Array, m: int = m, given: tuple[CubicSpline, ...] = (length, speed, a)) -> Fibers:
+        def at(
+            t: Array, state: Array, muscle: Muscle = muscle, given: tuple[CubicSpline, ...] = (length, speed, a)
+        ) -> Fibers:
             t = np.atleast_1d(t)
-            return fibers_of(model, m, *(one(t) for one in given), np.atleast_1d(state))
+            return fibers_of(muscle, *(one(t) for one in given), np.atleast_1d(state))
 
-        first = equilibrium(model, m, length(time[:1]), speed(time[:1]), a(time[:1]))
+        first = equilibrium(muscle, length(time[:1]), speed(time[:1]), a(time[:1]))
         if not np.isfinite(first).all():
             first = np.array([muscle.optimal_fiber_length])
         done = solve_ivp(
@@ -230,7 +232,7 @@ def recorded(
     """
     told = tuple(gains)
     moved = mm.muscle_kinematics(person, motion)
-    if forces is None and KINDS[person.muscles[0].kind] == DEGROOTE:
+    if forces is None and FIBER_LENGTH not in state_names(person.muscles[0]):
         forces = integrated_degroote(person, moved.lengths, np.array(motion.time), activations)
     elif forces is None:
         forces = integrated_forces(person, motion, activations)
@@ -312,11 +314,11 @@ def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
     moved = mm.muscle_kinematics(model, motion)
     rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
     forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
-    for m in range(len(model.muscles)):
-        state = equilibrium(model, m, moved.lengths[:, m], zero, rest)
+    for m, muscle in enumerate(model.muscles):
+        state = equilibrium(muscle, moved.lengths[:, m], zero, rest)
         known = np.isfinite(state)
-        found = fibers_of(model, m, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
-        forces[:, m] = found.tendon_force
+        resting = fibers_of(muscle, moved.lengths[:, m], zero, rest, np.where(known, state, 0.01))
+        forces[:, m] = resting.tendon_force
         whole &= known
     tree = compile_tree(model)
     torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))

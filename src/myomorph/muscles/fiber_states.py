@@ -21,13 +21,8 @@ from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.muscles.fiber_equations import Fibers, fibers_of, shortest_fiber
-from myomorph.muscles.fiber_equilibrium import equilibrium
-from myomorph.muscles.hill_arrays import compile_hill
-from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, RIGID, THELEN
-
-BUILT = (THELEN, MILLARD, DEGROOTE, RIGID)
-ACTIVATION, FIBER_LENGTH, TENDON_FORCE = "activation", "fiber_length", "normalized_tendon_force"
+from myomorph.muscles.fiber_equations import ACTIVATION, FIBER_LENGTH, TENDON_FORCE, FiberMuscle, Fibers
+from myomorph.muscles.model_table import MODELS, loaded, muscle_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,45 +38,62 @@ class FiberStates(Fibers):
     in_balance: np.ndarray
 
     def __post_init__(self) -> None:
-        for field in fields(Fibers):
-            object.__setattr__(self, field.name, frozen_array(getattr(self, field.name), (-1, len(self.muscles))))
+        for one in fields(Fibers):
+            object.__setattr__(self, one.name, frozen_array(getattr(self, one.name), (-1, len(self.muscles))))
 
 
 def without_fibers(model: Model) -> tuple[str, ...]:
     """Classes of the model's muscles that `fiber_states` does not know."""
-    return tuple(dict.fromkeys(muscle.kind for muscle in model.muscles if KINDS.get(muscle.kind) not in BUILT))
+    return tuple(dict.fromkeys(muscle.kind for muscle in model.muscles if fiber_muscle(muscle) is None))
+
+
+def fiber_muscle(muscle: Muscle) -> FiberMuscle | None:
+    """The class of a muscle, where its fibers have states."""
+    model = muscle_model(muscle) if muscle.kind in MODELS else None
+    return model if isinstance(model, FiberMuscle) else None
 
 
 def state_names(muscle: Muscle) -> tuple[str, ...]:
-    """The states that OpenSim gives a muscle, as it names them."""
-    kind = KINDS.get(muscle.kind)
-    # Thelen2003Muscle has these properties, but does not read them.
-    flags = muscle.parameters if kind != THELEN else {}
-    active = () if kind == RIGID or flags.get("ignore_activation_dynamics") else (ACTIVATION,)
-    if kind == RIGID or flags.get("ignore_tendon_compliance"):
-        return active
-    return (*active, TENDON_FORCE if kind == DEGROOTE else FIBER_LENGTH)
-
-
-def default_state(model: Model, m: int, name: str) -> float:
-    """The value of a state of muscle m where no file gives it."""
-    muscle = model.muscles[m]
-    fallback = {ACTIVATION: 0.05, FIBER_LENGTH: 0.1, TENDON_FORCE: 0.5}[name]
-    if name == ACTIVATION and KINDS[muscle.kind] == DEGROOTE:
-        fallback = 0.5
-    value = float(muscle.parameters.get(f"default_{name}", fallback))
-    if name == FIBER_LENGTH and KINDS[muscle.kind] == MILLARD:
-        return max(value, shortest_fiber(compile_hill(model), m, muscle))
-    return value
+    """The states that OpenSim gives a muscle, as it names them; of a class that is not built, those of most."""
+    return (fiber_muscle(muscle) or FiberMuscle()).states(muscle)
 
 
 def default_states(model: Model) -> dict[tuple[str, str], float]:
     """The states of all muscles by muscle and name, where no file gives them."""
     return {
-        (muscle.name, name): default_state(model, m, name)
-        for m, muscle in enumerate(model.muscles)
+        (muscle.name, name): (fiber_muscle(muscle) or FiberMuscle()).first_state(muscle, name)
+        for muscle in model.muscles
         for name in state_names(muscle)
     }
+
+
+def fibers_of(muscle: Muscle, length: Array, speed: Array, activation: Array, state: Array | None) -> Fibers:
+    """Fibers and tendon of one muscle whose class has states.
+
+    Parameters
+    ----------
+    length, speed : (frames,) of the path [m], [m/s]
+    activation : (frames,)
+    state : (frames,) fiber length [m] or normalized tendon force; None for a rigid tendon
+    """
+    model = _fiber_muscle(muscle)
+    # A state far from any balance, which a file may hold, gives infinite numbers as it does in OpenSim.
+    with np.errstate(all="ignore"):
+        return model.fibers(muscle, length, speed, model.activation(muscle, activation), state)
+
+
+def equilibrium(muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
+    """Fiber length [m] or normalized tendon force, (frames,), of one muscle in equilibrium, NaN where none is found."""
+    with np.errstate(all="ignore"):
+        return _fiber_muscle(muscle).equilibrium(muscle, length, speed, activation)
+
+
+def _fiber_muscle(muscle: Muscle) -> FiberMuscle:
+    model = fiber_muscle(muscle)
+    if model is None:
+        built = ", ".join(kind for kind, place in MODELS.items() if isinstance(loaded(place), FiberMuscle))
+        raise BadData(f"fibers of {muscle.kind} are not built: there are {built}")
+    return model
 
 
 def fiber_states(
@@ -105,36 +117,33 @@ def fiber_states(
     BadData
         where the model has muscles of a class that is not built, or arrays do not have one column a muscle
     """
-    if unknown := without_fibers(model):
-        raise BadData(f"fibers of {', '.join(unknown)} are not built: there are {', '.join(_built())}")
-    lengths, speeds = (np.asarray(one, dtype=np.float64) for one in (lengths, speeds))
+    for muscle in model.muscles:
+        _fiber_muscle(muscle)
+    lengths, speeds = np.asarray(lengths, dtype=np.float64), np.asarray(speeds, dtype=np.float64)
     if lengths.ndim != 2 or lengths.shape[1] != len(model.muscles) or speeds.shape != lengths.shape:
         raise BadData(
             f"expected lengths and speeds of shape (frames, {len(model.muscles)}), but got {lengths.shape} and "
             f"{speeds.shape}"
         )
-    given = {key: np.full(len(lengths), value) for key, value in default_states(model).items()} | dict(states or {})
+    values = {key: np.full(len(lengths), value) for key, value in default_states(model).items()} | dict(states or {})
     columns: list[Fibers] = []
     in_balance = np.ones(lengths.shape, bool)
     for m, muscle in enumerate(model.muscles):
         # Without a controller OpenSim's control is 0, which is the activation where dynamics are left out.
-        a = given.get((muscle.name, ACTIVATION), np.zeros(len(lengths)))
+        a = values.get((muscle.name, ACTIVATION), np.zeros(len(lengths)))
         last = ("", *state_names(muscle))[-1]
         elastic = last in (FIBER_LENGTH, TENDON_FORCE)
         if balanced and elastic:
-            found = equilibrium(model, m, lengths[:, m], speeds[:, m], a)
-            in_balance[:, m] = np.isfinite(found)
-            given[muscle.name, last] = np.where(in_balance[:, m], found, given[muscle.name, last])
-        state = given[muscle.name, last] if elastic else None
-        columns.append(fibers_of(model, m, lengths[:, m], speeds[:, m], a, state))
+            state = equilibrium(muscle, lengths[:, m], speeds[:, m], a)
+            in_balance[:, m] = np.isfinite(state)
+            values[muscle.name, last] = np.where(in_balance[:, m], state, values[muscle.name, last])
+        columns.append(
+            fibers_of(muscle, lengths[:, m], speeds[:, m], a, values[muscle.name, last] if elastic else None)
+        )
     names = [field.name for field in fields(Fibers)]
     stacked = {name: _stacked([getattr(column, name) for column in columns], len(lengths)) for name in names}
-    return FiberStates(**stacked, muscles=model.muscle_names, in_balance=in_balance), given
+    return FiberStates(**stacked, muscles=model.muscle_names, in_balance=in_balance), values
 
 
 def _stacked(columns: list[Array], frames: int) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((frames, 0))
-
-
-def _built() -> tuple[str, ...]:
-    return tuple(name for name, kind in KINDS.items() if kind in BUILT)

@@ -1,8 +1,10 @@
-"""Hill-type muscles as flat arrays, which the kernels of their forces read."""
+"""Hill-type muscles as flat arrays, which kernels read: with rigid tendons, and with elastic ones."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,12 @@ from myomorph.model.errors import BadModel
 from myomorph.model.latest import Latest
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.muscles.hill_classes import ACCELERATION, KINDS, MILLARD, THELEN, class_parameters
-from myomorph.muscles.hill_curves import Curve, CurveArrays, pack_curves
+from myomorph.muscles.curves import Curve, CurveArrays, pack_curves
+from myomorph.muscles.model_table import MODELS, muscle_model
+from myomorph.muscles.muscle_model import FiberSizes, MuscleModel
 
-_NUMBERS = ("force", "fiber", "tendon", "height", "shortest", "shortest_along", "cos_optimal", "speed")
+Convention = Literal["rigid-tendon", "opensim"]
+CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
 
 
 class HillArrays(NamedTuple):
@@ -23,18 +27,15 @@ class HillArrays(NamedTuple):
 
     Attributes
     ----------
-    kind : (muscles,) number of the class
-    force, fiber, tendon : (muscles,) maximum isometric force [N], optimal fiber length [m] and
-        tendon slack length [m]
-    height : (muscles,) constant height of the fibers over the tendon's line [m]
-    shortest, shortest_along : (muscles,) least fiber length [m] and its part along the tendon [m]
-    cos_optimal : (muscles,) cosine of the pennation at optimal length
-    speed : (muscles,) maximum contraction velocity [m/s]
-    parameters : (muscles, 6) of the class
-    curve : (muscles, 3) active, velocity (or tendon) and passive curve, -1 for a formula
+    force, ..., speed : (muscles,) see `FiberSizes`
+    least_along : (muscles,) least part of the fibers along the tendon [m]
+    ends : (muscles,) whether fibers have no active force there
+    turning : (muscles,) whether the path's velocity is projected on the fibers
+    pennation_by : (muscles,) see `StaticOptimization`, -1 for None
+    curve : (muscles, 3) active, velocity and passive curve
+    resting : (muscles,) curve of the tendon with which a muscle is in equilibrium at rest, -1 for a rigid one
     """
 
-    kind: NDArray[np.int64]
     force: Array
     fiber: Array
     tendon: Array
@@ -43,12 +44,41 @@ class HillArrays(NamedTuple):
     shortest_along: Array
     cos_optimal: Array
     speed: Array
-    parameters: Array
+    least_along: Array
+    ends: NDArray[np.bool_]
+    turning: NDArray[np.bool_]
+    pennation_by: Array
     curve: NDArray[np.int64]
+    resting: NDArray[np.int64]
     curves: CurveArrays
 
 
-def compile_hill(model: Model) -> HillArrays:
+class ElasticArrays(NamedTuple):
+    """Muscles and their tendons as the kernels read them; rows of muscles without an elastic tendon are not used.
+
+    Attributes
+    ----------
+    hill : sizes
+    curve : (muscles, 4) active, velocity and passive curve, and stretch of the tendon over normalized force
+    damping : (muscles,) of the fibers, normalized
+    passive : (muscles,) 1 where the passive force of the fibers takes part, else 0
+    slowed : (muscles,) how far activation slows the fibers
+    """
+
+    hill: HillArrays
+    curve: NDArray[np.int64]
+    curves: CurveArrays
+    damping: Array
+    passive: Array
+    slowed: Array
+
+
+def muscle_models(model: Model) -> list[MuscleModel]:
+    """The classes of the model's muscles, in the model's order."""
+    return [muscle_model(muscle) for muscle in model.muscles]
+
+
+def compile_hill(model: Model, convention: Convention = "rigid-tendon") -> HillArrays:
     """The model's muscles as flat arrays, in the model's order; the same model compiles once.
 
     Raises
@@ -56,7 +86,7 @@ def compile_hill(model: Model) -> HillArrays:
     BadModel
         for a class whose curves are not known, or parameters no curve can be made of
     """
-    return _latest(model)
+    return _latest(model) if convention == "rigid-tendon" else _latest_opensim(model)
 
 
 def compile_hill_as(model: Model, like: Model) -> HillArrays:
@@ -66,76 +96,129 @@ def compile_hill_as(model: Model, like: Model) -> HillArrays:
     ----------
     like : the other one, with the same muscles in the same order; what was compiled of it is used again
     """
-    arrays = compile_hill(like)
-    made = arrays._replace(
-        **_columns([_sizes(muscle, kind) for muscle, kind in zip(model.muscles, arrays.kind, strict=True)])
-    )
+    sizes = _size_arrays(model)
+    made = compile_hill(like)._replace(**sizes, least_along=sizes["shortest_along"])
     _latest.put(model, made)
     return made
 
 
+def has_elastic_tendon(muscle: Muscle) -> bool:
+    """Whether the class of a muscle has a tendon with a curve, and the model lets it stretch."""
+    return muscle.kind in MODELS and muscle_model(muscle).has_elastic_tendon(muscle)
+
+
+@lru_cache(maxsize=8)
+def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
+    """The model's muscles and tendons as flat arrays, in the model's order.
+
+    Parameters
+    ----------
+    passive : whether the passive force of the fibers takes part
+
+    Raises
+    ------
+    BadModel
+        for a class whose curves are not known, or parameters no curve can be made of
+    """
+    count = len(model.muscles)
+    table = _Numbered()
+    curve, damping, slowed = np.full((count, 4), -1, np.int64), np.zeros(count), np.zeros(count)
+    for m, (muscle, kind) in enumerate(zip(model.muscles, muscle_models(model), strict=True)):
+        if kind.has_elastic_tendon(muscle):
+            curve[m] = table.numbers([*kind.smooth_curves(muscle), kind.stretch(muscle)])
+            damping[m] = kind.fiber_damping(muscle)
+            damping[m] *= damping[m] >= kind.undamped
+            slowed[m] = kind.slowed
+    return ElasticArrays(
+        compile_hill(model), curve, pack_curves(table.curves), damping, np.full(count, float(passive)), slowed
+    )
+
+
+def activation_times(model: Model) -> Array:
+    """(2, muscles) time constants of activation and deactivation [s]."""
+    result = np.empty((2, len(model.muscles)))
+    for m, (muscle, kind) in enumerate(zip(model.muscles, muscle_models(model), strict=True)):
+        rise, fall = kind.times
+        result[:, m] = [
+            muscle.parameters.get("activation_time_constant", rise),
+            muscle.parameters.get("deactivation_time_constant", fall),
+        ]
+    return result
+
+
+def viscosities(model: Model) -> Array:
+    """(muscles,) viscosity of each muscle [N s/m], 0 of one that is switched off."""
+    return np.array([muscle.viscosity if muscle.enabled else 0.0 for muscle in model.muscles])
+
+
+class _Numbered:
+    """Curves and their numbers; the same curve of several muscles has one."""
+
+    def __init__(self) -> None:
+        self.curves: list[Curve] = []
+        self._number: dict[Curve, int] = {}
+
+    def numbers(self, curves: Iterable[Curve]) -> list[int]:
+        for curve in curves:
+            if curve not in self._number:
+                self._number[curve] = len(self.curves)
+                self.curves.append(curve)
+        return [self._number[curve] for curve in curves]
+
+
 def _compile(model: Model) -> HillArrays:
-    curves: list[Curve] = []
-    index: dict[tuple[object, ...], int] = {}
-    rows = [_compile_muscle(muscle, curves, index) for muscle in model.muscles]
+    models, table = muscle_models(model), _Numbered()
+    sizes, count = _size_arrays(model), len(models)
+    curve, ends = np.empty((count, 3), np.int64), np.zeros(count, np.bool_)
+    for m, (muscle, kind) in enumerate(zip(model.muscles, models, strict=True)):
+        if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
+            raise BadModel(
+                f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m and maximum "
+                f"contraction velocity {muscle.max_contraction_velocity:g}/s: both must be positive"
+            )
+        try:
+            curve[m] = table.numbers(kind.curves(muscle))
+        except BadModel as error:
+            raise BadModel(f"muscle '{muscle.name}': {error}") from error
+        ends[m] = kind.greatest_pennation(muscle) is not None
     return HillArrays(
-        kind=np.array([row[0] for row in rows], np.int64),
-        **_columns([row[1] for row in rows]),
-        parameters=np.array([row[2] for row in rows], dtype=np.float64).reshape(len(rows), 6),
-        curve=np.array([row[3] for row in rows], np.int64).reshape(len(rows), 3),
-        curves=pack_curves(curves),
+        **sizes,
+        least_along=sizes["shortest_along"],
+        ends=ends,
+        turning=np.ones(count, np.bool_),
+        pennation_by=np.full(count, -1.0),
+        curve=curve,
+        resting=np.full(count, -1, np.int64),
+        curves=pack_curves(table.curves),
+    )
+
+
+def _compile_opensim(model: Model) -> HillArrays:
+    """With what OpenSim's static optimization does otherwise."""
+    arrays, models = compile_hill(model), muscle_models(model)
+    rules = [kind.static_optimization for kind in models]
+    table = _Numbered()
+    tendons = [kind.resting_tendon(muscle) for kind, muscle in zip(models, model.muscles, strict=True)]
+    # Curves of fibers are numbered anew, with those of resting tendons after them.
+    curve = [table.numbers(kind.curves(muscle)) for kind, muscle in zip(models, model.muscles, strict=True)]
+    resting = [-1 if tendon is None else table.numbers([tendon])[0] for tendon in tendons]
+    return arrays._replace(
+        least_along=np.array(
+            [along if rule.bounded else -np.inf for along, rule in zip(arrays.least_along, rules, strict=True)]
+        ),
+        turning=np.array([rule.turning for rule in rules], np.bool_),
+        pennation_by=np.array([-1.0 if rule.pennation_by is None else rule.pennation_by for rule in rules]),
+        curve=np.array(curve, np.int64).reshape(len(models), 3),
+        resting=np.array(resting, np.int64),
+        curves=pack_curves(table.curves),
     )
 
 
 _latest = Latest(_compile)
+_latest_opensim = Latest(_compile_opensim)
 
 
-def _columns(rows: list[list[float]]) -> dict[str, Any]:
-    numbers = np.array(rows, dtype=np.float64).reshape(len(rows), len(_NUMBERS))
-    return {name: np.ascontiguousarray(numbers[:, i]) for i, name in enumerate(_NUMBERS)}
-
-
-def _compile_muscle(
-    muscle: Muscle, curves: list[Curve], index: dict[tuple[object, ...], int]
-) -> tuple[int, list[float], list[float], list[int]]:
-    if muscle.kind not in KINDS:
-        raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(KINDS)}")
-    if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
-        raise BadModel(
-            f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m and maximum "
-            f"contraction velocity {muscle.max_contraction_velocity:g}/s: both must be positive"
-        )
-    kind = KINDS[muscle.kind]
-    try:
-        numbers, makers = class_parameters(muscle, kind)
-        used = [_numbered(key, maker, curves, index) for key, maker in makers]
-    except BadModel as error:
-        raise BadModel(f"muscle '{muscle.name}': {error}") from error
-    return kind, _sizes(muscle, kind), numbers + [0.0] * (6 - len(numbers)), used + [-1] * (3 - len(used))
-
-
-def _sizes(muscle: Muscle, kind: int) -> list[float]:
-    """What `_NUMBERS` names."""
-    height = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
-    most = muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
-    most = np.pi / 2 if kind == ACCELERATION else most
-    clamped = kind in (THELEN, MILLARD, ACCELERATION)
-    shortest = (height / np.sin(most) if most > 1e-14 else 0.01 * muscle.optimal_fiber_length) if clamped else height
-    return [
-        muscle.max_isometric_force,
-        muscle.optimal_fiber_length,
-        muscle.tendon_slack_length,
-        height,
-        shortest,
-        shortest * np.cos(most) if clamped else 0.0,
-        np.cos(muscle.pennation_at_optimal),
-        muscle.max_contraction_velocity * muscle.optimal_fiber_length,
-    ]
-
-
-def _numbered(key, maker, curves: list[Curve], index: dict[tuple[object, ...], int]) -> int:
-    """Number of the curve `maker(*key)`; muscles of equal parameters share one."""
-    if (maker, *key) not in index:
-        index[(maker, *key)] = len(curves)
-        curves.append(maker(*key))
-    return index[(maker, *key)]
+def _size_arrays(model: Model) -> dict[str, Any]:
+    rows = [kind.sizes(muscle) for kind, muscle in zip(muscle_models(model), model.muscles, strict=True)]
+    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(FiberSizes._fields))
+    return {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(FiberSizes._fields)}

@@ -33,17 +33,22 @@ PATIENCE = 60.0
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
-def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+def kernel(function: Callable[..., Any] | None = None, /, counted: bool = True, **options: Any) -> Any:
     """Compile a function with Numba at its first call, and keep the code on disk.
 
     Used as `@kernel` or `@kernel(fastmath=True)`. It runs without the interpreter's lock.
 
     Parameters
     ----------
+    counted : whether it counts the users of the arrays it touches. Where a tuple of many arrays goes from function to
+        function that costs more than the arithmetic; a kernel that makes no array needs no count, and Numba refuses to
+        compile one that makes some
     options : further ones of `numba.njit`
     """
     if function is None:
-        return lambda function: kernel(function, **options)
+        return lambda function: kernel(function, counted, **options)
+    if not counted:
+        options["_nrt"] = False
     dispatcher: Any = njit(nogil=True, **{"error_model": "numpy", **options})(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher

@@ -13,7 +13,7 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
-from myomorph.muscles.hill import Convention
+from myomorph.muscles.hill_arrays import Convention
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
 from myomorph.tension.fibers import Fibers
 

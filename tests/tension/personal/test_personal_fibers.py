@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from myomorph.io.formats import read_model
-from myomorph.muscles.fiber_equations import length_factors
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.model_table import muscle_model
 from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
 from myomorph.tension.personal.fibers import follow
 from myomorph.tension.personal.prior import sizes_of
@@ -101,8 +100,8 @@ def test_tables_hold_the_curves(case):
     shapes = muscle_shapes(model)
     x = np.linspace(0.4, 1.7, 77)
     for m in range(2):
-        active, passive = length_factors(compile_hill(model), m, x)
+        curves = muscle_model(model.muscles[m]).curves(model.muscles[m])
         columns = np.tile(x[:, None], (1, len(model.muscles)))
-        np.testing.assert_allclose(shapes.active(columns)[0][:, m], active, atol=1e-7)
-        np.testing.assert_allclose(shapes.passive(columns)[0][:, m], passive, atol=1e-5)
+        np.testing.assert_allclose(shapes.active(columns)[0][:, m], curves.active(x), atol=1e-7)
+        np.testing.assert_allclose(shapes.passive(columns)[0][:, m], curves.passive(x), atol=1e-5)
     assert LENGTHS[0] == 0.0

@@ -10,7 +10,7 @@ from myomorph.rigid.kernels import kernel
 from myomorph.tension.elastic.term import ElasticMuscleTerm
 
 
-@kernel
+@kernel(counted=False)
 def _stretches(E, elastic, f, out):
     """Tendon length over slack length (frames, muscles) at normalized forces f, 1 of a rigid tendon."""
     for m in range(f.shape[1]):

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
-from myomorph.muscles.elastic_arrays import ElasticArrays
+from myomorph.muscles.hill_arrays import ElasticArrays
 
 LEAST, MOST = 2.5e-4, 4.0
 """Bounds of the normalized tendon force."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.muscles.elastic_arrays import activation_times, compile_elastic, has_elastic_tendon
 from myomorph.muscles.hill import fill_hill_forces
-from myomorph.muscles.hill_classes import DEGROOTE
+from myomorph.muscles.hill_arrays import activation_times, compile_elastic, has_elastic_tendon, muscle_models
 from myomorph.rigid.tree import Tree
 from myomorph.tension.elastic.program import Rates
 from myomorph.tension.tension import TensionOptions
@@ -30,7 +29,7 @@ class ElasticMuscleTerm(MuscleTerm):
         self.arrays = compile_elastic(tree.model, options.passive)
         self.elastic = np.array([has_elastic_tendon(muscle) for muscle in muscles], np.bool_) & (self.upper > 0.0)
         rise, fall = activation_times(tree.model)
-        self.rates = Rates(rise, fall, self.arrays.hill.kind == DEGROOTE)
+        self.rates = Rates(rise, fall, np.array([kind.smooth for kind in muscle_models(tree.model)], np.bool_))
 
     def paths_of(self, coordinates: Array, rates: Array) -> tuple[Array, Array]:
         """Lengths and lengthening velocities (frames, muscles) of the paths [m], [m/s]."""
@@ -40,7 +39,7 @@ class ElasticMuscleTerm(MuscleTerm):
     def rigid_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
         """Active force per unit activation and passive force (frames, muscles) on rigid tendons [N]."""
         active, passive = np.empty_like(lengths), np.empty_like(lengths)
-        fill_hill_forces(self._hill, lengths, speeds, "rigid-tendon", self._options.passive, active, passive)
+        fill_hill_forces(self.arrays.hill, lengths, speeds, self._options.passive, active, passive)
         return active * self._enabled, passive * self._enabled
 
     def _forces(self, frames: Frames) -> MuscleForces:

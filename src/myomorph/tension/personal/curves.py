@@ -1,12 +1,12 @@
 """Hill-type curves of many muscles as tables, so that values and slopes of all of them come from one lookup.
 
 Personalization evaluates every muscle's curves thousands of times with other lengths but the same shapes. The
-curves are those of `muscles.fiber_equations`, class by class, sampled finely and joined by cubic Hermite pieces.
+curves are those of each muscle's class, sampled finely and joined by cubic Hermite pieces.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.model import Model
-from myomorph.model.paths import Muscle
-from myomorph.muscles.fiber_equations import (
-    degroote_velocity_factor,
-    length_factors,
-    shortest_fiber,
-    tendon_factor,
-    velocity_factors,
-)
-from myomorph.muscles.hill_arrays import HillArrays, compile_hill
-from myomorph.muscles.hill_classes import DEGROOTE, KINDS, MILLARD, THELEN
+from myomorph.muscles.curves import Curve
+from myomorph.muscles.fiber_equations import FiberMuscle
+from myomorph.muscles.hill_arrays import muscle_models
+from myomorph.muscles.muscle_model import FiberSizes
 
 STEP = 0.002
 LENGTHS = np.arange(0.0, 2.5 + STEP / 2, STEP)
@@ -106,51 +100,51 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
     BadModel
         for a class whose curves are not known
     """
-    H, muscles = compile_hill(model), model.muscles
-    kinds = [KINDS[muscle.kind] for muscle in muscles]
-    sine = H.height / H.fiber
-    least = [shortest_fiber(H, m, muscle) / H.fiber[m] for m, muscle in enumerate(muscles)]
-    stretches = [kind in (THELEN, MILLARD, DEGROOTE) and H.tendon[m] > 0.0 for m, kind in enumerate(kinds)]
-    default = [0.1 if kind == MILLARD else 0.0 for kind in kinds]
+    models, muscles = muscle_models(model), model.muscles
+    pairs = list(zip(models, muscles, strict=True))
+    sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(len(pairs), -1).T)
+    sine = sizes.height / sizes.fiber
+    curves = [kind.curves(muscle) for kind, muscle in pairs]
+    shortest = [
+        kind.shortest_fiber(muscle) if isinstance(kind, FiberMuscle) else kind.sizes(muscle).shortest
+        for kind, muscle in pairs
+    ]
+    stretches = np.array([kind.elastic for kind in models], bool) & (sizes.tendon > 0.0)
+    tendons = [
+        kind.tendon(muscle) if stretched else None for (kind, muscle), stretched in zip(pairs, stretches, strict=True)
+    ]
     return MuscleShapes(
-        active=_table(LENGTHS, muscles, lambda m: length_factors(H, m, LENGTHS)[0]),
-        passive=_table(LENGTHS, muscles, lambda m: length_factors(H, m, LENGTHS)[1]),
-        velocity=_table(SPEEDS, muscles, lambda m: _velocity(H, m)),
-        tendon=_table(STRAINS, muscles, lambda m: _tendon(muscles[m]) if stretches[m] else np.zeros_like(STRAINS)),
+        active=_table(LENGTHS, [curve.active for curve in curves]),
+        passive=_table(LENGTHS, [curve.passive for curve in curves]),
+        velocity=_table(SPEEDS, [curve.velocity for curve in curves]),
+        tendon=_table(STRAINS, tendons, 1.0),
         sine=frozen_array(sine),
-        damping=frozen_array(
-            [muscle.parameters.get("fiber_damping", d) for muscle, d in zip(muscles, default, strict=True)]
-        ),
-        speed=frozen_array(H.speed / H.fiber),
-        shortest=frozen_array(np.maximum(np.maximum(least, 1.02 * sine), 0.1)),
-        slower=np.array(kinds) == THELEN,
-        rigid=~np.array(stretches, bool) | (not elastic),
+        damping=frozen_array([kind.fiber_damping(muscle) for kind, muscle in pairs]),
+        speed=frozen_array(sizes.speed / sizes.fiber),
+        shortest=frozen_array(np.maximum(np.maximum(shortest / sizes.fiber, 1.02 * sine), 0.1)),
+        slower=np.array([kind.slowed > 0.0 for kind in models], bool),
+        rigid=~stretches | (not elastic),
     )
 
 
-def _velocity(H: HillArrays, m: int) -> Array:
-    # Not clamped at 0, where the kernel's is: the equilibrium of De Groote's class takes it as it is.
-    return degroote_velocity_factor(SPEEDS) if H.kind[m] == DEGROOTE else velocity_factors(H, m, SPEEDS)
+def _table(grid: Array, curves: Sequence[Curve | None], shift: float = 0.0) -> Lookup:
+    """One function a muscle, those alike kept once; None is 0 everywhere.
 
-
-def _tendon(muscle: Muscle) -> Array:
-    if KINDS[muscle.kind] == DEGROOTE:
-        stiffness = np.log(6.0) / muscle.parameters.get("tendon_strain_at_one_norm_force", 0.049)
-        return 0.2 * np.exp(stiffness * STRAINS) - 0.2
-    return tendon_factor(muscle, 1.0 + STRAINS)
-
-
-def _table(grid: Array, muscles: tuple[Muscle, ...], make: Callable[[int], Array]) -> Lookup:
-    """One function a muscle, those alike kept once."""
+    Parameters
+    ----------
+    shift : from the grid to what the curves are over
+    """
     rows: dict[bytes, int] = {}
+    sampled: dict[Curve | None, Array] = {None: np.zeros_like(grid)}
     values: list[Array] = []
     index = []
-    for m in range(len(muscles)):
-        made = np.asarray(make(m), dtype=np.float64)
-        key = made.tobytes()
+    for curve in curves:
+        if curve not in sampled:
+            sampled[curve] = curve(grid + shift)
+        key = sampled[curve].tobytes()
         if key not in rows:
             rows[key] = len(values)
-            values.append(made)
+            values.append(sampled[curve])
         index.append(rows[key])
     stacked = np.array(values)
     step = float(grid[1] - grid[0])

@@ -11,7 +11,7 @@ TOLERANCE = 1e-10
 """Of the balance of a fiber, normalized."""
 
 
-@inner
+@inner(counted=False)
 def _looked_up(start, step, values, slopes, row, x):
     """Value and slope of a table at x, see `curves.Lookup`."""
     u = (x - start) / step
@@ -27,7 +27,7 @@ def _looked_up(start, step, values, slopes, row, x):
     return y0 + s * (d0 + s * (b + s * c)) + beyond * slope, slope / step
 
 
-@inner
+@inner(counted=False)
 def _balance(tables, muscle, x, v, lead, length, a, slower):
     """Fibers' pull along the tendon less the tendon's, normalized, and what its slopes need."""
     active, passive, velocity, tendon, rows = tables

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
+from myomorph.muscles.model_table import MODELS, muscle_model
 from myomorph.tension.personal.fibers import MuscleSizes
 
 
@@ -14,7 +15,9 @@ def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
     muscles = []
     for m, muscle in enumerate(model.muscles):
         factor = float(sizes.strain[m] / before.strain[m])
-        parameters = _stretched(muscle.kind, dict(muscle.parameters), factor)
+        parameters = dict(muscle.parameters)
+        if muscle.kind in MODELS and abs(factor - 1.0) >= 1e-12:
+            parameters = muscle_model(muscle).stretched_passive(parameters, factor)
         if "default_fiber_length" in parameters:
             parameters["default_fiber_length"] *= float(sizes.fiber[m]) / muscle.optimal_fiber_length
         muscles.append(
@@ -27,29 +30,3 @@ def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
             )
         )
     return replace(model, muscles=tuple(muscles))
-
-
-_STRAINS = {
-    "Millard2012EquilibriumMuscle": ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7),
-    "Thelen2003Muscle": ("FmaxMuscleStrain", 0.6),
-    "DeGrooteFregly2016Muscle": ("passive_fiber_strain_at_one_norm_force", 0.6),
-}
-
-
-def _stretched(kind: str, parameters: dict[str, float], factor: float) -> dict[str, float]:
-    """Parameters of a class whose passive curve is reached at strains larger by a factor."""
-    known = _STRAINS.get(kind)
-    if known is None or abs(factor - 1.0) < 1e-12:
-        return parameters
-    name, default = known
-    parameters[name] = factor * parameters.get(name, parameters.get(name.split("/")[-1], default))
-    zero = "FiberForceLengthCurve/strain_at_zero_force"
-    if kind.startswith("Millard"):
-        for curve in (zero, zero.split("/")[1]):
-            if curve in parameters:
-                parameters[curve] *= factor
-        for stiffness in ("stiffness_at_low_force", "stiffness_at_one_norm_force"):
-            for curve in (f"FiberForceLengthCurve/{stiffness}", stiffness):
-                if curve in parameters:
-                    parameters[curve] /= factor
-    return parameters

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.muscles.hill import fill_hill_forces, viscosities
-from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.hill import fill_hill_forces
+from myomorph.muscles.hill_arrays import compile_hill, viscosities
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import Tree
 from myomorph.tension.tension import TensionOptions
@@ -51,7 +51,7 @@ class MuscleTerm(Term):
     def __init__(self, tree: Tree, options: TensionOptions):
         muscles = tree.model.muscles
         self._options, self._names = options, tree.model.muscle_names
-        self._hill, self._paths = compile_hill(tree.model), compile_paths(tree.model)
+        self._hill, self._paths = compile_hill(tree.model, options.convention), compile_paths(tree.model)
         self._enabled = np.array([muscle.enabled for muscle in muscles], dtype=np.bool_)
         self._viscosity = viscosities(tree.model) * options.viscous
         self.viscous = bool(self._viscosity.any())
@@ -104,7 +104,7 @@ class MuscleTerm(Term):
         options, shape = self._options, (len(frames), len(self.strength))
         lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)
         active, passive = np.empty(shape), np.empty(shape)
-        fill_hill_forces(self._hill, lengths, speeds, options.convention, options.passive, active, passive)
+        fill_hill_forces(self._hill, lengths, speeds, options.passive, active, passive)
         if options.curves == "constant":
             active[:] = np.where(np.isnan(active), np.nan, self.strength)
         active *= self._enabled

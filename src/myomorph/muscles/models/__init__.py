@@ -1,0 +1,1 @@
+"""Classes of muscles, a file each: their curves and parameters."""

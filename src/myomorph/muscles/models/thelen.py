@@ -1,0 +1,196 @@
+"""Thelen2003Muscle: a bell, hyperbolas and exponentials (Thelen 2003), and how OpenSim finds its fibers."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.paths import Muscle
+from myomorph.muscles.curves import BELL, EXPONENTIAL, LOGARITHM, RATIO, Curve, Piece, Shape
+from myomorph.muscles.fiber_equations import EPS, FiberMuscle, fiber_pennation
+from myomorph.muscles.fiber_equilibrium import FiberLengthSearch
+from myomorph.muscles.models.generic import GENERIC_VELOCITY
+from myomorph.muscles.muscle_model import FiberCurves, MuscleModel, numbers
+
+ROUNDED = 0.01
+"""Normalized velocity up to which the corner of the force-velocity curve is rounded, by at most 0.013."""
+
+TAKEN_UP = 0.02
+"""Normalized length on both sides of 1 over which the passive force sets in, by at most 0.001 from the curve."""
+
+
+class Thelen2003(FiberMuscle):
+    """Thelen2003Muscle; it has the flags of OpenSim's muscles, but does not read them."""
+
+    times = (0.015, 0.050)
+    slowed = 0.75
+    elastic = True
+    obeys_flags = False
+    passive_strain = ("FmaxMuscleStrain", 0.6)
+
+    def curves(self, muscle: Muscle) -> FiberCurves:
+        """A bell (eq. 4), a hyperbola each for shortening and lengthening (eq. 6, 7), an exponential (eq. 3)."""
+        width, strain, shape = numbers(muscle, KshapeActive=0.45, FmaxMuscleStrain=0.6, KshapePassive=5.0)
+        return FiberCurves(_bell(width), _velocity(*_speeds(muscle)), _passive(strain, shape))
+
+    def smooth_curves(self, muscle: Muscle) -> FiberCurves:
+        """The curves without their corners at rest and at optimal length, where no Newton step would end."""
+        width, strain, shape = numbers(muscle, KshapeActive=0.45, FmaxMuscleStrain=0.6, KshapePassive=5.0)
+        return FiberCurves(_bell(width), _rounded_velocity(*_speeds(muscle)), _rounded_passive(strain, shape))
+
+    def tendon(self, muscle: Muscle) -> Curve:
+        """An exponential toe and a straight line."""
+        toe, force, slope = _tendon_numbers(*numbers(muscle, FmaxTendonStrain=0.04))
+        size = force / float(np.expm1(3.0))
+        curved = Piece(1.0, (-size,), shapes=(Shape(EXPONENTIAL, size, -3.0 / toe, 3.0 / toe),))
+        return Curve((curved, Piece(1.0 + toe, (force, slope))), slopes=(0.0, 0.0))
+
+    def stretch(self, muscle: Muscle) -> Curve:
+        """A logarithm and a straight line."""
+        return _stretch(*numbers(muscle, FmaxTendonStrain=0.04))
+
+    def greatest_pennation(self, muscle: Muscle) -> float:
+        """Its parameter `maximum_pennation_angle`."""
+        return muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
+
+    def fiber_damping(self, muscle: Muscle) -> float:
+        """None."""
+        return 0.0
+
+    def least_activation(self, muscle: Muscle) -> float:
+        """Its parameter `minimum_activation`."""
+        return muscle.parameters.get("minimum_activation", 0.01)
+
+    def balancing_velocity(
+        self, muscle: Muscle, a: Array, active: Array, passive: Array, pull: Array
+    ) -> tuple[Array, Array]:
+        """The force-velocity curve inverted."""
+        return _fiber_velocity(muscle, a, active, pull - passive), (pull - passive) / (a * active)
+
+    def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
+        """Fiber length where fiber and tendon share the path's velocity by their stiffness [m]."""
+        return _Sharing(self, muscle, length, speed, activation).solve()
+
+
+class DeprecatedThelen2003(MuscleModel):
+    """Thelen2003Muscle_Deprecated, the class before OpenSim 3."""
+
+    def curves(self, muscle: Muscle) -> FiberCurves:
+        """A bell, and an exponential continued by a straight line of another slope."""
+        width, strain, shape = numbers(muscle, KshapeActive=0.5, FmaxMuscleStrain=0.6, KshapePassive=4.0)
+        rise = Shape(EXPONENTIAL, 1.0, -shape / strain - shape, shape / strain)
+        return FiberCurves(
+            _bell(width),
+            GENERIC_VELOCITY,
+            Curve((Piece(-np.inf, shapes=(rise,)),), 1.0 + strain, (0.0, shape / strain)),
+        )
+
+    def resting_tendon(self, muscle: Muscle) -> Curve:
+        """An exponential toe and a straight line, on a weak spring that pushes, too."""
+        (strain,) = numbers(muscle, FmaxTendonStrain=0.033)
+        toe, size = 0.609 * strain, 0.333333 / np.expm1(3.0)
+        curved = Piece(0.0, (0.001 - size, 0.001), shapes=(Shape(EXPONENTIAL, size, 0.0, 3.0 / toe),))
+        line = Piece(toe, (0.333333 + 0.001 * (1.0 + toe), 1.712 / strain + 0.001))
+        return Curve((curved, line), slopes=(0.001, 0.0))
+
+
+class _Sharing(FiberLengthSearch):
+    """The search of a fiber length with the velocity that the fiber's share of the stiffness gives it."""
+
+    steps = 20
+
+    def velocity_factor(self, fiber: Array, f_v: Array, turning: bool = True) -> Array:
+        """f_V where fiber and tendon share the path's velocity by their stiffness.
+
+        Parameters
+        ----------
+        turning : whether the fibers' stiffness counts that they turn as they lengthen
+        """
+        sizes, curves = self.sizes, self.curves
+        step = 1e-6 * sizes.fiber
+        cosine = np.cos(fiber_pennation(sizes, fiber))
+
+        def pull(x: Array) -> Array:
+            pull = self.a * curves.active(x / sizes.fiber) * f_v + curves.passive(x / sizes.fiber)
+            return pull * (np.cos(fiber_pennation(sizes, x)) if turning else cosine)
+
+        fibers = (pull(fiber + step) - pull(fiber - step)) / (2.0 * step) * cosine
+        stretch = self.tendon_length(fiber) / sizes.tendon
+        tendon = (self.tendon(stretch + 1e-6) - self.tendon(stretch - 1e-6)) / (2e-6 * sizes.tendon)
+        shares = (np.abs(fibers + tendon) * sizes.force > EPS**0.875) & (stretch > 1.0)
+        of_tendon = np.where(shares, fibers / (fibers + tendon), 1.0) * self.speed
+        v = (self.speed - of_tendon) * cosine / sizes.speed
+        return _velocity_factor_at(self.muscle, self.a, curves.active(fiber / sizes.fiber), v)
+
+
+def _speeds(muscle: Muscle) -> tuple[float, ...]:
+    return numbers(muscle, Af=0.25, Flen=1.4, fv_linear_extrap_threshold=0.95)
+
+
+def _fiber_velocity(muscle: Muscle, a: Array, active: Array, force: Array) -> Array:
+    """Normalized fiber velocity at a normalized active force, straight beyond the ends (Thelen 2003, eq. 6 and 7)."""
+    shape, most, share = _speeds(muscle)
+    isometric = a * active
+    at = np.clip(force, 0.0, share * most * isometric)
+    shortening = at <= isometric
+    b = np.where(shortening, isometric + at / shape, (2.0 + 2.0 / shape) * (isometric * most - at) / (most - 1.0))
+    slope = np.where(shortening, 1.0 / shape, -(2.0 + 2.0 / shape) / (most - 1.0))
+    speed = 0.25 + 0.75 * a
+    return speed * (at - isometric) / b + speed * (1.0 / b - (at - isometric) / b**2 * slope) * (force - at)
+
+
+def _velocity_factor_at(muscle: Muscle, a: Array, active: Array, v: Array) -> Array:
+    """f_V at which a fiber has a normalized velocity; not below 0."""
+    low, high = np.full_like(v, -100.0), np.full_like(v, 100.0)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = _fiber_velocity(muscle, a, active, middle * a * active) > v
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.maximum(0.5 * (low + high), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _bell(width: float) -> Curve:
+    """exp(-(x - 1)^2 / width), the active force-length curve of Thelen 2003."""
+    rate = 1.0 / np.sqrt(width)
+    return Curve((Piece(-np.inf, shapes=(Shape(BELL, 1.0, -rate, rate),)),))
+
+
+@lru_cache(maxsize=256)
+def _velocity(shape: float, most: float, share: float) -> Curve:
+    rate, last = (2.0 + 2.0 / shape) / (most - 1.0), share * most
+    shortening = Piece(-1.0, shapes=(Shape(RATIO, 1.0, 1.0, 1.0, 1.0, -1.0 / shape),))
+    lengthening = Piece(0.0, shapes=(Shape(RATIO, 1.0, 1.0, rate * most, 1.0, rate),))
+    return Curve((shortening, lengthening), (last - 1.0) / (rate * (most - last)), (0.0, None))
+
+
+@lru_cache(maxsize=256)
+def _passive(strain: float, shape: float) -> Curve:
+    size = 1.0 / (float(np.exp(shape)) - 1.0)
+    return Curve((Piece(1.0, (-size,), shapes=(Shape(EXPONENTIAL, size, -shape / strain, shape / strain),)),))
+
+
+@lru_cache(maxsize=256)
+def _rounded_velocity(shape: float, most: float, share: float) -> Curve:
+    return _velocity(shape, most, share).rounded(0.0, ROUNDED)
+
+
+@lru_cache(maxsize=256)
+def _rounded_passive(strain: float, shape: float) -> Curve:
+    return _passive(strain, shape).rounded(1.0, TAKEN_UP)
+
+
+def _tendon_numbers(strain: float) -> tuple[float, float, float]:
+    """Strain and force at the end of the toe of the tendon, and the slope after it."""
+    cube = float(np.exp(3.0))
+    toe = 99.0 * strain * cube / (166.0 * cube - 67.0)
+    return toe, 0.33, 0.67 / (strain - toe)
+
+
+@lru_cache(maxsize=256)
+def _stretch(strain: float) -> Curve:
+    toe, force, slope = _tendon_numbers(strain)
+    curved = Piece(0.0, (1.0,), shapes=(Shape(LOGARITHM, toe / 3.0, 1.0, float(np.expm1(3.0)) / force),))
+    return Curve((curved,), force, (None, 1.0 / slope))

@@ -1,0 +1,51 @@
+"""A muscle model written outside the package: its curves and parameters, whole.
+
+After Winters 1995, simplified: a bell over length, Hill's hyperbola, exponentials for the fibers' rest and the tendon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.model.paths import Muscle
+from myomorph.muscles.curves import BELL, EXPONENTIAL, LOGARITHM, RATIO, Curve, Piece, Shape
+from myomorph.muscles.muscle_model import FiberCurves, MuscleModel, numbers
+
+
+class Winters1995(MuscleModel):
+    """Parameters `width`, `hill`, `passive_strain` and `tendon_strain`."""
+
+    times = (0.020, 0.050)
+    damping = 0.05
+    elastic = True
+
+    def curves(self, muscle: Muscle) -> FiberCurves:
+        """exp(-((l - 1) / width)^2), (1 + v) / (1 - v / hill), (exp(4 (l - 1) / strain) - 1) / (exp(4) - 1)."""
+        width, hill, strain = numbers(muscle, width=0.45, hill=0.3, passive_strain=0.6)
+        active = Curve((Piece(-np.inf, shapes=(Shape(BELL, 1.0, -1.0 / width, 1.0 / width),)),))
+        # Lengthening: slope at rest as of shortening, up to 1.4.
+        rate = (1.0 + 1.0 / hill) / 0.4
+        velocity = Curve(
+            (
+                Piece(-1.0, shapes=(Shape(RATIO, 1.0, 1.0, 1.0, 1.0, -1.0 / hill),)),
+                Piece(0.0, shapes=(Shape(RATIO, 1.0, 1.0, 1.4 * rate, 1.0, rate),)),
+            )
+        )
+        size = 1.0 / np.expm1(4.0)
+        rise = Piece(1.0, (-size,), shapes=(Shape(EXPONENTIAL, size, -4.0 / strain, 4.0 / strain),))
+        return FiberCurves(active, velocity, Curve((rise,)))
+
+    def smooth_curves(self, muscle: Muscle) -> FiberCurves:
+        """The passive force begins with a slope: that corner is rounded."""
+        curves = self.curves(muscle)
+        return curves._replace(passive=curves.passive.rounded(1.0, 0.02))
+
+    def tendon(self, muscle: Muscle) -> Curve:
+        """(exp(3 (s - 1) / strain) - 1) / (exp(3) - 1)."""
+        (strain,), size = numbers(muscle, tendon_strain=0.05), 1.0 / np.expm1(3.0)
+        return Curve((Piece(1.0, (-size,), shapes=(Shape(EXPONENTIAL, size, -3.0 / strain, 3.0 / strain),)),))
+
+    def stretch(self, muscle: Muscle) -> Curve:
+        """1 + strain / 3 log(1 + (exp(3) - 1) f)."""
+        (strain,) = numbers(muscle, tendon_strain=0.05)
+        return Curve((Piece(0.0, (1.0,), shapes=(Shape(LOGARITHM, strain / 3.0, 1.0, float(np.expm1(3.0))),)),))
