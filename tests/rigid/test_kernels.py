@@ -6,10 +6,13 @@ import os
 import subprocess
 import sys
 import threading
+import types
 
+import numpy as np
 import pytest
-from numba import config
+from numba import config, njit
 from numba.core.caching import IndexDataCacheFile
+from numba.core.errors import NumbaError
 
 from myomorph import __version__
 from myomorph.rigid import kernels
@@ -65,6 +68,27 @@ def test_code_of_an_older_source_is_replaced(tmp_path):
     newer = IndexDataCacheFile(str(tmp_path), "kernel", "newer")
     assert newer.load("other signature") == "newer code"
     assert newer.load("signature") is None
+
+
+def test_an_index_of_arguments_whose_classes_are_gone_counts_as_none(tmp_path, monkeypatch):
+    moved = types.ModuleType("moved")
+    moved.Key = type("Key", (tuple,), {"__module__": "moved", "__qualname__": "Key"})
+    monkeypatch.setitem(sys.modules, "moved", moved)
+    KernelFile(str(tmp_path), "kernel", "older").save(moved.Key((1,)), "older code")
+    monkeypatch.delitem(sys.modules, "moved")
+    file = KernelFile(str(tmp_path), "kernel", "newer")
+    assert file.load("signature") is None
+    file.save("signature", "newer code")
+    assert file.load("signature") == "newer code"
+
+
+def test_a_kernel_that_counts_no_users_refuses_to_make_arrays():
+    source = "import numpy as np\ndef sums(x):\n    return x.sum()\ndef twice(x):\n    return 2.0 * x\n"
+    exec(source, functions := {})
+    numbers = np.arange(3.0)
+    assert njit(_nrt=False)(functions["sums"])(numbers) == 3.0
+    with pytest.raises(NumbaError):
+        njit(_nrt=False)(functions["twice"])(numbers)
 
 
 def test_two_processes_that_compile_at_once_leave_what_a_third_finds(cached):

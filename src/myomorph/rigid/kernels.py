@@ -93,6 +93,14 @@ def _fingerprint(module: str) -> str:
 class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
     """The files of one kernel, one process at a time: code first, then the index that names it."""
 
+    def _load_index(self) -> dict[Any, str]:
+        """The files by signature; none where the index is of arguments whose classes are elsewhere or gone since."""
+        try:
+            files: dict[Any, str] = super()._load_index()
+        except (ImportError, AttributeError):
+            return {}
+        return files
+
     def save(self, key: Any, data: Any) -> None:
         """Save the code of one signature; where others do not let go, or nothing can be written, it is not saved."""
         folder = Path(self._cache_path)
