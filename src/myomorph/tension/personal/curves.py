@@ -105,10 +105,12 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
     sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(len(pairs), -1).T)
     sine = sizes.height / sizes.fiber
     curves = [kind.curves(muscle) for kind, muscle in pairs]
-    shortest = [
-        kind.shortest_fiber(muscle) if isinstance(kind, FiberMuscle) else kind.sizes(muscle).shortest
-        for kind, muscle in pairs
-    ]
+    shortest = np.array(
+        [
+            kind.shortest_fiber(muscle) if isinstance(kind, FiberMuscle) else kind.sizes(muscle).shortest
+            for kind, muscle in pairs
+        ]
+    )
     stretches = np.array([kind.elastic for kind in models], bool) & (sizes.tendon > 0.0)
     tendons = [
         kind.tendon(muscle) if stretched else None for (kind, muscle), stretched in zip(pairs, stretches, strict=True)
@@ -139,7 +141,7 @@ def _table(grid: Array, curves: Sequence[Curve | None], shift: float = 0.0) -> L
     values: list[Array] = []
     index = []
     for curve in curves:
-        if curve not in sampled:
+        if curve is not None and curve not in sampled:
             sampled[curve] = curve(grid + shift)
         key = sampled[curve].tobytes()
         if key not in rows:
