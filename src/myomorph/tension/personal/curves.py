@@ -102,7 +102,7 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
     """
     models, muscles = muscle_models(model), model.muscles
     pairs = list(zip(models, muscles, strict=True))
-    sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(len(pairs), -1).T)
+    sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(-1, 8).T)
     sine = sizes.height / sizes.fiber
     curves = [kind.curves(muscle) for kind, muscle in pairs]
     shortest = np.array(
