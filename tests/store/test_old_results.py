@@ -16,10 +16,10 @@ from myomorph.store.results import read_result
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import read_plan
+from myomorph.study.step.step import step_of
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.run_trial import reused_steps
-from myomorph.study.trial.step import step_of
+from myomorph.study.trial.run_trial import TrialSteps
 
 STEPS = ("ik", "id", "muscles", "tension")
 """Those of the version that wrote the file."""
@@ -65,8 +65,10 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     home = arm.folder / "there"
     home.mkdir()
     shutil.copy(OLD, home / "reach.nc")
-    found = reused_steps(trial, STEPS, home)
-    assert found == dict.fromkeys(STEPS, ())
+    assert TrialSteps(trial, STEPS, home).all_reasons(STEPS) == dict.fromkeys(STEPS, ())
     monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
     version = read_result(OLD).provenance["ik"].version
-    assert all(reasons[0] == f"version {version} -> 99.0" for reasons in reused_steps(trial, STEPS, home).values())
+    assert all(
+        reasons[0] == f"version {version} -> 99.0"
+        for reasons in TrialSteps(trial, STEPS, home).all_reasons(STEPS).values()
+    )

@@ -8,7 +8,7 @@ from cyclopts import App, Group, Parameter
 
 from myomorph import __version__
 from myomorph.cli.panels import PanelHelp
-from myomorph.study.trial.step_table import STEPS
+from myomorph.study.step.step_table import STEPS
 
 PANELS = {
     "Main job": ("demo", "analyze", "run", "report", "view"),
@@ -138,7 +138,7 @@ where an error came from. `--help` with a command shows what most users need, `-
 
 def command_names() -> tuple[str, ...]:
     """All commands: those above, and one for every other step of a trial."""
-    return (*COMMANDS, *(step for step in STEPS if step not in COMMANDS))
+    return (*COMMANDS, *(step for step in STEPS["trial"] if step not in COMMANDS))
 
 
 def new_app(everything: bool = False) -> App:

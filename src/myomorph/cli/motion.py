@@ -29,11 +29,12 @@ from myomorph.cli.options import (
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
 from myomorph.study.inputs.external_forces import bodies_of
+from myomorph.study.step.step import StepOutput, step_of
 from myomorph.study.trial.open_trial import open_motion_trial, open_trial
-from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_step import StepResults, run_step
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 

@@ -31,12 +31,13 @@ from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store.settings import Measured, Side
 from myomorph.study.inputs.emg_files import channel_muscles
 from myomorph.study.inputs.external_forces import bodies_of
+from myomorph.study.step.step import StepOutput, step_of
 from myomorph.study.trial.fit_beside import put_fit_beside
 from myomorph.study.trial.open_trial import open_motion_trial
-from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of
 from myomorph.study.trial.steps import muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_step import StepResults, run_step
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 

@@ -20,9 +20,10 @@ from myomorph.cli.options import (
 )
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.study.inputs.external_forces import bodies_of
+from myomorph.study.step.step import StepOutput, step_of
 from myomorph.study.trial.open_trial import open_motion_trial
-from myomorph.study.trial.step import StepOutput, StepResults, run_step, step_of, steps_before
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 
 
 def __getattr__(name: str) -> Callable[..., int]:

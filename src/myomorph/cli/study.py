@@ -83,12 +83,13 @@ def _dry_run(plan: Plan, out: Path, fresh: bool, count: int) -> int:
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.run.dry_run import dry_run
     from myomorph.study.run.dry_run_text import dry_run_lines
+    from myomorph.study.run.job_plan import graph_of
 
     _say_remarks(plan)
-    found = dry_run(plan, out, fresh, count)
-    for line in dry_run_lines(found):
+    looked = dry_run(graph_of(plan, out), out, fresh, count)
+    for line in dry_run_lines(looked, plan.excluded):
         said(line)
-    return BAD_INPUT if found.problems else 0
+    return BAD_INPUT if looked.problems else 0
 
 
 def dry_run_plan(plan: Plan, out: Path, *, workers: int | None = None, threads: int | None = None) -> int:

@@ -16,9 +16,9 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.step_table import usual_steps
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 DemoName = Literal["jump", "simulated", "judo"]

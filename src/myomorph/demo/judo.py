@@ -22,9 +22,9 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.step.step import large_variables
+from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.step import large_variables
-from myomorph.study.trial.step_table import usual_steps
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.tension import TensionOptions

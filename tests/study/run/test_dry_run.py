@@ -10,8 +10,10 @@ from identified_arm import put_on_plate
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.dry_run import dry_run
 from myomorph.study.run.dry_run_text import dry_run_lines
-from myomorph.study.run.expected_time import ModelSize, StepTimes, in_words
+from myomorph.study.run.job_plan import graph_of
 from myomorph.study.run.run import run_study
+from myomorph.study.run.step_times import in_words
+from myomorph.study.step.job_steps import AFTER_OTHERS
 
 STUDY = """
 [study]
@@ -49,8 +51,16 @@ def study(arm):
     return path
 
 
+def looked_at(study, out, **told):
+    return dry_run(graph_of(read_plan(study), out), out, **told)
+
+
+def lines(study, out):
+    return "\n".join(dry_run_lines(looked_at(study, out), read_plan(study).excluded))
+
+
 def looked(study, out, **told):
-    return {(row.subject, row.trial): row for row in dry_run(read_plan(study), out, **told).rows}
+    return {row.work.key: row for row in looked_at(study, out, **told).rows}
 
 
 def test_before_the_first_run(arm, study):
@@ -59,21 +69,26 @@ def test_before_the_first_run(arm, study):
     assert rows["s01", ""].computed == ("identify",)
     assert rows["s02", "again"].computed == ("ik", "id")
     assert {row.frames for row in rows.values()} == {61}
-    assert not rows["s01", "reach"].expected.measured
-    assert rows["s01", "reach"].expected.seconds > 0.0
-    text = "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
-    for words in ("2 subjects, 2 trials", "s02/lost: the marker of the hand fell off", "a guess", "reach.trc"):
+    assert rows["s01", "reach"].unknown == ("ik", "id")
+    text = lines(study, arm.out)
+    for words in (
+        "2 subjects, 2 trials",
+        "s02/lost: the marker of the hand fell off",
+        "time unknown: identify, ik, id",
+        "reach.trc",
+    ):
         assert words in text
     assert not arm.out.exists()
 
 
-def test_it_says_what_a_run_then_does(arm, study, monkeypatch):
+def test_it_says_what_a_run_then_does(arm, study, monkeypatch, tmp_path):
+    monkeypatch.setenv("MYOMORPH_STEP_TIMES", str(tmp_path / "times.csv"))
     # A job during which kernels are compiled tells nothing of times, and the tests beside this one compile some.
-    monkeypatch.setattr("myomorph.study.run.learned_times._kernels", lambda: 0)
+    monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: 0)
     run_study(read_plan(study), arm.out)
     rows = looked(study, arm.out)
     assert all(not row.computed for row in rows.values())
-    assert "nothing to compute" in "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
+    assert "nothing to compute" in lines(study, arm.out)
     assert looked(study, arm.out, fresh=True)["s01", "reach"].computed == ("ik", "id")
 
     study.write_text(STUDY + "[options.id]\ncutoff = 30\n", encoding="utf-8")
@@ -81,21 +96,23 @@ def test_it_says_what_a_run_then_does(arm, study, monkeypatch):
     found = {one.key: one for one in run_study(read_plan(study), arm.out)}
     # The filter is told to identification too, so the model is made anew, and with it all that uses it.
     assert rows["s01", ""].computed == ("identify",)
-    assert rows["s02", "again"].reasons["ik"] == ("its model is made anew",)
+    assert rows["s02", "again"].reasons["ik"] == (AFTER_OTHERS,)
     assert all((found[key].reused, found[key].error) == (row.reused, "") for key, row in rows.items())
-    assert all(row.expected.measured for row in rows.values())
+    # With another filter inverse dynamics never ran here; of the other steps the time is known.
+    assert all(row.unknown == tuple(step for step in row.computed if step == "id") for row in rows.values())
+    assert all(row.seconds > 0.0 for row in rows.values())
 
     study.write_text(STUDY + "[options.id]\ncutoff = 30\nnet = true\n", encoding="utf-8")
     before = {path: path.stat().st_mtime_ns for path in arm.out.rglob("*")}
-    text = "\n".join(dry_run_lines(dry_run(read_plan(study), arm.out)))
-    assert "timings.csv" in text
+    text = lines(study, arm.out)
+    assert "expected: " in text
     assert {path: path.stat().st_mtime_ns for path in arm.out.rglob("*")} == before
 
 
 def test_what_cannot_be_opened_is_told(arm, study):
     run_study(read_plan(study), arm.out)
     (arm.folder / "again.trc").write_text("no recording")
-    found = dry_run(read_plan(study), arm.out)
+    found = looked_at(study, arm.out)
     assert any("again.trc" in problem for problem in found.problems)
     assert "cannot be looked at:" in "\n".join(dry_run_lines(found))
 
@@ -104,32 +121,14 @@ def test_a_time_that_no_frame_has_is_told_before_the_first_run(arm, study):
     study.write_text(
         STUDY.replace('trials = ["again.trc"', 'time = [90.0, 91.0]\ntrials = ["again.trc"', 1), encoding="utf-8"
     )
-    found = dry_run(read_plan(study), arm.out)
+    found = looked_at(study, arm.out)
     assert ["no frame from 90 to 91 s" in problem for problem in found.problems] == [True]
 
 
 def test_a_model_that_cannot_be_read_is_told_once(arm, study):
     arm.model.write_text("no model")
-    found = dry_run(read_plan(study), arm.out)
+    found = looked_at(study, arm.out)
     assert [arm.model.name in problem for problem in found.problems] == [True]
-
-
-def test_times_of_an_earlier_run(tmp_path):
-    path = tmp_path / "timings.csv"
-    path.write_text(
-        "subject,trial,step,frames,seconds\ns1,a,ik,100,9\ns1,b,ik,100,2\ns1,c,ik,200,4\ns1,,calibrate,0,5\ns1,b,ik,20"
-    )
-    times, size = StepTimes(path), ModelSize(23, 54)
-    assert times.expected("s1", "b", "ik", 50, size).seconds == pytest.approx(1.0)
-    assert times.expected("s1", "d", "ik", 300, size).seconds == pytest.approx(6.0)
-    assert times.expected("s2", "", "calibrate", 300, size).seconds == 5.0
-    guess = times.expected("s1", "a", "id", 300, size)
-    assert not guess.measured
-    assert guess.seconds > 0.0
-    assert times.expected("s1", "a", "id", None, size).seconds is None
-    assert times.expected("s1", "", "morph", 300, size).seconds is None
-    more = StepTimes().expected("s1", "a", "tension", 300, ModelSize(23, 500)).seconds
-    assert more > StepTimes().expected("s1", "a", "tension", 300, ModelSize(23, 50)).seconds
 
 
 @pytest.mark.parametrize(

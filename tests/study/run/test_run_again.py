@@ -18,9 +18,9 @@ from myomorph.study.plan.plan import read_plan
 from myomorph.study.plan.plan_checks import OF_STUDY
 from myomorph.study.run.local_workers import LocalWorkers
 from myomorph.study.run.run import run_study
+from myomorph.study.step.step import step_of
+from myomorph.study.step.step_table import STEPS
 from myomorph.study.trial import run_trial as module
-from myomorph.study.trial.step import step_of
-from myomorph.study.trial.step_table import STEPS
 
 STUDY = """
 [study]
@@ -113,8 +113,8 @@ def test_an_interrupted_run_ends_with_the_same_bytes(whole, dated, tmp_path, mon
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        if stopped_in in STEPS:
-            patch.setattr(f"{STEPS[stopped_in]}.STEP", replace(step_of(stopped_in), run=interrupted))
+        if stopped_in in STEPS["trial"]:
+            patch.setattr(f"{STEPS['trial'][stopped_in]}.STEP", replace(step_of(stopped_in), run=interrupted))
         elif stopped_in == "gather":
             patch.setattr(module.os, "replace", interrupted)
         else:
@@ -218,14 +218,14 @@ def test_a_full_disk_stops_the_study(arm, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return ik.run(*given)
 
-    monkeypatch.setattr(f"{STEPS['ik']}.STEP", replace(ik, run=full))
+    monkeypatch.setattr(f"{STEPS['trial']['ik']}.STEP", replace(ik, run=full))
     outcomes = run(arm, 3)
     assert outcomes[0].error == ""
     assert outcomes[1].error.startswith("ik: no space is left")
     assert [one.error[:22] for one in outcomes[2:3]] == ["not run: no space is l"]
     assert len(calls) == 2
     assert not any(one.fault for one in outcomes)
-    monkeypatch.setattr(f"{STEPS['ik']}.STEP", ik)
+    monkeypatch.setattr(f"{STEPS['trial']['ik']}.STEP", ik)
     assert [one.error for one in run(arm, 3)] == [""] * 3
 
 
@@ -247,7 +247,8 @@ def test_the_log_and_the_times(arm):
     with (arm.out / "timings.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["step"] for row in rows if row["trial"] == "reach0"] == ["ik", "id", "id"]
-    assert {row["frames"] for row in rows} == {"61"}
+    assert {row["frames"] for row in rows if row["trial"]} == {"61"}
+    assert [row["step"] for row in rows if not row["subject"]] == ["tables", "tables"]
     assert all(float(row["seconds"]) >= 0.0 for row in rows)
 
 

@@ -179,7 +179,7 @@ def test_the_order_in_which_trials_ended_does_not_matter(study, tmp_path, monkey
         out = tmp_path / str(k)
         shutil.copytree(study.out, out)
         moved = [replace(one, folder=out / one.folder.relative_to(study.out)) for one in outcomes]
-        gather_study(study.plan, moved, out)
+        gather_study(study.plan, moved, out, out)
         found.append({name: (out / name).read_bytes() for name in (PAGE, *(name for name, _ in FILES))})
         assert not list(out.glob(".*"))
     assert found[0] == found[1]
@@ -192,7 +192,7 @@ def test_changes_since_the_last_run_are_told(study, tmp_path):
         replace(one, folder=out / one.folder.relative_to(study.out), changed=("ik.accuracy: 1 -> 2",))
         for one in study.outcomes
     ]
-    gather_study(study.plan, told, out)
+    gather_study(study.plan, told, out, out)
     page = (out / PAGE).read_text(encoding="utf-8")
     assert "Changes since the last run" in page
     assert "ik.accuracy: 1 -&gt; 2" in page
@@ -276,11 +276,11 @@ def test_angles_that_models_count_the_other_way_round_are_noted():
     assert search.notes()[0].startswith("knee_angle_r: above zero in s1, s2, below it in s3: where their models")
 
 
-def test_without_the_extra_parquet_the_tables_are_csv_alone(tmp_path, monkeypatch):
+def test_without_the_extra_parquet_the_tables_are_csv_alone(study, tmp_path, monkeypatch):
     """An older file of that name goes: it would hold other values than the tables beside it."""
     monkeypatch.setattr(study_tables, "has_parquet", lambda: False)
-    whole = tmp_path / "results.parquet"
-    whole.write_text("older")
-    with study_tables._parquet(whole) as keep:
-        keep(("S1", "slow", "walk"), [])
-    assert not whole.exists()
+    older = tmp_path / "results.parquet"
+    older.write_text("older")
+    gather_study(study.plan, study.outcomes, tmp_path, tmp_path)
+    assert not older.exists()
+    assert (tmp_path / PAGE).is_file()

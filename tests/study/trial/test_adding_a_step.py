@@ -13,8 +13,9 @@ from myomorph.model.errors import BadFile
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.dry_run import dry_run
+from myomorph.study.run.job_plan import graph_of
 from myomorph.study.run.run import run_study
-from myomorph.study.trial.step_table import STEPS
+from myomorph.study.step.step_table import STEPS
 
 STUDY = """
 [study]
@@ -32,7 +33,7 @@ steps = ["ik", "id", "power", "report"]
 @pytest.fixture
 def power(monkeypatch):
     """The one line."""
-    monkeypatch.setitem(STEPS, "power", "tests.study.trial.power_step")
+    monkeypatch.setitem(STEPS["trial"], "power", "tests.study.trial.power_step")
 
 
 def plan(arm, options=""):
@@ -64,7 +65,7 @@ def test_it_is_run_stored_reused_and_reported(arm, power):
 def test_its_options_are_settings(arm, power, capsys):
     run_study(plan(arm), arm.out)
     changed = plan(arm, "generated = true")
-    reasons = dry_run(changed, arm.out).rows[0].reasons
+    reasons = dry_run(graph_of(changed, arm.out), arm.out).rows[0].reasons
     assert reasons["id"] == ()
     assert reasons["power"] == ("power.generated False -> True",)
     (outcome,) = run_study(changed, arm.out)

@@ -12,9 +12,10 @@ from myomorph.motion.envelope import envelopes
 from myomorph.study.inputs.emg_files import open_emg
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.step.step import step_of
 from myomorph.study.trial.open_trial import open_trial
-from myomorph.study.trial.step import step_of, step_provenance
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_step import step_provenance
 
 WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"

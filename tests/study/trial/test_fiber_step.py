@@ -22,6 +22,7 @@ from myomorph.report.trial.report_input import Kinematics, ReportInput, ShownTen
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import get_tension, put_tension
+from myomorph.study.step.step import StepOutput
 from myomorph.study.trial.fiber_step import (
     LARGE_STRAIN,
     WORK,
@@ -31,7 +32,6 @@ from myomorph.study.trial.fiber_step import (
     fiber_work,
     write_fibers,
 )
-from myomorph.study.trial.step import StepOutput
 from myomorph.tension.dual import STALLED
 from myomorph.tension.solve import Tension, TensionOptions, solve_tension
 

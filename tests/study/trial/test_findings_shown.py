@@ -15,7 +15,7 @@ from myomorph.store.finding_store import put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import put_torques
-from myomorph.study.trial.step import step_of
+from myomorph.study.step.step import step_of
 from myomorph.study.trial.steps.id import FINDINGS, Torques
 
 TIME = np.arange(4) / 10.0

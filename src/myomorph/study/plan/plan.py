@@ -35,8 +35,8 @@ from myomorph.study.plan.subject_tables import (
     study_tables,
 )
 from myomorph.study.plan.subject_trials import Notes, contacts_file, measured, subject_files, subject_trials
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles
-from myomorph.study.trial.step_table import usual_steps
+from myomorph.study.step.step_table import STEPS, usual_steps
+from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.together import Together, together_of
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.uncertainty_file import with_uncertainty
@@ -270,7 +270,7 @@ def _add(
             subjects.own[one.name, trial.name] = merged(whole, told)
             check_settings(told, f"subject '{one.name}': trial '{trial.name}': ", notes.problems)
     files = subject_files(one, model, tuple(trials), notes)
-    if one.name in subjects.subjects and set(SUBJECT_STEPS) & {*steps, *subjects.steps_of(one.name)}:
+    if one.name in subjects.subjects and set(STEPS["subject"]) & {*steps, *subjects.steps_of(one.name)}:
         notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
     if trials or not any(gone.subject == one.name for gone in exclusions.found):
         subjects.subjects[one.name] = files

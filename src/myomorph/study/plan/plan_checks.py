@@ -12,7 +12,9 @@ from myomorph.model.errors import MyomorphError, listing
 from myomorph.model.model import Model
 from myomorph.store.results import file_name
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, SubjectFiles, subject_step
+from myomorph.study.step.step import step_of
+from myomorph.study.step.step_table import STEPS
+from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.trial_files import TrialFiles
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))
@@ -33,6 +35,8 @@ OF_STUDY = (
     "study.json",
     "study.log",
     "study.toml",
+    "tables_provenance.json",
+    "groups_provenance.json",
     "groups.html",
     "group_parameters.csv",
     "group_curves.csv",
@@ -71,8 +75,9 @@ def check_names(
         _possible(name, f"together '{name}'", OF_STUDY, problems)
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
-        steps_on = [subject_step(step) for step in SUBJECT_STEPS if step in own]
-        made = [*(name for step in steps_on for name in (step.model, step.tables) if name), *(OF_STUDY if flat else ())]
+        steps_on = [step_of(step, "subject") for step in STEPS["subject"] if step in own]
+        written = (path.split("/")[0] for step in steps_on for path in (step.tables, *step.leaves.values()))
+        made = [*dict.fromkeys(written), *(OF_STUDY if flat else ())]
         own_trials = [trial.name for trial in trials if trial.subject == subject]
         for name in dict.fromkeys(own_trials):
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
@@ -106,7 +111,7 @@ def _clashes(named: Sequence[tuple[str, str]], problems: list[str]) -> None:
 
 def makes_model(steps: Sequence[str]) -> bool:
     """Whether a subject's own steps make the model that its trials use."""
-    return bool(set(steps) & set(SUBJECT_STEPS))
+    return bool(set(steps) & set(STEPS["subject"]))
 
 
 def maker_of(name: str, subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Sequence[str]]) -> str:
@@ -138,7 +143,7 @@ def check_makers(subjects: Mapping[str, SubjectFiles], steps: Mapping[str, Seque
         elif not following and not any(makes_model(steps[one]) for one in chain[1:]):
             problems.append(
                 f"subject '{name}': model_of: subject '{chain[-1]}' makes no model: give it one of the steps "
-                f"{', '.join(SUBJECT_STEPS)}, or give this one its 'model'"
+                f"{', '.join(STEPS['subject'])}, or give this one its 'model'"
             )
 
 

@@ -15,10 +15,9 @@ from myomorph.store.settings import Differentiation, Measured, Setting, Side, wi
 from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
 from myomorph.study.inputs.laboratory import Up
 from myomorph.study.plan.groups import StridesTable
+from myomorph.study.step.step import step_head, trial_steps
+from myomorph.study.step.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.subject.morph_files import BonesTable
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, subject_step
-from myomorph.study.trial.step import StepHead, step_head
-from myomorph.study.trial.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.trial.together import TogetherTable
 
 FIRST = ("morph", "calibrate", "ik", "refine", "identify", "personalize", "emg")
@@ -31,28 +30,23 @@ PLACE = "{subject}"
 
 def study_steps() -> tuple[str, ...]:
     """Names of all steps in the order in which they run."""
-    return (*FIRST, *(step for step in STEPS if step not in FIRST), REPORT)
-
-
-def declared(name: str) -> StepHead:
-    """A step of a study."""
-    return subject_step(name) if name in SUBJECT_STEPS else step_head(name)
+    return (*FIRST, *(step for step in STEPS["trial"] if step not in FIRST), REPORT)
 
 
 def filtered_steps() -> tuple[str, ...]:
     """Steps that share one low-pass filter, as they share the derivatives."""
-    return tuple(step for step in STEPS if Differentiation in step_head(step).options)
+    return tuple(step.name for step in trial_steps() if Differentiation in step.options)
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
     """Settings of every step, by its name."""
-    return {step: declared(step).settings for step in study_steps()}
+    return {step: step_head(step).settings for step in study_steps()}
 
 
 def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]) -> None:
     """Add to the problems what the option dataclasses refuse, as a filter below zero."""
     for step in study_steps():
-        for options in declared(step).options:
+        for options in step_head(step).options:
             try:
                 with_settings(options(), settings.get(step, {}))
             except MyomorphError as error:

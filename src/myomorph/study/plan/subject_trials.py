@@ -16,8 +16,9 @@ from myomorph.study.inputs.contact_file import AUTO
 from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
+from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import bones_of
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, BodyShape, SubjectFiles
+from myomorph.study.subject.subject_files import BodyShape, SubjectFiles
 from myomorph.study.trial.trial_files import TrialFiles
 
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
@@ -163,7 +164,7 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
             problems.append(f"{where}: steps: '{step}' is there twice")
     if "ik" not in table.steps:
         problems.append(f"{where}: steps lack 'ik', which every other step needs")
-    for step in SUBJECT_STEPS:
+    for step in STEPS["subject"]:
         later = study_steps()[study_steps().index(step) + 1 :]
         before = table.steps[: table.steps.index(step)] if step in table.steps else []
         early = [one for one in before if one in later]

@@ -1,63 +1,47 @@
-"""What a run of a study would do, and about how long it would take; nothing is computed or written."""
+"""What a run of a study would do, and how long it would take; nothing is computed or written."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from myomorph.io.frame_count import FrameCount, count_frames
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.locks import check_age, read_mark
-from myomorph.store.outcome import Excluded, Key
+from myomorph.store.outcome import Key
 from myomorph.store.progress import progress
-from myomorph.store.results import STORED, file_name
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.plan.plan import Plan
-from myomorph.study.run.expected_time import Expected, ModelSize, StepTimes, together
-from myomorph.study.run.job_plan import jobs_of, with_made
-from myomorph.study.run.watching import TIMINGS
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel
-from myomorph.study.subject.subjects import reused_subject_steps
-from myomorph.study.trial.open_trial import open_trial
-from myomorph.study.trial.reuse import NEVER
-from myomorph.study.trial.run_trial import PARTS, reused_steps
-from myomorph.study.trial.together import TOGETHER_STEPS
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.run.step_times import StepTimes, times_file
+from myomorph.study.run.work import Graph, Work
+from myomorph.study.step.job_steps import AFTER_OTHERS, NEVER
 
 FRESH = "everything is asked for anew"
-NEW_MODEL = "its model is made anew"
-NEW_PARTS = "its trials are computed anew"
-MAX_MODELS = 8
-"""Models that are read for their sizes; what they have in common is taken for the rest."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One trial of a dry run, or a subject's own steps (`trial` "").
+    """One job of a dry run.
 
     Attributes
     ----------
-    frames : of the part that is used, None where the files do not tell at once
-    files : names of what was found, the recording first
-    reasons : by step, why it would be computed; () where it would be taken over
-    expected : time of the steps that would be computed
+    frames : of the parts of recordings that are used, None where the files do not tell at once
+    reasons : by step, why it would be computed; () where it would be reused
+    seconds : that the computed steps would take, as far as this machine has learned
+    unknown : computed steps whose time it has not learned
     problem : what keeps it from being looked at, "" for nothing
     """
 
-    subject: str
-    trial: str
-    condition: str
+    work: Work
     frames: int | None
-    files: tuple[str, ...]
     reasons: Mapping[str, tuple[str, ...]]
-    expected: Expected
+    seconds: float = 0.0
+    unknown: tuple[str, ...] = ()
     problem: str = ""
 
     @property
     def reused(self) -> tuple[str, ...]:
-        """Steps that would be taken over."""
+        """Steps that would be reused."""
         return tuple(step for step, why in self.reasons.items() if not why)
 
     @property
@@ -74,22 +58,12 @@ class DryRun:
     ----------
     rows : in the order of the study file
     workers : jobs that run side by side
-    begins : what the run takes besides its steps [s]
-    compiles : what the first run on this machine takes longer [s]
     """
 
-    plan: Plan
+    name: str
     out: Path
     rows: tuple[Row, ...]
-    excluded: tuple[Excluded, ...]
     workers: int = 1
-    begins: float = 0.0
-    compiles: float = 0.0
-
-    @property
-    def expected(self) -> Expected:
-        """Time of all rows one after another."""
-        return together([row.expected for row in self.rows if row.expected.seconds is not None])
 
     @property
     def side(self) -> int:
@@ -97,17 +71,14 @@ class DryRun:
         return max(min(self.workers, sum(1 for row in self.rows if row.computed)), 1)
 
     @property
-    def lasts(self) -> float:
-        """Time of the whole run, without what is compiled once [s]; 0 where there is nothing to compute."""
-        if not any(row.computed for row in self.rows):
-            return 0.0
-        longest = max((row.expected.seconds or 0.0) for row in self.rows)
-        return max((self.expected.seconds or 0.0) / self.side, longest) + self.begins
+    def seconds(self) -> float:
+        """Time of the steps whose time is known, as so many workers do them."""
+        return max(sum(row.seconds for row in self.rows) / self.side, *(row.seconds for row in self.rows), 0.0)
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Trials for whose time nothing tells."""
-        return tuple(f"{row.subject}/{row.trial}".rstrip("/") for row in self.rows if row.expected.seconds is None)
+        """Steps that would be computed and whose time is not known."""
+        return tuple(dict.fromkeys(step for row in self.rows for step in row.unknown))
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -115,7 +86,7 @@ class DryRun:
         return tuple(dict.fromkeys(row.problem for row in self.rows if row.problem))
 
 
-def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
+def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
     """Look at what a run of a study would do.
 
     Recordings are opened only where there are earlier results to hold against them.
@@ -123,7 +94,7 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
     Parameters
     ----------
     out : folder of results, which need not exist
-    fresh : as if nothing could be taken over
+    fresh : as if nothing could be reused
     workers : jobs that run side by side
 
     Raises
@@ -132,31 +103,13 @@ def dry_run(plan: Plan, out: Path, fresh: bool = False, workers: int = 1) -> Dry
         where a run would be refused, since a newer version wrote the folder
     """
     check_age(read_mark(out))
-    looked = _Looked(plan, out, fresh, workers)
-    rows: list[Row] = []
-    seen: set[str] = set()
-    with progress("looking at trials", len(plan.trials), "trials") as advance:
-        for files, steps in zip(plan.trials, plan.steps, strict=True):
-            for name in _makers(plan, files.subject):
-                if name not in seen:
-                    rows.append(looked.subject(name))
-                    seen.add(name)
-            rows.append(looked.trial(files, [step for step in steps if step not in SUBJECT_STEPS]))
+    looked = _Looked(graph, fresh)
+    rows = []
+    with progress("looking at jobs", len(graph.works), "jobs") as advance:
+        for work in graph.works:
+            rows.append(looked.row(work))
             advance(1)
-    rows += [looked.joined(one.name, one.trials) for one in plan.together]
-    computed = {step for row in rows for step in row.computed}
-    compiles = looked.times.compiles(bool(computed & {"muscles", "tension"})) if computed else 0.0
-    return DryRun(plan, out, tuple(rows), plan.excluded, workers, looked.times.begins(len(plan.trials)), compiles)
-
-
-def _makers(plan: Plan, subject: str) -> list[str]:
-    """Subjects whose own steps come before a subject's trials, in that order."""
-    result: list[str] = []
-    name = plan.maker(subject)
-    while name and name not in result:
-        result.insert(0, name)
-        name = plan.begins_with(name)
-    return result
+    return DryRun(graph.name, out, tuple(rows), workers)
 
 
 @dataclass
@@ -165,119 +118,65 @@ class _Looked:
 
     Attributes
     ----------
-    computed : subjects and trials of which something would be computed
+    computed : jobs of which something would be computed
     counts : of the frames of recordings
-    begun : jobs that would compute something
     """
 
-    plan: Plan
-    out: Path
+    graph: Graph
     fresh: bool
-    workers: int = 1
     computed: set[Key] = field(default_factory=set)
     counts: dict[Path, FrameCount] = field(default_factory=dict)
-    begun: int = 0
     _models: dict[Path, Model | MyomorphError] = field(default_factory=dict)
-    _sizes: dict[Path, ModelSize] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.jobs = jobs_of(self.plan, self.out)
-        self.times = StepTimes.here(self.out / TIMINGS)
+        self.times = StepTimes(times_file())
 
-    def subject(self, name: str) -> Row:
-        """The steps on a subject."""
-        files = self.plan.subjects[name]
-        steps = [step for step in SUBJECT_STEPS if step in self.plan.steps_of(name)]
-        begins = self.plan.begins_with(name)
-        problem = ""
-        reasons: dict[str, tuple[str, ...]]
-        if self.fresh:
-            reasons = dict.fromkeys(steps, (FRESH,))
-        elif begins and (begins, "") in self.computed:
-            reasons = dict.fromkeys(steps, (NEW_MODEL,))
-        else:
-            begin = self._made(begins)
-            files = files if begin is None else replace(files, model=begin.path, drawn=begin.drawn)
-            try:
-                reasons = reused_subject_steps(
-                    files, steps, self.plan.settings_of(name), self.plan.home(self.out, name)
-                )
-            except MyomorphError as error:
-                reasons, problem = dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
-        counts = [self._frames(trial) for trial in files.trials]
-        frames = sum(count for count in counts if count is not None) if None not in counts else None
-        if any(reasons.values()):
-            self.computed.add((name, ""))
-        given = (files.static, files.shape.skin, files.shape.landmarks)
-        names = tuple(path.name for path in (files.model, *given) if path is not None)
-        expected = self._expected((name, ""), reasons, frames, files.model)
-        return Row(name, "", "", frames, names, reasons, expected, problem)
+    def row(self, work: Work) -> Row:
+        """What a run would do of one job."""
+        why, problem = self._reasons(work)
+        computed = [step for step, reasons in why.items() if reasons]
+        if computed:
+            self.computed.add(work.key)
+        frames = self._frames(work)
+        seconds, unknown = 0.0, list[str]()
+        muscles = self._muscles(work) if computed else None
+        for step in computed:
+            taken = None
+            if muscles is not None:
+                taken = self.times.expected(step, work.settings.get(step, {}), muscles, frames)
+            if taken is None:
+                unknown.append(step)
+            seconds += taken or 0.0
+        unread = None if work.model is None else self._models.get(work.model)
+        if isinstance(unread, MyomorphError) and not self._awaits(work):
+            problem = problem or " ".join(str(unread).split())
+        for recording in work.recordings:
+            if recording.time is not None and self._count(recording.path).within(recording.time) == 0:
+                start, end = recording.time
+                problem = problem or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+        return Row(work, frames, why, seconds, tuple(unknown), problem)
 
-    def trial(self, files: TrialFiles, steps: Sequence[str]) -> Row:
-        """The steps of a trial."""
-        key = (files.subject, files.name)
-        maker, problem = self.plan.maker(files.subject), ""
-        folder = self.jobs.homes[key]
-        stored = (folder / f"{file_name(files.name)}{STORED}").is_file() or (folder / PARTS).is_dir()
-        reasons: dict[str, tuple[str, ...]]
-        if self.fresh or not stored:
-            reasons = dict.fromkeys(steps, (FRESH if stored else NEVER,))
-        elif maker and (maker, "") in self.computed:
-            reasons = dict.fromkeys(steps, (NEW_MODEL,))
-        else:
-            reasons, problem = self._reused(files, steps, folder)
-        if any(reasons.values()):
-            self.computed.add(key)
-        frames = self._frames(files)
-        used = (files.markers, files.motion, files.loads, files.torques, files.emg, files.tasks, files.actuators)
-        names = tuple(path.name for path in used if path is not None)
-        expected = self._expected(key, reasons, frames, files.model)
-        unread = self._models.get(files.model)
-        if isinstance(unread, MyomorphError) and not problem:
-            problem = " ".join(str(unread).split())
-        if frames == 0 and files.time is not None and files.markers is not None and not problem:
-            start, end = files.time
-            problem = f"{files.markers}: has no frame from {start:g} to {end:g} s, the time asked for"
-        return Row(*key, files.condition, frames, names, reasons, expected, problem)
+    def _awaits(self, work: Work) -> bool:
+        """Whether it begins with what other jobs would compute."""
+        return any(key in self.computed for key in (*work.needs, *work.after))
 
-    def joined(self, name: str, trials: Mapping[str, str]) -> Row:
-        """Trials that are solved as one; whether their contacts have changed is not looked at."""
-        stored = (self.out / file_name(name) / f"{file_name(name)}{STORED}").is_file()
-        why: tuple[str, ...] = ()
-        if self.fresh or not stored:
-            why = (FRESH if stored else NEVER,)
-        elif any(key in self.computed for key in trials.items()):
-            why = (NEW_PARTS,)
-        reasons = dict.fromkeys(TOGETHER_STEPS, why)
-        own = [trial for trial in self.plan.trials if (trial.subject, trial.name) in set(trials.items())]
-        counts = [one for one in map(self._frames, own) if one is not None]
-        frames = min(counts) if counts else None
-        expected = self._expected((name, name), reasons, frames, own[0].model if own else None)
-        return Row(name, name, "", frames, tuple(f"{one.subject}/{one.name}" for one in own), reasons, expected)
-
-    def _reused(self, files: TrialFiles, steps: Sequence[str], folder: Path) -> tuple[dict[str, tuple[str, ...]], str]:
-        """Why steps of a trial with earlier results would be computed, and what kept it from being looked at."""
-        made, settings = self._made(self.plan.maker(files.subject)), self.plan.settings_of(files.subject, files.name)
+    def _reasons(self, work: Work) -> tuple[dict[str, tuple[str, ...]], str]:
+        """Why steps would be computed, and what kept them from being looked at."""
+        there = work.folder.is_dir() and any(work.folder.iterdir())
+        if self.fresh or not there:
+            return dict.fromkeys(work.steps, (FRESH if there else NEVER,)), ""
+        if self._awaits(work):
+            return dict.fromkeys(work.steps, (AFTER_OTHERS,)), ""
         try:
-            if made is not None:
-                files = with_made(files, made, self.plan.maker(files.subject), self.plan.settings_of(files.subject))
-            model = self._model(files.model, made)
-            trial = open_trial(files, settings, model)
-            return reused_steps(trial, steps, folder), ""
+            return work.reasons(None if work.model is None else self._model(work.model)), ""
         except MyomorphError as error:
-            return dict.fromkeys(steps, (NEVER,)), " ".join(str(error).split())
+            return dict.fromkeys(work.steps, (NEVER,)), " ".join(str(error).split())
 
-    def _made(self, maker: str) -> MadeModel | None:
-        """The model that a subject's own steps make."""
-        if not maker:
-            return None
-        return self.jobs.made[maker]
-
-    def _model(self, path: Path, made: MadeModel | None = None) -> Model:
+    def _model(self, path: Path) -> Model:
         """A model, read once; raises what reading it raised the first time."""
         if path not in self._models:
             try:
-                self._models[path] = open_model(path) if made is None else made.open()
+                self._models[path] = self.graph.open_model(path)
             except MyomorphError as error:
                 self._models[path] = error
         result = self._models[path]
@@ -285,36 +184,24 @@ class _Looked:
             raise result
         return result
 
-    def _frames(self, files: TrialFiles) -> int | None:
-        if files.markers is None:
-            return None
-        if files.markers not in self.counts:
-            self.counts[files.markers] = count_frames(files.markers)
-        return self.counts[files.markers].within(files.time)
-
-    def _expected(
-        self, key: Key, reasons: Mapping[str, tuple[str, ...]], frames: int | None, model: Path | None
-    ) -> Expected:
-        computed = [step for step, why in reasons.items() if why]
-        size = self._size(model) if computed and model is not None else None
-        settings = self.plan.settings_of(*key)
-        # As many jobs as run side by side are the first of their processes.
-        first = bool(computed) and self.begun < self.workers
-        self.begun += bool(computed)
-        found = [self.times.expected(*key, step, frames, size, settings.get(step), first) for step in computed]
-        whole = together(found)
-        if whole.seconds is None or not key[1] or not computed:
-            return whole
-        return replace(whole, seconds=whole.seconds + self.times.opens(frames, first))
-
-    def _size(self, path: Path) -> ModelSize | None:
-        if path in self._sizes:
-            return self._sizes[path]
-        if len(self._sizes) >= MAX_MODELS:
-            return next(iter(self._sizes.values()))
+    def _muscles(self, work: Work) -> int | None:
+        """Muscles of the model that a job is given, None where it cannot be read, or not yet."""
+        if work.model is None:
+            return 0
         try:
-            model = self._model(path)
+            return len(self._model(work.model).muscles)
         except MyomorphError:
             return None
-        self._sizes[path] = ModelSize(len(model.coordinate_names), len(model.muscles))
-        return self._sizes[path]
+
+    def _count(self, path: Path) -> FrameCount:
+        if path not in self.counts:
+            self.counts[path] = count_frames(path)
+        return self.counts[path]
+
+    def _frames(self, work: Work) -> int | None:
+        counts = [self._count(recording.path).within(recording.time) for recording in work.recordings]
+        known = [count for count in counts if count is not None]
+        if not counts or len(known) < len(counts):
+            return None
+        # Several recordings that are solved as one have common times.
+        return min(known) if work.scope == "pair" else sum(known)

@@ -1,32 +1,39 @@
-"""What a run would do, as the lines that `myomorph run --dry-run` prints."""
+"""What a run would do, as the lines that `--dry-run` prints."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from myomorph.store.outcome import Excluded, Key
 from myomorph.study.run.dry_run import DryRun, Row
-from myomorph.study.run.expected_time import in_words
-from myomorph.study.trial.reuse import NEVER
+from myomorph.study.run.step_times import in_words
+from myomorph.study.run.watching import named
+from myomorph.study.step.job_steps import NEVER
 
 HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "time", "files")
 MAX_NAMES = 4
 
 
-def dry_run_lines(dry_run: DryRun) -> Iterator[str]:
-    """The lines that `myomorph run --dry-run` prints."""
-    trials = [row for row in dry_run.rows if row.trial]
-    subjects = dict.fromkeys(row.subject for row in dry_run.rows)
-    conditions = dry_run.plan.conditions.names
-    counts = [_many(len(subjects), "subject"), _many(len(trials), "trial")]
+def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = ()) -> Iterator[str]:
+    """The lines that `--dry-run` prints.
+
+    Parameters
+    ----------
+    excluded : what the study file leaves out
+    """
+    outcomes = [row.work.outcome for row in dry_run.rows]
+    conditions = list(dict.fromkeys(outcome.condition for outcome in outcomes if outcome.condition))
+    subjects = dict.fromkeys(outcome.subject for outcome in outcomes)
+    counts = [_many(len(subjects), "subject"), _many(sum(1 for outcome in outcomes if outcome.trial), "trial")]
     counts += [f"conditions {', '.join(conditions)}"] if conditions else []
-    yield f"{dry_run.plan.name}: {', '.join(counts)}; results go to {dry_run.out}"
+    yield f"{dry_run.name}: {', '.join(counts)}; results go to {dry_run.out}"
     yield ""
     yield from _table(dry_run.rows, bool(conditions))
     yield from _reasons(dry_run.rows)
-    if dry_run.excluded:
+    if excluded:
         yield ""
         yield "left out:"
-        yield from (f"  {_name(one.subject, one.trial)}: {one.reason}" for one in dry_run.excluded)
+        yield from (f"  {_name((trial.subject, trial.trial))}: {trial.reason}" for trial in excluded)
     if dry_run.problems:
         yield ""
         yield "cannot be looked at:"
@@ -48,58 +55,51 @@ def _table(rows: tuple[Row, ...], conditions: bool) -> Iterator[str]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    time = row.expected.seconds
+    outcome = row.work.outcome
+    time = "-" if not row.computed else "?" if row.unknown else in_words(row.seconds)
     return (
-        row.subject,
-        row.trial,
-        row.condition,
+        outcome.subject,
+        outcome.trial,
+        outcome.condition,
         "?" if row.frames is None else str(row.frames),
         " ".join(row.reused) or "-",
         " ".join(row.computed) or "-",
-        ("-" if not row.computed else "?") if time is None or not row.computed else in_words(time),
-        ", ".join(row.files),
+        time,
+        ", ".join(row.work.files),
     )
 
 
 def _reasons(rows: tuple[Row, ...]) -> Iterator[str]:
     """Why results that are there would be computed again, each reason once."""
-    found: dict[str, dict[str, list[str]]] = {}
+    jobs: dict[str, dict[str, list[str]]] = {}
     for row in rows:
         for step, why in row.reasons.items():
             for text in why:
                 if text != NEVER:
-                    found.setdefault(text, {}).setdefault(_name(row.subject, row.trial), []).append(step)
-    if found:
+                    jobs.setdefault(text, {}).setdefault(_name(row.work.key), []).append(step)
+    if jobs:
         yield ""
         yield "computed again, because"
-    for text, names in found.items():
+    for text, names in jobs.items():
         shown = [f"{name} ({' '.join(steps)})" for name, steps in list(names.items())[:MAX_NAMES]]
         rest = f" and {_many(len(names) - MAX_NAMES, 'other')}" if len(names) > MAX_NAMES else ""
         yield f"  {text}: {', '.join(shown)}{rest}"
 
 
 def _time(dry_run: DryRun) -> Iterator[str]:
-    expected = dry_run.expected
     if not any(row.computed for row in dry_run.rows):
         yield "nothing to compute: all results are there and would come out the same"
         return
-    seconds = expected.seconds or 0.0
-    work = f"{in_words(seconds)} of work and {in_words(dry_run.begins)} to begin and to write the study's page"
-    yield f"expected: {in_words(dry_run.lasts)} with {_many(dry_run.side, 'worker')}, {work}"
-    if dry_run.compiles:
-        yield f"  and {in_words(dry_run.compiles)} more, once on this machine, to compile kernels"
-    if expected.measured:
-        yield "  by what steps took before on this machine (timings.csv, and step_times.csv in the user's cache folder)"
-    else:
-        yield "  a guess: steps that did not run here before by the times of another machine and the speed of this one"
+    if dry_run.seconds:
+        yield f"expected: {in_words(dry_run.seconds)} with {_many(dry_run.side, 'worker')}"
+        yield "  by what steps took before on this machine (step_times.csv in the user's cache folder)"
     if dry_run.unknown:
-        count = len(dry_run.unknown)
-        names = ", ".join(dry_run.unknown[:MAX_NAMES]) + (", ..." if count > MAX_NAMES else "")
-        yield f"  without {_many(count, 'row')} for which nothing tells: {names}"
+        steps = ", ".join(dry_run.unknown)
+        yield f"time unknown: {steps}: not run before on this machine with such settings and so many muscles"
 
 
-def _name(subject: str, trial: str) -> str:
-    return f"{subject}/{trial}".rstrip("/") if subject != trial else subject
+def _name(key: Key) -> str:
+    return key[0] if key[0] == key[1] else named(key)
 
 
 def _many(count: int, noun: str) -> str:

@@ -1,176 +1,123 @@
-"""A plan as jobs: subjects, trials, and trials that are solved together, each after those it needs; and which of
-them need no worker, since their results are there already.
-"""
+"""A plan as a graph of jobs: subjects, trials, trials of several subjects that are solved as one, the study."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from myomorph.identify.refine.options import RefineOptions
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.store.locks import RunMark, folder_lock
-from myomorph.store.netcdf import open_netcdf
+from myomorph.motion.sync import cut
+from myomorph.store.locks import RunMark
 from myomorph.store.outcome import GATHERED, Key, Outcome
-from myomorph.store.results import STORED, file_name, file_source, made_from, stored_values
+from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.store.settings import TrialMotion, with_settings
+from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.job_work import do_subject, do_together, do_trial
-from myomorph.study.run.jobs import Job
-from myomorph.study.subject.subject_files import SUBJECT_STEPS, MadeModel, SubjectFiles, made_model
-from myomorph.study.subject.subjects import reused_subject_steps, subject_notes
-from myomorph.study.summary.page_key import groups_key, made_of
+from myomorph.study.run.work import Graph, Recording, Work
+from myomorph.study.step.folder_steps import FolderSteps
+from myomorph.study.step.job_steps import JobSteps
+from myomorph.study.step.step import large_variables
+from myomorph.study.step.step_table import REPORT, STEPS
+from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, made_model
+from myomorph.study.subject.subjects import subject_steps
+from myomorph.study.summary.study_inputs import StudyInputs
 from myomorph.study.trial.open_trial import open_trial
-from myomorph.study.trial.reuse import KEY, PAGE, report_key
-from myomorph.study.trial.run_trial import PARTS, VALUES, clear_leftovers, with_results
-from myomorph.study.trial.step import StepResults, step_of, step_provenance
-from myomorph.study.trial.step_table import REPORT, STEPS
-from myomorph.study.trial.together import Together
+from myomorph.study.trial.run_trial import TrialSteps
+from myomorph.study.trial.steps import ik
+from myomorph.study.trial.together import Part, Together, join_trials, object_part
 from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_step import StepResults
 
 
-def reused_trial(
+def open_trial_steps(
     model: Model | None,
+    read: str,
+    fresh: bool,
+    *,
     files: TrialFiles,
-    steps: Sequence[str],
+    steps: tuple[str, ...],
     settings: Settings,
     folder: Path,
-    mark: RunMark | None = None,
-    read: str = "",
-) -> Outcome | None:
-    """The outcome of a trial of which nothing would be computed, None for one that a worker must see.
+) -> JobSteps:
+    """The steps of a trial."""
+    if read and file_source("model", files.model).sha256 != read:
+        raise BadData(f"{files.model}: has changed while the study ran: run it again")
+    return TrialSteps(open_trial(files, settings, model), steps, folder, fresh)
+
+
+def open_subject_steps(
+    model: Model | None, read: str, fresh: bool, *, files: SubjectFiles, settings: Settings, folder: Path
+) -> JobSteps:
+    """A subject's own steps, which make the model of its trials."""
+    return subject_steps(files, settings, folder, fresh, model)
+
+
+def open_pair_steps(
+    model: Model | None,
+    read: str,
+    fresh: bool,
+    *,
+    together: Together,
+    parts: Mapping[str, TrialFiles],
+    homes: Mapping[str, Path],
+    models: Mapping[Path, MadeModel],
+    settings: Mapping[str, Settings],
+    common: Settings,
+    folder: Path,
+) -> JobSteps:
+    """The steps of several trials as one, from the coordinates that their own steps found.
 
     Parameters
     ----------
-    read : hash of the model's file when the model was read, "" where that is not known
+    parts, homes : by the name of the part, its recording, and the folder of its results
+    models : by file, those of the parts that a subject's own steps made
+    settings, common : settings of the steps for each part, and of all as one
     """
-    if not (folder / f"{file_name(files.name)}{STORED}").is_file():
-        return None
-
-    def look() -> Outcome | None:
-        if read and file_source("model", files.model).sha256 != read:
-            return None
-        found = unchanged(open_trial(files, settings, model), steps, folder)
-        return None if found is None else replace(found, condition=files.condition)
-
-    return _looked(folder, mark, look)
-
-
-def reused_subject(
-    model: Model | None,
-    files: SubjectFiles,
-    steps: Sequence[str],
-    settings: Settings,
-    folder: Path,
-    mark: RunMark | None = None,
-) -> Outcome | None:
-    """The same for a subject's own steps."""
-    if not folder.is_dir():
-        return None
-
-    def look() -> Outcome | None:
-        reasons = reused_subject_steps(files, steps, settings, folder)
-        if any(reasons.values()):
-            return None
-        done = tuple(reasons)
-        return Outcome(files.name, "", folder, done, done, findings=subject_notes(done, folder))
-
-    return _looked(folder, mark, look)
+    opened: dict[Path, Model] = {}
+    joined: dict[str, Part] = {}
+    for subject, files in parts.items():
+        if files.model not in opened:
+            opened[files.model] = models[files.model].open() if files.model in models else open_model(files.model)
+        path = homes[subject] / f"{file_name(files.name)}{STORED}"
+        trial, stored = open_trial(files, settings[subject], opened[files.model]), read_result(path, large_variables())
+        poses = ik.STEP.read(stored, trial.options)
+        if poses is None:
+            raise BadData(f"{path}: holds no coordinates: run the step 'ik' of subject '{subject}' first")
+        recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
+        joined[subject] = Part(trial, recorded, str(files.model), stored.provenance["ik"].key)
+    joined |= {table.name: object_part(table, path) for table, path in together.objects}
+    trial, start = join_trials(together, joined, common)
+    return TrialSteps(trial, (*STEPS["pair"], REPORT), folder, fresh, StepResults(start))
 
 
-def _looked(folder: Path, mark: RunMark | None, look: Callable[[], Outcome | None]) -> Outcome | None:
-    """What is found while nobody else writes into a folder; a worker tells of whatever is wrong."""
-    started = time.monotonic()
-    try:
-        with folder_lock(folder, mark, patience=0.0):
-            found = look()
-    except Exception:
-        return None
-    return None if found is None else replace(found, seconds=time.monotonic() - started)
+def open_study_steps(model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key) -> JobSteps:
+    """What is done for the whole study."""
+    return FolderSteps("study", inputs, Outcome(*key, inputs.out), fresh)
 
 
-def unchanged(trial: TrialInputs, steps: Sequence[str], folder: Path) -> Outcome | None:
-    """The outcome of a trial whose folder is what a run would leave it as, None for any other."""
-    stored = folder / f"{file_name(trial.name)}{STORED}"
-    wanted = tuple(step for step in STEPS if step in steps)
-    expected = [VALUES, PAGE] if REPORT in steps else [VALUES]
-    if (folder / PARTS).exists() or not all((folder / name).is_file() for name in expected):
-        return None
-    own = [step_of(step) for step in wanted]
-    with open_netcdf(stored) as file:
-        earlier = made_from(file.attributes)
-        # A step that nobody asks for now is for a run to keep or to remove.
-        if set(earlier) != set(wanted) or file.attributes.get(KEY, "") != report_key(trial, wanted):
-            return None
-        if any(earlier[step.name].key != step_provenance(step, trial).key for step in own):
-            return None
-        telling = [step for step in own if step.outcome is not None]
-        found = stored_values(stored, file, only=[name for step in telling for name in step.outcome_variables])
-    clear_leftovers(folder)
-    done = (*wanted, REPORT) if REPORT in steps else wanted
-    outcome = Outcome(trial.subject, trial.name, folder, done, done)
-    return with_results(outcome, StepResults(*(step.read(found, trial.options) for step in telling)))
-
-
-def reused_tables(model: Model | None, plan: Plan, outcomes: Sequence[Outcome], out: Path) -> Outcome | None:
-    """The outcome of the tables of a study where they would come out the same, else None."""
-    # Needed at the end of a study only, not by its workers.
-    from myomorph.study.summary.study_tables import PAGE, made_here
-
-    if not (out / PAGE).is_file() or not made_of(out / PAGE, made_here(plan, outcomes, out)):
-        return None
-    return Outcome(*GATHERED, out, ("tables",), ("tables",))
-
-
-def reused_groups(model: Model | None, plan: Plan, out: Path) -> Outcome | None:
-    """The outcome of the comparison of groups where it would come out the same, else None."""
-    # Needed at the end of a study only, not by its workers.
-    from myomorph.study.summary.grouping import PAGE, TABLES
-
-    assert plan.groups is not None
-    made = [out / name for name in TABLES]
-    if not (out / PAGE).is_file() or not made_of(out / PAGE, groups_key(plan.groups, plan.name, out, made)):
-        return None
-    return Outcome(f"{plan.groups.first[0]} and {plan.groups.second[0]}", "", out, ("groups",), ("groups",))
-
-
-@dataclass(frozen=True)
-class StudyJobs:
-    """The jobs of a study, in the order of its file.
-
-    Attributes
-    ----------
-    models : those that subjects' own steps make, by their file
-    homes : where the results of each job go
-    made : the models again, by the subject whose steps make them
-    """
-
-    jobs: tuple[Job, ...]
-    models: dict[Path, MadeModel]
-    homes: dict[Key, Path]
-    made: dict[str, MadeModel]
-
-
-def jobs_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> StudyJobs:
-    """What a study has to do, apart from the tables that are made when all is done.
+def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
+    """What a study has to do.
 
     Parameters
     ----------
     fresh : compute every step, whatever an earlier run left
     mark : the run that the folder belongs to
     """
-    found = _Jobs(plan, out, fresh, mark)
+    works = _Works(plan, out, fresh, mark)
     for files, steps in zip(plan.trials, plan.steps, strict=True):
-        found.trial(files, steps)
-    for one in plan.together:
-        found.together(one)
-    models = {one.path: one for one in found.made.values()}
-    return StudyJobs(tuple(found.jobs), models, found.homes, dict(found.made))
+        works.trial(files, steps)
+    for together in plan.together:
+        works.pair(together)
+    models = {made.path: made for made in works.made.values()}
+
+    def model_of(path: Path) -> Model:
+        return models[path].open() if path in models else open_model(path)
+
+    return Graph(plan.name, tuple(works.works), works.last, model_of)
 
 
 def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
@@ -188,23 +135,26 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
         return files
     if made.gains is not None and files.emg is not None:
         files = replace(files, emg_gains=made.gains)
-    given = settings.get("refine", {})
-    if made.motions is not None and with_settings(TrialMotion(), given).use_motions:
-        cutoff = with_settings(RefineOptions(), given).cutoff
+    refining = settings.get("refine", {})
+    if made.motions is not None and with_settings(TrialMotion(), refining).use_motions:
+        cutoff = with_settings(RefineOptions(), refining).cutoff
         files = replace(files, refined=made.motions / f"{file_name(files.name)}.mot", refined_cutoff=cutoff)
     return files
 
 
+def _recordings(*trials: TrialFiles) -> tuple[Recording, ...]:
+    return tuple(Recording(trial.markers, trial.time) for trial in trials if trial.markers is not None)
+
+
 @dataclass
-class _Jobs:
+class _Works:
     """The jobs so far, in their order."""
 
     plan: Plan
     out: Path
     fresh: bool
     mark: RunMark | None
-    jobs: list[Job] = field(default_factory=list)
-    homes: dict[Key, Path] = field(default_factory=dict)
+    works: list[Work] = field(default_factory=list)
     made: dict[str, MadeModel] = field(default_factory=dict)
     used: dict[Key, TrialFiles] = field(default_factory=dict)
 
@@ -221,57 +171,100 @@ class _Jobs:
         if begins:
             begin = self.made[self.maker(begins)]
             files = replace(files, model=begin.path, drawn=begin.drawn)
-        steps = tuple(step for step in SUBJECT_STEPS if step in self.plan.steps_of(name))
-        home, key = self.plan.home(self.out, name), (name, "")
-        self.made[name], self.homes[key] = made_model(files, steps, home), home
-        arguments: dict[str, Any] = {
-            "files": files,
-            "steps": steps,
-            "settings": self.plan.settings_of(name),
-            "folder": home,
-            "mark": self.mark,
-        }
-        work, reused = partial(do_subject, **arguments, fresh=self.fresh), partial(reused_subject, **arguments)
-        needs = ((self.plan.maker(begins), ""),) if begins else ()
-        self.jobs.append(Job(key, work, needs, reused=None if self.fresh else reused))
+        steps = tuple(step for step in STEPS["subject"] if step in self.plan.steps_of(name))
+        home, settings = self.plan.home(self.out, name), self.plan.settings_of(name)
+        self.made[name] = made_model(files, steps, home)
+        read = (files.model, files.static, files.shape.skin, files.shape.landmarks)
+        self.works.append(
+            Work(
+                "subject",
+                Outcome(name, "", home),
+                steps,
+                partial(open_subject_steps, files=files, settings=settings, folder=home),
+                needs=((self.plan.maker(begins), ""),) if begins else (),
+                model=files.model,
+                fresh=self.fresh,
+                mark=self.mark,
+                settings=settings,
+                files=tuple(path.name for path in read if path is not None),
+                recordings=_recordings(*files.trials),
+            )
+        )
 
     def trial(self, files: TrialFiles, steps: tuple[str, ...]) -> None:
         """Add a trial, and before the first of a subject its own steps."""
         maker, key = self.maker(files.subject), (files.subject, files.name)
         if maker:
             files = with_made(files, self.made[maker], maker, self.plan.settings_of(files.subject))
-        self.homes[key] = self.plan.home(self.out, *key)
         self.used[key] = files
-        arguments: dict[str, Any] = {
-            "files": files,
-            "steps": steps,
-            "settings": self.plan.settings_of(*key),
-            "folder": self.homes[key],
-            "mark": self.mark,
-        }
-        work, reused = partial(do_trial, **arguments, fresh=self.fresh), partial(reused_trial, **arguments)
-        needs = ((maker, ""),) if maker else ()
-        self.jobs.append(Job(key, work, needs, files.model, reused=None if self.fresh else reused))
+        home, settings = self.plan.home(self.out, *key), self.plan.settings_of(*key)
+        steps = tuple(step for step in (*STEPS["trial"], REPORT) if step in steps)
+        read = (files.markers, files.motion, files.loads, files.torques, files.emg, files.tasks, files.actuators)
+        self.works.append(
+            Work(
+                "trial",
+                Outcome(*key, home, condition=files.condition),
+                steps,
+                partial(open_trial_steps, files=files, steps=steps, settings=settings, folder=home),
+                needs=((maker, ""),) if maker else (),
+                model=files.model,
+                fresh=self.fresh,
+                mark=self.mark,
+                settings=settings,
+                files=tuple(path.name for path in read if path is not None),
+                recordings=_recordings(files),
+            )
+        )
 
-    def together(self, one: Together) -> None:
+    def pair(self, together: Together) -> None:
         """Add trials that are solved as one, after these.
 
         Their coordinates are enough: their later steps may fail, but their models must be there.
         """
-        key, keys = (one.name, one.name), tuple(one.trials.items())
-        parts = {trial[0]: self.used[trial] for trial in keys}
+        keys = tuple(together.trials.items())
+        parts = {subject: self.used[subject, trial] for subject, trial in keys}
         made = {model.path: model for model in self.made.values()}
-        makers = dict.fromkeys(self.maker(name) for name in one.trials)
-        self.homes[key] = self.out / file_name(one.name)
-        work = partial(
-            do_together,
-            together=one,
-            parts=parts,
-            models={files.model: made[files.model] for files in parts.values() if files.model in made},
-            settings={trial[0]: self.plan.settings_of(*trial) for trial in keys},
-            common=self.plan.settings,
-            out=self.out,
-            fresh=self.fresh,
-            mark=self.mark,
+        makers = dict.fromkeys(self.maker(name) for name in together.trials)
+        home = self.out / file_name(together.name)
+        self.works.append(
+            Work(
+                "pair",
+                Outcome(together.name, together.name, home),
+                (*STEPS["pair"], REPORT),
+                partial(
+                    open_pair_steps,
+                    together=together,
+                    parts=parts,
+                    homes={subject: self.plan.home(self.out, subject, trial) for subject, trial in keys},
+                    models={files.model: made[files.model] for files in parts.values() if files.model in made},
+                    settings={subject: self.plan.settings_of(subject, trial) for subject, trial in keys},
+                    common=self.plan.settings,
+                    folder=home,
+                ),
+                needs=tuple((maker, "") for maker in makers if maker),
+                after=keys,
+                fresh=self.fresh,
+                mark=self.mark,
+                settings=self.plan.settings,
+                files=tuple("/".join(key) for key in keys),
+                recordings=_recordings(*parts.values()),
+            )
         )
-        self.jobs.append(Job(key, work, tuple((maker, "") for maker in makers if maker), None, keys))
+
+    def last(self, outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
+        """The comparison of groups where one is asked for, and the study's tables."""
+        inputs = StudyInputs(self.plan, outcomes, self.out)
+        groups = self.plan.groups
+        steps: dict[str, Key] = {"tables": GATHERED}
+        if groups is not None:
+            steps = {"groups": (f"{groups.first[0]} and {groups.second[0]}", "")} | steps
+        return tuple(
+            Work(
+                "study",
+                Outcome(*key, self.out),
+                (step,),
+                partial(open_study_steps, inputs=inputs, key=key),
+                fresh=self.fresh,
+            )
+            for step, key in steps.items()
+        )

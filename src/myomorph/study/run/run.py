@@ -12,17 +12,16 @@ from typing import Any, Protocol, cast
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.store.locks import study_lock
-from myomorph.store.outcome import GATHERED, Key, Outcome, failed, no_space
+from myomorph.store.locks import RunMark, study_lock
+from myomorph.store.outcome import Key, Outcome, failed, no_space
 from myomorph.store.results import file_source
-from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import Plan
-from myomorph.study.run.job_plan import StudyJobs, jobs_of, reused_groups, reused_tables
-from myomorph.study.run.job_work import do_groups, do_tables, not_run
+from myomorph.study.run.job_plan import graph_of
 from myomorph.study.run.jobs import Ended, Job, Workers
-from myomorph.study.run.learned_times import Learning
 from myomorph.study.run.local_workers import InProcess
+from myomorph.study.run.step_times import Learning
 from myomorph.study.run.watching import StudyWatcher
+from myomorph.study.run.work import Graph, Work, not_run
 
 PATIENCE = 0.5
 """How often the loop looks round although nothing has ended [s]."""
@@ -222,15 +221,42 @@ def run_study(
     >>> len(outcomes), sorted(mm.load("results"))
     (1, ['s01/reach'])
     """
+    return run_graph(partial(graph_of, plan, out, fresh), out, workers, report)
+
+
+def run_graph(
+    graph_of: Callable[[RunMark], Graph],
+    out: Path,
+    workers: Workers | None = None,
+    report: Callable[[Outcome], None] = lambda outcome: None,
+) -> list[Outcome]:
+    """Do all jobs of a study, then what is done for the whole study, which tells of failures, too.
+
+    Parameters
+    ----------
+    graph_of : from the run to what it has to do in its folder
+    workers, report : see `run_study`
+
+    Returns
+    -------
+    outcomes in the order of the study file, those of the whole study last
+
+    Raises
+    ------
+    BadData
+        where another run writes into the folder, or a newer version has
+    BadFile
+        where the folder cannot be written
+    """
     workers = workers or InProcess()
     try:
         with study_lock(out) as mark:
-            jobs = jobs_of(plan, out, fresh, mark)
-            learning = Learning(plan, workers.count)
-            watcher = StudyWatcher(plan.name, jobs, out, workers, report, learning)
+            graph = graph_of(mark)
+            learning = Learning({work.key: work for work in graph.works})
+            watcher = StudyWatcher(graph, out, workers, report, learning)
             try:
-                _run(plan, out, fresh, jobs, workers, watcher, learning.sizes)
-                learning.keep({one.key: one for one in watcher.outcomes()})
+                _run(graph, workers, watcher, learning)
+                learning.keep(watcher.outcomes())
             except BaseException as error:
                 watcher.interrupted(error)
                 raise
@@ -243,32 +269,18 @@ def run_study(
     return watcher.outcomes()
 
 
-def _run(
-    plan: Plan,
-    out: Path,
-    fresh: bool,
-    jobs: StudyJobs,
-    workers: Workers,
-    watcher: StudyWatcher,
-    sizes: dict[Path, tuple[int, int]],
-) -> None:
-    """All jobs, then the tables of the study, which tell of failures, too; sizes of models are put in `sizes`."""
-
+def _run(graph: Graph, workers: Workers, watcher: StudyWatcher, learning: Learning) -> None:
     def read(path: Path) -> tuple[Model, str]:
         sha = file_source("model", path).sha256
-        model = jobs.models[path].open() if path in jobs.models else open_model(path)
+        model = graph.open_model(path)
         if file_source("model", path).sha256 != sha:
             raise BadData(f"{path}: has changed while it was read: run the study again")
-        sizes[path] = len(model.coordinate_names), len(model.muscles)
+        learning.muscles[path] = len(model.muscles)
         return model, sha
 
-    found = run_jobs(jobs.jobs, jobs.homes, workers, read, watcher)
-    outcomes = tuple(found[job.key] for job in jobs.jobs)
-    made: dict[str, Any] = {"plan": plan, "outcomes": outcomes, "out": out}
-    reused = None if fresh else partial(reused_tables, **made)
-    last = [Job(GATHERED, partial(do_tables, **made), reused=reused)]
-    if plan.groups is not None:
-        key = (f"{plan.groups.first[0]} and {plan.groups.second[0]}", "")
-        compared = None if fresh else partial(reused_groups, plan=plan, out=out)
-        last.insert(0, Job(key, partial(do_groups, plan=plan, out=out), reused=compared))
-    run_jobs(last, {job.key: out for job in last}, workers, read, watcher)
+    def done(works: Iterable[Work]) -> tuple[Outcome, ...]:
+        jobs, homes = [work.job for work in works], {work.key: work.folder for work in works}
+        outcomes = run_jobs(jobs, homes, workers, read, watcher)
+        return tuple(outcomes[job.key] for job in jobs)
+
+    done(graph.last(done(graph.works)))

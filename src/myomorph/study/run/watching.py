@@ -18,10 +18,9 @@ from myomorph.model.errors import BadFile
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.progress import PATIENCE, silence
 from myomorph.store.results import fixed_date
-from myomorph.study.run.expected_time import in_words
-from myomorph.study.run.job_plan import StudyJobs
 from myomorph.study.run.jobs import Job, Workers
-from myomorph.study.run.learned_times import Learning
+from myomorph.study.run.step_times import Learning, in_words
+from myomorph.study.run.work import Graph
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -193,27 +192,26 @@ class StudyWatcher:
 
     def __init__(
         self,
-        name: str,
-        jobs: StudyJobs,
+        graph: Graph,
         out: Path,
         workers: Workers,
         said: Callable[[Outcome], None],
         learning: Learning | None = None,
     ) -> None:
         self._out, self._said, self._learning = out, said, learning
-        self._order: dict[Key, int] = {job.key: index for index, job in enumerate(jobs.jobs)}
+        self._order: dict[Key, int] = {work.key: index for index, work in enumerate(graph.works)}
         self._found: dict[Key, Outcome] = {}
         self._written = time.monotonic()
         self._log = StudyLog(out)
-        self._progress = StudyProgress(name or "study", len(jobs.jobs), workers.count)
+        self._progress = StudyProgress(graph.name or "study", len(graph.works), workers.count)
         memory = "" if workers.memory is None else f", {workers.memory / 2**30:.2f} GiB of memory each"
         count = f"{workers.count} worker{'s' if workers.count != 1 else ''}"
-        self._log.say(f"begin: Myomorph {__version__}, {len(jobs.jobs)} jobs, {count}{memory}")
+        self._log.say(f"begin: Myomorph {__version__}, {len(graph.works)} jobs, {count}{memory}")
 
     def started(self, job: Job) -> None:
         """A worker has taken a job."""
         if self._learning is not None:
-            self._learning.started(job.key)
+            self._learning.started(job)
         self._log.say(f"start {named(job.key)}")
 
     def lost(self, job: Job, why: str, again: bool) -> None:

@@ -36,10 +36,11 @@ from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import NOTES, write_made_model
+from myomorph.study.step.folder_steps import NOTES, FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
+from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.steps.ik import used_markers
-from myomorph.study.trial.trial_files import Settings
 
 FINDINGS = "findings.json"
 """What checks of the markers found, in the folder of tables."""
@@ -173,12 +174,10 @@ def _weights(path: Path, model: Model) -> dict[str, float]:
     return {name: given.get(name, 0.0) for name in model.marker_names}
 
 
-def calibrate_subject(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> Calibrated:
+def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrated:
     """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
-    options = with_settings(CalibrationOptions(mass=files.mass), settings.get("calibrate", {}))
-    model, trials = prepared.model, prepared.trials(files, settings)
+    files, model, trials = subject.files, subject.model, subject.trials()
+    options = with_settings(CalibrationOptions(mass=files.mass), subject.settings.get("calibrate", {}))
     warnings, findings = [text for trial in trials for text in trial.warnings], list[Finding]()
     recordings = {}
     for trial in trials:
@@ -195,8 +194,8 @@ def calibrate_subject(
     with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
         found = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    calibrated = Calibrated(found, names, made, tuple(dict.fromkeys(warnings)), tuple(findings))
-    write_calibrated(calibrated, out, tables)
+    calibrated = Calibrated(found, names, output.made, tuple(dict.fromkeys(warnings)), tuple(findings))
+    write_calibrated(calibrated, output.path("model"), output.tables)
     return calibrated
 
 
@@ -304,15 +303,16 @@ def summary(calibration: Calibration) -> Iterable[str]:
             )
 
 
-STEP = SubjectStep(
+STEP = Step(
     name="calibrate",
+    scope="subject",
     title="calibration of lengths and markers",
     options=(CalibrationOptions,),
     not_settings=("mass",),
-    model="calibrated.osim",
     tables="calibration",
+    leaves=FrozenMap({"model": "calibrated.osim"}),
     run=calibrate_subject,
-    provenance=lambda files, prepared, settings: recordings_provenance("calibrate", files, prepared, settings, {}),
+    made_from=lambda subject: recordings_provenance("calibrate", subject),
 )
 
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
-from myomorph.model.provenance import Provenance
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.progress import progress
-from myomorph.store.results import whole_folder
 from myomorph.study.inputs.emg_gains import SubjectGains, common_scale, rescaled, write_gains
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
-from myomorph.study.subject.subjects import PROVENANCE
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
 from myomorph.tension.solve import TensionOptions
@@ -97,36 +95,25 @@ def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
     return common
 
 
-def _run(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> None:
-    trials = prepared.trials(files, settings)
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
+    trials = subject.trials()
     gains, parts = subject_gains(trials)
     muscles = _muscles([trial for trial in trials if not parts[trial.name]])
-    with whole_folder(tables) as folder:
+    with output.whole() as folder:
         write_gains(gains, folder / GAINS)
         write_channels(gains.calibration, muscles, folder / EMG_TABLE)
         with written(folder / TRIALS) as stream:
             table = csv.writer(stream, lineterminator="\n")
             table.writerow(("trial", "takes part", "why not"))
             table.writerows((name, "no" if why else "yes", why) for name, why in parts.items())
-        (folder / PROVENANCE).write_text(made.to_json() + "\n", encoding="utf-8")
 
 
-def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    more: dict[str, object] = {}
-    for step in ("ik", "id", "tension"):
-        more |= {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
-    return recordings_provenance("emg", files, prepared, settings, more)
-
-
-STEP = SubjectStep(
+STEP = Step(
     name="emg",
     title="EMG gains over all trials",
-    options=(),
-    model="",
+    scope="subject",
     tables="emg_gains",
+    leaves=FrozenMap({"gains": f"emg_gains/{GAINS}"}),
     run=_run,
-    provenance=_provenance,
-    gains=GAINS,
+    made_from=lambda subject: recordings_provenance("emg", subject, earlier=("ik", "id", "tension")),
 )

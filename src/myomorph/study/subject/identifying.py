@@ -30,19 +30,19 @@ from myomorph.store.settings import ForceOptions, SettingGroup
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.error_sizes import write_error_sizes
 from myomorph.study.inputs.external_forces import NEAREST, NamedBodies, read_loads
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
 from myomorph.study.subject.subject_files import (
     BodyOptions,
     BodyShape,
-    Prepared,
-    SubjectFiles,
-    SubjectStep,
+    SubjectInputs,
     recordings_provenance,
 )
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, load_tables
+from myomorph.study.trial.trial_files import load_tables
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
@@ -318,11 +318,9 @@ def summary(identification: Identification) -> list[str]:
     return lines
 
 
-def _run(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> None:
-    motions = []
-    for trial in prepared.trials(files, settings):
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
+    files, motions = subject.files, []
+    for trial in subject.trials():
         if trial.loads is None:
             continue
         motion = solve_kinematics(trial).fit.motion
@@ -331,26 +329,24 @@ def _run(
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
         )
-    shared = {name: value for step in ("id", "identify") for name, value in settings.get(step, {}).items()}
-    identified = identify_subject(prepared.model, motions, files.shape, files.mass, IdentifyOptions.of(shared))
-    write_identified(replace(identified, provenance=made), out, files.name, tables)
+    shared = {name: value for step in ("id", "identify") for name, value in subject.settings.get(step, {}).items()}
+    identified = identify_subject(subject.model, motions, files.shape, files.mass, IdentifyOptions.of(shared))
+    write_identified(replace(identified, provenance=output.made), output.path("model"), files.name, output.tables)
 
 
-def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    more: dict[str, object] = {
-        f"shape.{name}": getattr(files.shape, name) for name in ("height", "chest", "sex", "age")
-    }
-    for earlier in ("ik", "id"):
-        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
-    return recordings_provenance("identify", files, prepared, settings, more)
+def _made_from(subject: SubjectInputs) -> Provenance:
+    shape = subject.files.shape
+    more = {f"shape.{name}": getattr(shape, name) for name in ("height", "chest", "sex", "age")}
+    return recordings_provenance("identify", subject, more, ("ik", "id"))
 
 
-STEP = SubjectStep(
+STEP = Step(
     name="identify",
+    scope="subject",
     title="identification of masses",
     options=(RecordingOptions, IdentificationOptions, BodyOptions),
-    model="identified.osim",
     tables="identification",
+    leaves=FrozenMap({"model": "identified.osim"}),
     run=_run,
-    provenance=_provenance,
+    made_from=_made_from,
 )

@@ -13,6 +13,7 @@ import numpy as np
 from myomorph.io.landmarks import read_landmark_pairs
 from myomorph.io.mesh import read_mesh, write_obj
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Mesh, Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.spatial import Transform
@@ -35,11 +36,12 @@ from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.trial_files import Settings
 
 
 @dataclass(frozen=True)
@@ -153,14 +155,12 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
     return result
 
 
-def morph_subject(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> Morphed:
+def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
     """The step `morph` of a study: a subject's bones into its model and tables."""
-    assert files.bones is not None
-    morphed = morph_files(files.bones, MorphSettings.of(settings.get("morph", {})), prepared.model)
-    morphed = replace(morphed, provenance=made)
-    write_morphed(morphed, out, tables)
+    assert subject.files.bones is not None
+    morphed = morph_files(subject.files.bones, MorphSettings.of(subject.settings.get("morph", {})), subject.model)
+    morphed = replace(morphed, provenance=output.made)
+    write_morphed(morphed, output.path("model"), output.tables)
     return morphed
 
 
@@ -264,19 +264,20 @@ def bone_notes(morphed: Morphed) -> tuple[str, ...]:
     )
 
 
-def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    if files.bones is None:
-        return recordings_provenance("morph", files, prepared, settings, {})
-    return provenance_of("morph", files.bones.sources(), files.bones.options() | dict(settings.get("morph", {})))
+def _made_from(subject: SubjectInputs) -> Provenance:
+    bones = subject.files.bones
+    if bones is None:
+        return recordings_provenance("morph", subject)
+    return provenance_of("morph", bones.sources(), bones.options() | dict(subject.settings.get("morph", {})))
 
 
-STEP = SubjectStep(
+STEP = Step(
     name="morph",
+    scope="subject",
     title="muscles in other bones",
     options=(MatchOptions, MapOptions, MorphOptions),
-    model="morphed.osim",
     tables="morph",
+    leaves=FrozenMap({"model": "morphed.osim", "meshes": "morphed.osim"}),
     run=morph_subject,
-    provenance=_provenance,
-    brings_bones=True,
+    made_from=_made_from,
 )

@@ -27,13 +27,15 @@ from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_s
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.error_sizes import write_error_sizes
 from myomorph.study.inputs.external_forces import NEAREST, NamedBodies
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import personal_errors
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables
+from myomorph.study.trial.trial_files import TrialFiles, load_tables
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS
@@ -328,50 +330,47 @@ def _short(value: object) -> object:
     return value
 
 
-def _run(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> None:
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     """The step of a study: trials with external forces or torques, and measured passive torques."""
-    options = with_settings(PersonalizeOptions(), settings.get("personalize", {}))
-    trials, warnings = [], []
-    for trial in prepared.trials(files, settings):
+    options = with_settings(PersonalizeOptions(), subject.settings.get("personalize", {}))
+    files, trials, warnings = subject.files, [], []
+    for trial in subject.trials():
         if trial.loads is None and trial.torques is None:
             continue
         angles = trial.motion if trial.markers is None else None
         motion = solve_kinematics(trial).fit.motion if angles is None else angles
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
-    trials += [read_passive(path, prepared.model) for path in files.passive]
+    trials += [read_passive(path, subject.model) for path in files.passive]
     if not trials:
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles "
             "to; give forces, or tables of measured passive torques ('passive')"
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
-    scaled = "calibrate" in prepared.done and "morph" not in prepared.done and not files.model_of
+    scaled = "calibrate" in subject.done and "morph" not in subject.done and not files.model_of
     own = files.generic or (files.model if scaled else None)
     generic = None if own is None else reading.open_model(own)
     with reading.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
-        found = personalize(prepared.model, trials, options, generic=generic, advance=advance)
-    write_personalized(PersonalizedFiles(found, made, tuple(dict.fromkeys(warnings))), out, tables)
+        found = personalize(subject.model, trials, options, generic=generic, advance=advance)
+    result = PersonalizedFiles(found, output.made, tuple(dict.fromkeys(warnings)))
+    write_personalized(result, output.path("model"), output.tables)
 
 
-def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    more: dict[str, object] = {}
-    for earlier in ("ik", "id"):
-        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
-    found = recordings_provenance("personalize", files, prepared, settings, more)
-    given = [file_source("passive torques", path) for path in files.passive]
-    given += [] if files.generic is None else [file_source("generic model", files.generic)]
-    return replace(found, sources=(*found.sources, *given)) if given else found
+def _made_from(subject: SubjectInputs) -> Provenance:
+    made, files = recordings_provenance("personalize", subject, earlier=("ik", "id")), subject.files
+    sources = [file_source("passive torques", path) for path in files.passive]
+    sources += [] if files.generic is None else [file_source("generic model", files.generic)]
+    return replace(made, sources=(*made.sources, *sources)) if sources else made
 
 
-STEP = SubjectStep(
+STEP = Step(
     name="personalize",
+    scope="subject",
     title="muscles of the person",
     options=(PersonalizeOptions,),
-    model="personalized.osim",
     tables="personalization",
+    leaves=FrozenMap({"model": "personalized.osim"}),
     run=_run,
-    provenance=_provenance,
+    made_from=_made_from,
 )

@@ -15,6 +15,7 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.provenance import Provenance, Source
 from myomorph.motion.ik import InverseKinematicsOptions
@@ -26,9 +27,11 @@ from myomorph.store.results import file_name, file_source, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
 from myomorph.study.inputs.error_sizes import write_error_sizes
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
-from myomorph.study.subject.subject_files import Prepared, SubjectFiles, SubjectStep, recordings_provenance
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -284,33 +287,28 @@ def _page(refined: Refined) -> str:
     )
 
 
-def _run(
-    files: SubjectFiles, prepared: Prepared, settings: Settings, made: Provenance, out: Path, tables: Path
-) -> Refined:
-    options = with_settings(RefineOptions(), settings.get("refine", {}))
-    trials, mass = prepared.trials(files, settings), check_mass(prepared.model, files.mass)
-    result = refined(trials, mass, options, files.name)
-    write_refined(replace(result, provenance=made), out, tables)
+def _run(subject: SubjectInputs, output: FolderOutput) -> Refined:
+    options = with_settings(RefineOptions(), subject.settings.get("refine", {}))
+    result = refined(subject.trials(), check_mass(subject.model, subject.files.mass), options, subject.files.name)
+    write_refined(replace(result, provenance=output.made), output.path("model"), output.tables)
     return result
 
 
-def _provenance(files: SubjectFiles, prepared: Prepared, settings: Settings) -> Provenance:
-    more: dict[str, object] = {}
-    for earlier in ("ik", "id"):
-        more |= {f"{earlier}.{name}": value for name, value in settings.get(earlier, {}).items()}
+def _made_from(subject: SubjectInputs) -> Provenance:
     # Which motion trials go on with changes nothing here.
     ways = plain_settings(TrialMotion())
-    own = {name: value for name, value in settings.get("refine", {}).items() if name not in ways}
-    return recordings_provenance("refine", files, prepared, {**settings, "refine": own}, more)
+    settings = {name: value for name, value in subject.settings.get("refine", {}).items() if name not in ways}
+    subject = replace(subject, settings={**subject.settings, "refine": settings})
+    return recordings_provenance("refine", subject, earlier=("ik", "id"))
 
 
-STEP = SubjectStep(
+STEP = Step(
     name="refine",
+    scope="subject",
     title="motion, body and masses at once",
     options=(RefineOptions, TrialMotion),
-    model="refined.osim",
     tables="refinement",
-    motions=MOTIONS,
+    leaves=FrozenMap({"model": "refined.osim", "motions": f"refinement/{MOTIONS}"}),
     run=_run,
-    provenance=_provenance,
+    made_from=_made_from,
 )

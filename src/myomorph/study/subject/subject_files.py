@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -15,9 +14,10 @@ from myomorph.store.results import file_source, provenance_of, value_source
 from myomorph.study.inputs.error_sizes import TABLE as ERROR_SIZES
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.step.step import Step, step_of
+from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.open_trial import open_trial
-from myomorph.study.trial.step import StepHead
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs
 
@@ -62,18 +62,6 @@ class BodyShape:
     chest: float | None = None
     sex: Literal["female", "male"] | None = None
     age: float | None = None
-
-
-SUBJECT_STEPS: dict[str, str] = {
-    "morph": "myomorph.study.subject.morphing",
-    "calibrate": "myomorph.study.subject.calibrating",
-    "refine": "myomorph.study.subject.refining",
-    "identify": "myomorph.study.subject.identifying",
-    "personalize": "myomorph.study.subject.personalizing",
-    "emg": "myomorph.study.subject.emg_gains_step",
-}
-"""Steps that make the model of a subject's trials, in the order in which they run: a name, and the module whose `STEP`
-it is; read when first needed."""
 
 
 @dataclass(frozen=True)
@@ -137,86 +125,69 @@ class MadeModel:
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """The model that a subject's trials use.
+class SubjectInputs:
+    """What a step on a subject begins with: its files, and the model that the steps before have made.
 
     Attributes
     ----------
-    path : of its file
+    settings : of all steps, by step
+    path : of the model's file
     model : itself; its source is the file beside which its meshes lie
-    done, reused : steps that made it, and those reused from an earlier run
-    changed : what made steps be computed again that an earlier run had done
-    timed : each step that was computed, and how long it took [s]
+    done : steps that made it
     """
 
+    files: SubjectFiles
+    settings: Settings
     path: Path
     model: Model
     done: tuple[str, ...] = ()
-    reused: tuple[str, ...] = ()
-    changed: tuple[str, ...] = ()
-    timed: tuple[tuple[str, float], ...] = ()
 
-    def trials(self, files: SubjectFiles, settings: Settings) -> list[TrialInputs]:
+    def trials(self) -> list[TrialInputs]:
         """The subject's recordings with this model."""
-        return [open_trial(replace(trial, model=self.path), settings, self.model) for trial in files.trials]
+        return [open_trial(replace(trial, model=self.path), self.settings, self.model) for trial in self.files.trials]
+
+    def after(self, step: Step[Any], home: Path) -> SubjectInputs:
+        """The same with the model that a step has left."""
+        done = (*self.done, step.name)
+        made = made_model(self.files, done, home)
+        return replace(self, path=made.path, model=made.open(), done=done)
 
 
 def recordings_provenance(
-    step: str, files: SubjectFiles, prepared: Prepared, settings: Settings, more: Mapping[str, object]
+    step: str, subject: SubjectInputs, more: Mapping[str, object] = FrozenMap({}), earlier: Sequence[str] = ()
 ) -> Provenance:
     """What a step makes of all recordings of a subject is derived from: the model so far, the recordings, its options.
 
     Parameters
     ----------
     more : further options that the step depends on
+    earlier : steps of trials on whose settings it depends too
     """
-    sources = list(dict.fromkeys(source for trial in prepared.trials(files, settings) for source in trial.sources))
-    given = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
-    sources += [file_source(role, path) for role, path in given if path is not None]
+    files = subject.files
+    sources = list(dict.fromkeys(source for trial in subject.trials() for source in trial.sources))
+    named = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
+    sources += [file_source(role, path) for role, path in named if path is not None]
     if files.static is not None and (files.static_laboratory or files.labels):
         values = (files.static_laboratory, sorted(files.labels.items()))
         sources.append(value_source("static", "axes and labels of the static recording", *values))
-    options: dict[str, object] = {f"{step}.{name}": value for name, value in settings.get(step, {}).items()}
-    times = [None if one.time is None else list(one.time) for one in files.trials]
-    return provenance_of(step, sources, options | {"mass": files.mass, "times": times} | dict(more))
-
-
-@dataclass(frozen=True, kw_only=True)
-class SubjectStep(StepHead):
-    """A step on a subject, which makes the model of its trials.
-
-    Attributes
-    ----------
-    model : name of the file of that model, "" of a step that leaves the model as it is
-    tables : folder beside it
-    run : from the files, the model so far, settings and provenance to the model's file and its tables
-    provenance : what the model is derived from
-    gains : file in `tables` with the gains of the subject's EMG channels, "" for none
-    motions : folder in `tables` with coordinates of the subject's trials, "" for none
-    brings_bones : whether the model has meshes of its own; those of other steps are drawn by what they began with
-    """
-
-    model: str
-    tables: str
-    run: Callable[[SubjectFiles, Prepared, Settings, Provenance, Path, Path], object]
-    provenance: Callable[[SubjectFiles, Prepared, Settings], Provenance]
-    brings_bones: bool = False
-    gains: str = ""
-    motions: str = ""
-
-
-def subject_step(name: str) -> SubjectStep:
-    """A step of `SUBJECT_STEPS`."""
-    return import_module(SUBJECT_STEPS[name]).STEP
+    options: dict[str, object] = {"mass": files.mass}
+    options["times"] = [None if trial.time is None else list(trial.time) for trial in files.trials]
+    for name in (step, *earlier):
+        options |= {f"{name}.{setting}": value for setting, value in subject.settings.get(name, {}).items()}
+    return provenance_of(step, sources, options | dict(more))
 
 
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
     """The model that a subject's trials use once its own steps are done."""
     made = MadeModel(files.model, files.drawn or files.model)
-    for step in [subject_step(name) for name in SUBJECT_STEPS if name in steps]:
-        path = folder / step.model if step.model else made.path
-        gains = folder / step.tables / step.gains if step.gains else made.gains
-        motions = folder / step.tables / step.motions if step.motions else made.motions
-        sizes = (*made.sizes, folder / step.tables / ERROR_SIZES)
-        made = MadeModel(path, path if step.brings_bones else made.drawn, gains, motions, sizes)
+    for step in [step_of(name, "subject") for name in STEPS["subject"] if name in steps]:
+        left = {use: folder / name for use, name in step.leaves.items()}
+        path = left.get("model", made.path)
+        made = MadeModel(
+            path,
+            left.get("meshes", made.drawn),
+            left.get("gains", made.gains),
+            left.get("motions", made.motions),
+            (*made.sizes, folder / step.tables / ERROR_SIZES),
+        )
     return made

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -15,13 +14,16 @@ import numpy as np
 from myomorph import __version__
 from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.study.group_page import group_page
 from myomorph.report.study.study_input import ValueDifference
 from myomorph.store.results import STORED, file_name, read_result
 from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.groups import GroupPlan
-from myomorph.study.summary.page_key import groups_key, with_key
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.study.summary.study_inputs import StudyInputs, groups_provenance
 from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
 from myomorph.study.trial.reporting import model_of
 from myomorph.study.trial.tidy import VALUES as TRIAL_VALUES
@@ -30,11 +32,10 @@ from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_t
 
 PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
 VALUES = "group_values.csv"
-TABLES = (PARAMETERS, CURVES, STRIDES, VALUES)
 
 
-def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
-    """Compare the groups from the results in `out/subject/trial`; writes a page and three tables there.
+def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
+    """Compare the groups from the results in `out/subject/trial`; writes a page and four tables into a folder.
 
     A trial without results or strides is left out, said on the page.
 
@@ -59,14 +60,22 @@ def compare_stored(plan: GroupPlan, out: Path, name: str = "") -> Comparison:
         notes=tuple(Note("warning", note) for note in notes),
     )
     page = group_page(result, page_head)
-    _write(out / PARAMETERS, _parameter_table(result))
-    _write(out / CURVES, _curve_table(result))
-    _write(out / STRIDES, _stride_table(rows))
     head, *lines = difference_rows(_value_differences(plan, out))
-    _write(out / VALUES, _table(head, lines))
-    # Last, so that where the page is new the tables are.
-    _write(out / PAGE, with_key(page, groups_key(plan, name, out, [out / table for table in TABLES])))
+    for file, text in (
+        (PARAMETERS, _parameter_table(result)),
+        (CURVES, _curve_table(result)),
+        (STRIDES, _stride_table(rows)),
+        (VALUES, _table(head, lines)),
+        (PAGE, page),
+    ):
+        (folder / file).write_text(text, encoding="utf-8")
     return result
+
+
+def _run(study: StudyInputs, output: FolderOutput) -> Comparison:
+    assert study.plan.groups is not None
+    with output.whole() as folder:
+        return compare_stored(study.plan.groups, study.out, folder, study.plan.name)
 
 
 def _value_differences(plan: GroupPlan, out: Path) -> list[ValueDifference]:
@@ -111,12 +120,6 @@ def _group(
         else:
             notes.append(f"{subject} is left out of group '{members[0]}': no trial of it has strides")
     return Group(members[0], tuple(animals))
-
-
-def _write(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -189,3 +192,13 @@ def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
         for one in strides.of(limb)
     ]
     return _table(head, rows)
+
+
+STEP = Step(
+    name="groups",
+    title="two groups of subjects beside each other",
+    scope="study",
+    leaves=FrozenMap({"page": PAGE}),
+    run=_run,
+    made_from=groups_provenance,
+)

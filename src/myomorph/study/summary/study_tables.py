@@ -17,12 +17,15 @@ from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
 from myomorph.io.parsing.text import written
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, made_at
 from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.plan import Plan
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
 from myomorph.study.summary.condition_values import (
     COMPARED,
     GrowingCondition,
@@ -36,7 +39,7 @@ from myomorph.study.summary.condition_values import (
     shown_quantities,
 )
 from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE
-from myomorph.study.summary.page_key import tables_key, with_key
+from myomorph.study.summary.study_inputs import StudyInputs, tables_provenance
 from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
 from myomorph.study.trial.reporting import REPORT
 from myomorph.study.trial.tidy import (
@@ -142,7 +145,7 @@ class _Trial:
         return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / VALUES).is_file()
 
 
-def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
+def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
     """Write the tables of a study and its page, `study.html`, from what trials wrote beside their results.
 
     Trials stand in the order of the study file, whenever they ended. One that failed has the values of the steps that
@@ -152,16 +155,20 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
     ----------
     outcomes : of all trials, and of subjects' own steps
     out : folder of the study
+    folder : that takes the tables and the page
 
     Raises
     ------
     BadData : a trial's own tables are of another kind
     """
+    if not has_parquet():
+        # What an earlier run has left would hold other values than the tables beside it.
+        (out / PARQUET).unlink(missing_ok=True)
     trials = _in_order(plan, outcomes)
-    lines = _write_quality(plan, trials, out)
+    lines = _write_quality(plan, trials, out, folder)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
     search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
-    with _csv(out / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(out / PARQUET) as keep:
+    with _csv(folder / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(folder / PARQUET) as keep:
         for trial in trials:
             if not trial.has_values:
                 continue
@@ -184,7 +191,7 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> None:
                 trial.whose, growing[trial.condition], *read_curves(trial.outcome.folder / CURVES, COMPARED)
             )
     given = [one for one in growing.values() if one.trials]
-    _write_conditions(plan, trials, lines, given, search, measured, signs.notes(), out)
+    _write_conditions(plan, trials, lines, given, search, measured, signs.notes(), folder)
 
 
 def _write_conditions(
@@ -195,7 +202,7 @@ def _write_conditions(
     search: OutlierSearch,
     measured: MeasuredValues,
     notes: Sequence[str],
-    out: Path,
+    folder: Path,
 ) -> None:
     """The tables of conditions, and the page."""
     found = search.found()
@@ -211,7 +218,7 @@ def _write_conditions(
         (DIFFERENCES, pair_rows(comparisons)),
         (VALUE_DIFFERENCES, difference_rows(compared)),
     ):
-        with _csv(out / name, next(rows)) as table:
+        with _csv(folder / name, next(rows)) as table:
             table.writerows(rows)
     shown = shown_quantities([quantity.quantity for quantity in quantities])
     groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
@@ -229,16 +236,12 @@ def _write_conditions(
         (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
-    page = study_page(study_input)
-    key = made_here(plan, [trial.outcome for trial in trials], out)
-    with written(out / PAGE) as stream:
-        stream.write(with_key(page, key))
+    (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
 
 
-def made_here(plan: Plan, outcomes: Sequence[Outcome], out: Path) -> str:
-    """Hash of what the tables of a study are made of now, and of the tables that are there."""
-    trials = [one.outcome for one in _in_order(plan, outcomes)]
-    return tables_key(plan, trials, OF_TRIALS, [out / name for name, _ in FILES])
+def _run(study: StudyInputs, output: FolderOutput) -> None:
+    with output.whole() as folder:
+        gather_study(study.plan, study.outcomes, study.out, folder)
 
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
@@ -254,10 +257,10 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     ]
 
 
-def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path) -> list[TrialLine]:
+def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path) -> list[TrialLine]:
     """The table of quality of all trials; also each trial as a line of the page."""
     lines: list[TrialLine] = []
-    with _csv(out / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
+    with _csv(folder / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
         for trial in trials:
             rows = read_quality(trial.outcome.folder / QUALITY) if trial.has_values else []
             for row in rows:
@@ -325,8 +328,6 @@ def has_parquet() -> bool:
 def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Value]], None]]:
     """The same for the values of trials as Parquet, written in blocks; without the extra `parquet`, nothing."""
     if not has_parquet():
-        # What an earlier run has left would hold other values than the tables beside it.
-        path.unlink(missing_ok=True)
         yield lambda whose, values: None
         return
     # Takes half a second to import, and only here.
@@ -358,3 +359,13 @@ def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Va
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+STEP = Step(
+    name="tables",
+    title="tables and page of the study",
+    scope="study",
+    leaves=FrozenMap({"page": PAGE}),
+    run=_run,
+    made_from=lambda study: tables_provenance(study, OF_TRIALS),
+)

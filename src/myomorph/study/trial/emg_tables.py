@@ -12,7 +12,7 @@ from myomorph.io.parsing.text import written
 from myomorph.model.model import Model
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store.emg_store import put_conflicts
-from myomorph.study.trial.step import StepOutput
+from myomorph.study.step.step import StepOutput
 from myomorph.tension.emg_conflicts import conflict_line
 from myomorph.tension.task import EmgTargets
 from myomorph.tension.tension import Tension

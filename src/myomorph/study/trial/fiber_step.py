@@ -18,7 +18,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Series, Table
 from myomorph.store.results import Stored
 from myomorph.store.stored import get_fibers
-from myomorph.study.trial.step import StepOutput
+from myomorph.study.step.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.tension.dual import STALLED
 from myomorph.tension.elastic.thinning import FASTEST, solved_every

@@ -14,7 +14,7 @@ from myomorph.io.sto import write_sto
 from myomorph.model.series import Series
 from myomorph.store.contact_store import get_joint_contacts, put_joint_contacts
 from myomorph.store.results import Stored
-from myomorph.study.trial.step import StepOutput
+from myomorph.study.step.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.tension.joint_contact import JointContactForces, JointPoints

@@ -30,8 +30,8 @@ from myomorph.study.inputs.emg_gains import read_gains, rescaled
 from myomorph.study.inputs.error_sizes import read_error_sizes, tables_beside
 from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
 from myomorph.study.inputs.torque_file import given_torques
-from myomorph.study.trial.step import step_head
-from myomorph.study.trial.step_table import REPORT, STEPS
+from myomorph.study.step.step import step_head
+from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses, kinematics_options
 from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_sources, load_tables
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
@@ -247,7 +247,7 @@ def options_of(settings: Settings) -> OptionSet:
         where the report is to use a preset that does not exist
     """
     result = OptionSet()
-    for name in (*STEPS, REPORT):
+    for name in (*STEPS["trial"], REPORT):
         if settings.get(name):
             own = step_head(name).options
             result = result.having(*(with_settings(result[kind], settings[name]) for kind in own))

@@ -30,8 +30,8 @@ from myomorph.report.trial.trial_page import prepared_page
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, Stored, file_source, read_result
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.trial.step import large_variables, step_of
-from myomorph.study.trial.step_table import STEPS
+from myomorph.study.step.step import large_variables, step_of
+from myomorph.study.step.step_table import STEPS
 from myomorph.study.trial.together import object_model
 
 REPORT = "report.html"
@@ -213,7 +213,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         version=__version__,
         notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
         sources=_sources(stored.provenance),
-        steps=tuple(_shown_step(step, stored) for step in STEPS if step in stored.provenance),
+        steps=tuple(_shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance),
         warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
     )
     recorded = Recorded(
@@ -233,7 +233,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         recorded,
         analysis=AnalysisChoice(facts.get("preset", ""), phases),
     )
-    for step in STEPS:
+    for step in STEPS["trial"]:
         given = step_of(step).show(given, stored)
     return given
 

@@ -1,4 +1,4 @@
-"""The steps of one recording, run into its folder: what has not changed is taken over, the rest is computed."""
+"""The steps of one recording and their results in its folder: one file, tables of values and a report."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 from myomorph.model.provenance import Provenance
-from myomorph.store.netcdf import HeldFile
+from myomorph.store.netcdf import HeldFile, open_netcdf
 from myomorph.store.outcome import Outcome, failed
 from myomorph.store.results import (
     STORED,
@@ -21,19 +23,22 @@ from myomorph.store.results import (
     ResultWriter,
     Stored,
     file_name,
+    made_from,
     new_result,
     read_result,
     stored_provenance,
     stored_values,
     whole_folder,
 )
-from myomorph.study.trial.ahead import compile_ahead, wraps_of
+from myomorph.study.step.job_steps import JobSteps, run_steps
+from myomorph.study.step.step import StepOutput, large_variables, step_of, trial_steps
+from myomorph.study.step.step_table import REPORT, STEPS
+from myomorph.study.trial.ahead import Ahead, compile_ahead, wraps_of
+from myomorph.study.trial.report_key import KEY, PAGE, keep_facts, report_is_made, report_key, same_report
 from myomorph.study.trial.reporting import TrialResults, write_report
-from myomorph.study.trial.reuse import NEVER, PAGE, changes, keep_facts, report_is_made, same_report
-from myomorph.study.trial.step import StepOutput, StepResults, large_variables, run_step, step_of, step_provenance
-from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.tidy import write_trial_values
 from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_step import StepResults, run_step, step_provenance
 
 PARTS = ".steps"
 PART = f"step{STORED}"
@@ -46,51 +51,194 @@ HELD_SECONDS = 1.0
 _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 
 
-@dataclass(frozen=True)
-class _Earlier:
-    """What an earlier run left in a folder: the file that holds each step, and what it was made from."""
-
-    files: Mapping[str, Path]
-    made: Mapping[str, Provenance]
-
-
-def _earlier(trial: TrialInputs, folder: Path) -> _Earlier:
-    whole = folder / f"{file_name(trial.name)}{STORED}"
-    made = {step: one for step, one in stored_provenance(whole).items() if step in STEPS}
-    files = dict.fromkeys(made, whole)
-    for step in STEPS:
-        part = folder / PARTS / step / PART
-        found = stored_provenance(part).get(step)
-        if found is not None:
-            made[step], files[step] = found, part
-    return _Earlier(files, made)
-
-
-def reused_steps(trial: TrialInputs, steps: Sequence[str], folder: Path) -> dict[str, tuple[str, ...]]:
-    """Which steps a run would take over from results in a folder, and why it would compute the others.
+class TrialSteps(JobSteps):
+    """The steps of one recording, whose results go into one file in its folder.
 
     Parameters
     ----------
-    steps : those that are asked for, the report among them or not
-
-    Returns
-    -------
-    by step: () where it would be taken over, else why it is computed, one line each
+    asked : steps that are asked for, the report among them or not
+    folder : of the results
+    fresh : compute every step, whatever is there
+    results : what is known before the first of the steps
     """
-    earlier = _earlier(trial, folder)
-    reasons = {step: _reasons(step, trial, earlier) for step in STEPS if step in steps}
-    if REPORT in steps:
-        computed = any(reasons.values())
-        reason = ("its results are new",) if computed else ("what it contains has changed",)
-        reasons[REPORT] = () if not computed and report_is_made(folder, trial, tuple(reasons)) else reason
-    return reasons
 
+    def __init__(
+        self,
+        trial: TrialInputs,
+        asked: Sequence[str],
+        folder: Path,
+        fresh: bool = False,
+        results: StepResults | None = None,
+    ):
+        self.trial, self.folder, self.fresh = trial, folder, fresh
+        self.outcome = Outcome(trial.subject, trial.name, folder)
+        self.steps = tuple(step for step in STEPS["trial"] if step in asked)
+        self.reports = REPORT in asked
+        self.parts = folder / PARTS
+        self.stored = folder / f"{file_name(trial.name)}{STORED}"
+        self.results = results or StepResults()
+        self._files, self._made = ({}, {}) if fresh else self._earlier()
+        self._waiting: list[str] = []
+        self._held = _Held(self.parts, _is_short(trial) and not self._files and not self.stored.exists())
+        self._ahead: Ahead | None = None
 
-def _reasons(step: str, trial: TrialInputs, earlier: _Earlier) -> tuple[str, ...]:
-    if step not in earlier.made:
-        return (NEVER,)
-    made = step_provenance(step_of(step), trial)
-    return () if made.key == earlier.made[step].key else changes(earlier.made[step], made)
+    def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
+        """The file that holds the result of each step, and what that was made from."""
+        made = {step: one for step, one in stored_provenance(self.stored).items() if step in STEPS["trial"]}
+        files = dict.fromkeys(made, self.stored)
+        for step in STEPS["trial"]:
+            part = self.parts / step / PART
+            provenance = stored_provenance(part).get(step)
+            if provenance is not None:
+                made[step], files[step] = provenance, part
+        return files, made
+
+    def provenance(self, step: str) -> Provenance:
+        """What a step's result would be made from now."""
+        return step_provenance(step_of(step), self.trial)
+
+    def earlier(self, step: str) -> Provenance | None:
+        """What an earlier run made a step's result from."""
+        return self._made.get(step)
+
+    def all_reasons(self, steps: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """By step, why a run would compute it; of the report, which is no result, too."""
+        reasons = super().all_reasons([step for step in STEPS["trial"] if step in steps])
+        if REPORT in steps:
+            computed = any(reasons.values())
+            reason = ("its results are new",) if computed else ("what it contains has changed",)
+            made = not computed and report_is_made(self.folder, self.trial, tuple(reasons))
+            reasons[REPORT] = () if made else reason
+        return reasons
+
+    def unchanged(self, steps: Sequence[str]) -> Outcome | None:
+        """The outcome of a trial whose folder is what a run would leave it as; its file is opened once."""
+        expected = [VALUES, PAGE] if self.reports else [VALUES]
+        if self.parts.exists() or not all((self.folder / name).is_file() for name in (self.stored.name, *expected)):
+            return None
+        values = [step_of(step) for step in self.steps]
+        with open_netcdf(self.stored) as file:
+            made = made_from(file.attributes)
+            # A step that nobody asks for now is for a run to keep or to remove.
+            if set(made) != set(self.steps) or file.attributes.get(KEY, "") != report_key(self.trial, self.steps):
+                return None
+            if any(made[step].key != self.provenance(step).key for step in self.steps):
+                return None
+            telling = [step for step in values if step.outcome is not None]
+            stored = stored_values(
+                self.stored, file, only=[name for step in telling for name in step.outcome_variables]
+            )
+        clear_leftovers(self.folder)
+        done = (*self.steps, REPORT) if self.reports else self.steps
+        results = StepResults(*(step.read(stored, self.trial.options) for step in telling))
+        return with_results(replace(self.outcome, done=done, reused=done), results)
+
+    def __enter__(self) -> Self:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        clear_leftovers(self.folder)
+        if self.fresh:
+            shutil.rmtree(self.parts, ignore_errors=True)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._ahead is not None:
+            self._ahead.stop()
+        if kind is not None:
+            self._held.keep()
+
+    def compute(self, step: str) -> None:
+        """Run a step with the results before it."""
+        if self._ahead is None:
+            self._ahead = compile_ahead(self.steps[self.steps.index(step) :], wraps_of(self.trial.model))
+        self._ahead.wait(step)
+        shutil.rmtree(self.parts / step, ignore_errors=True)
+        value = step_of(step)
+        with whole_folder(self.parts / step) as temporary, self._held.writer(step, temporary) as writer:
+            known = self._having(*value.needs, *value.uses)
+            self.results = run_step(value, self.trial, known, StepOutput(writer, temporary))
+
+    def reuse(self, step: str) -> None:
+        """Use what an earlier run found; it is read where a later step needs it."""
+        self._waiting.append(step)
+
+    def _having(self, *kinds: type) -> StepResults:
+        """What was found, results of these types included."""
+        for step in [name for name in self._waiting if step_of(name).gives in kinds]:
+            stored = read_result(self._files[step], leave_out=large_variables())
+            self.results = self.results.having(step_of(step).read(stored, self.trial.options))
+            self._waiting.remove(step)
+        return self.results
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """Put the results into one file, and make the tables and the report of it."""
+        if self._ahead is not None:
+            self._ahead.stop()
+        if not outcome.done:
+            return outcome
+        try:
+            self._having(*(step.gives for step in trial_steps() if step.outcome is not None))
+            held = self._gather(outcome)
+            shown = TrialResults(self.stored, self.trial.model, held, self.reports)
+            outcome = with_results(outcome, self.results)
+            if outcome.timed or not (self.folder / VALUES).is_file():
+                write_trial_values(shown, outcome)
+        except Exception as error:
+            self._held.keep()
+            lost = () if self.stored.is_file() else self._held.lost
+            done = tuple(step for step in outcome.done if step not in lost)
+            timed = tuple((step, seconds) for step, seconds in outcome.timed if step not in lost)
+            return failed(replace(outcome, done=done, timed=timed), error, "results")
+        return _report(self.trial, outcome, shown) if self.reports else outcome
+
+    def _gather(self, outcome: Outcome) -> Stored | None:
+        """Move the steps' tables up and put their values, and those reused, into one file.
+
+        Results of steps that nobody asks for now stay as long as they would come out the same.
+
+        The order is that of the steps, whichever of them were reused, so that the file is the same either way. The
+        tables of muscle paths, of which there are many, get a folder of their own.
+
+        Returns
+        -------
+        what the file holds, where that was all in memory
+        """
+        held, parts = self._held, self.parts
+        fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
+        others = [step for step in self._files if step not in self.steps and not self.reasons(step)]
+        lost = [step for step in self._files if step not in outcome.done and step not in others]
+        if not fresh and not lost and same_report(self.folder, self.trial, outcome.done):
+            return None
+        whole = HeldFile() if held.allowed else None
+        with new_result(self.stored) as writer:
+            if whole is not None:
+                whole.attributes |= WHOSE
+                at_once = ResultWriter(whole)
+                keep_facts(at_once, self.trial, outcome.done)
+                for step in fresh:
+                    at_once.take(held.files[step], (step,))
+                at_once.gather_remarks(fresh, self.trial.warnings)
+                writer.take(whole, fresh)
+                # Before the file has its name: whoever finds it there finds the tables, too.
+                _move_tables(fresh, parts, self.folder)
+            else:
+                keep_facts(writer, self.trial, outcome.done)
+                every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
+                for step in every:
+                    writer.copy(parts / step / PART if step in fresh else self._files[step], (step,))
+                writer.gather_remarks(every, self.trial.warnings)
+            # A report and values of the results before must not stand beside those that come now.
+            for name in (PAGE, VALUES):
+                (self.folder / name).unlink(missing_ok=True)
+        if whole is None:
+            _move_tables(fresh, parts, self.folder)
+        if parts.is_dir():
+            # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
+            away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=self.folder))
+            os.replace(parts, away / "steps")
+            shutil.rmtree(away, ignore_errors=True)
+        return None if whole is None else stored_values(self.stored, whole)
 
 
 def run_trial(
@@ -99,98 +247,19 @@ def run_trial(
     folder: Path,
     fresh: bool = False,
     results: StepResults | None = None,
-    check: Callable[[], None] = lambda: None,
 ) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`.
 
-    A step whose inputs, options and version are those of an earlier run is taken over. Where a step fails, what the
+    A step whose inputs, options and version are those of an earlier run is reused. Where a step fails, what the
     steps before it found is kept.
 
     Parameters
     ----------
     fresh : compute every step, whatever is there
     results : what is known before the first of the steps
-    check : called before each step; what it raises ends the trial
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    clear_leftovers(folder)
-    parts = folder / PARTS
-    if fresh:
-        shutil.rmtree(parts, ignore_errors=True)
-    earlier = _Earlier({}, {}) if fresh else _earlier(trial, folder)
-    wanted = [step for step in STEPS if step in steps]
-    reasons = {step: _reasons(step, trial, earlier) for step in wanted}
-    computed = [step for step in wanted if reasons[step]]
-    changed = [text for step in computed for text in reasons[step] if text != NEVER]
-    outcome = Outcome(trial.subject, trial.name, folder, changed=tuple(dict.fromkeys(changed)))
-    chain = _Chain(trial, results or StepResults(), earlier)
-    held = _Held(parts, _is_short(trial) and not earlier.files and not _stored(trial, folder).exists())
-    ahead = compile_ahead(wanted, wraps_of(trial.model)) if computed else None
-    try:
-        for step in wanted:
-            check()
-            if step not in computed:
-                chain.reuse(step)
-                outcome = replace(outcome, done=(*outcome.done, step), reused=(*outcome.reused, step))
-                continue
-            shutil.rmtree(parts / step, ignore_errors=True)
-            if ahead is not None:
-                ahead.wait(step)
-            started = time.monotonic()
-            with whole_folder(parts / step) as temporary, held.writer(step, temporary) as writer:
-                one = step_of(step)
-                found = chain.having(*one.needs, *one.uses)
-                chain.results = run_step(one, trial, found, StepOutput(writer, temporary))
-            timed = (*outcome.timed, (step, time.monotonic() - started))
-            outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
-        check()
-        chain.having(*(step.gives for step in map(step_of, STEPS) if step.outcome is not None))
-    except Exception as error:
-        outcome = failed(outcome, error, _next(wanted, outcome.done))
-    except BaseException:
-        held.keep()
-        raise
-    finally:
-        if ahead is not None:
-            ahead.stop()
-    if not outcome.done:
-        return outcome
-    try:
-        stored = _gather(trial, earlier, held, outcome, steps)
-        shown = TrialResults(_stored(trial, folder), trial.model, stored, REPORT in steps)
-        outcome = with_results(outcome, chain.results)
-        if outcome.timed or not (folder / VALUES).is_file():
-            write_trial_values(shown, outcome)
-    except Exception as error:
-        held.keep()
-        lost = () if _stored(trial, folder).is_file() else held.lost
-        done = tuple(step for step in outcome.done if step not in lost)
-        timed = tuple(one for one in outcome.timed if one[0] not in lost)
-        return failed(replace(outcome, done=done, timed=timed), error, "results")
-    except BaseException:
-        held.keep()
-        raise
-    return _report(trial, outcome, shown) if REPORT in steps else outcome
-
-
-class _Chain:
-    """What the steps have found so far; results of an earlier run are read only where a later step needs them."""
-
-    def __init__(self, trial: TrialInputs, results: StepResults, earlier: _Earlier):
-        self.trial, self.results, self.earlier = trial, results, earlier
-        self.waiting: list[str] = []
-
-    def reuse(self, step: str) -> None:
-        """Use what an earlier run found."""
-        self.waiting.append(step)
-
-    def having(self, *kinds: type) -> StepResults:
-        """What was found, results of these types included."""
-        for step in [one for one in self.waiting if step_of(one).gives in kinds]:
-            stored = read_result(self.earlier.files[step], leave_out=large_variables())
-            self.results = self.results.having(step_of(step).read(stored, self.trial.options))
-            self.waiting.remove(step)
-        return self.results
+    job = TrialSteps(trial, steps, folder, fresh, results)
+    return run_steps(job, job.steps)
 
 
 class _Held:
@@ -243,10 +312,6 @@ def _is_short(trial: TrialInputs) -> bool:
     return trial.markers is not None and len(trial.markers) <= HELD_FRAMES
 
 
-def _stored(trial: TrialInputs, folder: Path) -> Path:
-    return folder / f"{file_name(trial.name)}{STORED}"
-
-
 def clear_leftovers(folder: Path) -> None:
     """Remove what a process that was killed had not finished: files and folders with temporary names."""
     for home in (folder, folder / PARTS):
@@ -257,62 +322,6 @@ def clear_leftovers(folder: Path) -> None:
                 shutil.rmtree(path, ignore_errors=True)
             else:
                 path.unlink(missing_ok=True)
-
-
-def _next(wanted: Sequence[str], done: Sequence[str]) -> str:
-    return next((step for step in wanted if step not in done), REPORT)
-
-
-def _gather(
-    trial: TrialInputs, earlier: _Earlier, held: _Held, outcome: Outcome, steps: Sequence[str]
-) -> Stored | None:
-    """Move the steps' tables up and put their values, and those taken over, into one file.
-
-    Results of steps that nobody asks for now stay as long as they would come out the same.
-
-    The order is that of the steps, whichever of them were taken over, so that the file is the same either way. The
-    tables of muscle paths, of which there are many, get a folder of their own.
-
-    Returns
-    -------
-    what the file holds, where that was all in memory
-    """
-    folder, wanted = outcome.folder, [step for step in STEPS if step in steps]
-    parts, stored = folder / PARTS, _stored(trial, folder)
-    fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
-    others = [step for step in earlier.files if step not in wanted and not _reasons(step, trial, earlier)]
-    lost = [step for step in earlier.files if step not in outcome.done and step not in others]
-    if not fresh and not lost and same_report(folder, trial, outcome.done):
-        return None
-    whole = HeldFile() if held.allowed else None
-    with new_result(stored) as writer:
-        if whole is not None:
-            whole.attributes |= WHOSE
-            at_once = ResultWriter(whole)
-            keep_facts(at_once, trial, outcome.done)
-            for step in fresh:
-                at_once.take(held.files[step], (step,))
-            at_once.gather_remarks(fresh, trial.warnings)
-            writer.take(whole, fresh)
-            # Before the file has its name: whoever finds it there finds the tables, too.
-            _move_tables(fresh, parts, folder)
-        else:
-            keep_facts(writer, trial, outcome.done)
-            every = [one for one in STEPS if one in outcome.done or one in others]
-            for step in every:
-                writer.copy(parts / step / PART if step in fresh else earlier.files[step], (step,))
-            writer.gather_remarks(every, trial.warnings)
-        # A report and values of the results before must not stand beside those that come now.
-        for name in (PAGE, VALUES):
-            (folder / name).unlink(missing_ok=True)
-    if whole is None:
-        _move_tables(fresh, parts, folder)
-    if parts.is_dir():
-        # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
-        away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=folder))
-        os.replace(parts, away / "steps")
-        shutil.rmtree(away, ignore_errors=True)
-    return None if whole is None else stored_values(stored, whole)
 
 
 def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
@@ -327,7 +336,7 @@ def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
 
 def with_results(outcome: Outcome, results: StepResults) -> Outcome:
     """An outcome with what results tell of the trial, as its frames and marker errors."""
-    for step in map(step_of, STEPS):
+    for step in trial_steps():
         found = results.get(step.gives)
         if step.outcome is not None and found is not None:
             outcome = step.outcome(outcome, found)

@@ -18,9 +18,9 @@ from myomorph.report.trial.prepared import Prepared
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_value_limits
+from myomorph.study.step.step import trial_steps
+from myomorph.study.step.step_table import REPORT
 from myomorph.study.trial.reporting import TrialResults
-from myomorph.study.trial.step import step_of
-from myomorph.study.trial.step_table import REPORT, STEPS
 from myomorph.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
@@ -48,7 +48,7 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     found, model, prepared = results.stored, results.model, results.prepared
     strides = strides_of(prepared, found.facts.get("trial", ""))
     mass = float(found.facts.get("mass") or 0.0) or model.mass
-    signals = [signal for step in STEPS for signal in step_of(step).signals(found, model, mass)]
+    signals = [signal for step in trial_steps() for signal in step.signals(found, model, mass)]
     cycles = [_cycles(signal, strides) for signal in signals]
     limits = get_value_limits(found)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
@@ -99,7 +99,7 @@ def trial_values(
     Of every signal its extremes and mean over the trial; where there are strides also those of each stride, as the
     mean over the strides.
     """
-    steps = [step_of(name) for name in STEPS]
+    steps = trial_steps()
     for step in steps:
         if not step.numbers_last:
             yield from step.numbers(stored, model, strides)

@@ -22,15 +22,14 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.inputs import reading
+from myomorph.study.step.step import step_head
+from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.open_trial import contact_plan, options_of
-from myomorph.study.trial.step import step_head
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_sources
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
-
-TOGETHER_STEPS = ("id", "tension", "report")
 
 
 class ObjectTable(Strict):
@@ -110,11 +109,13 @@ class Part:
     ----------
     recorded : its coordinates, as inverse kinematics or a file gave them
     source : the file of its model, or the table of an object
+    made : key of what the coordinates were derived from, "" for those of a file, which is a source itself
     """
 
     trial: TrialInputs
     recorded: Motion
     source: str | dict[str, object]
+    made: str = ""
 
 
 def object_model(description: dict[str, Any]) -> Model:
@@ -160,7 +161,8 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     files = TrialFiles(Path(), contacts=together.contacts, measured=together.measured)
     trials = [one.trial for one in parts.values()]
     sources = tuple(source for trial in trials for source in trial.sources if source.role != "contacts")
-    kinds = {kind for step in TOGETHER_STEPS for kind in step_head(step).options}
+    sources += tuple(value_source("coordinates", name, part.made) for name, part in parts.items() if part.made)
+    kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
     own = (one.options.get(EmgOptions) for one in trials if one.emg is not None)
     contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
     options = first.options.only(*kinds).having(contact_options, next(own, None))

@@ -10,7 +10,8 @@ from typing import Any, get_args
 from myomorph.model.errors import BadData, BadFile
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
-from myomorph.study.trial.step import StepResults, step_head
+from myomorph.study.step.step import step_head
+from myomorph.study.trial.trial_step import StepResults
 from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"

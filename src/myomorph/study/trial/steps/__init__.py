@@ -1,1 +1,1 @@
-"""The steps of a trial, one a file; `study.trial.step.STEPS` lists them."""
+"""The steps of a trial, one a file; `study.step.step_table.STEPS` lists them."""

@@ -26,7 +26,7 @@ from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import has_mass
-from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
 

@@ -27,7 +27,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import about
-from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
 
 if TYPE_CHECKING:

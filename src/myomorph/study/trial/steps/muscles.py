@@ -23,7 +23,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
 from myomorph.store.settings import Differentiation
 from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, with_derivatives
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
@@ -157,7 +157,6 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(Differentiation,),
-    grows_with="muscles",
     roles=("model", "markers", "tasks", "motion"),
     run=_run,
     read=_read,

@@ -27,6 +27,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import (
@@ -34,7 +35,6 @@ from myomorph.study.trial.joint_contact_step import (
     joint_contact_signals,
     write_joint_contacts,
 )
-from myomorph.study.trial.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import Signals, TrialInputs, Value, all_drawn, statistics_of
@@ -311,7 +311,6 @@ STEP = Step(
         *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
-    grows_with="muscles",
     hashed=_hashed,
     run=_run,
     read=_read,

@@ -21,7 +21,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.trial.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_quantities import Quantity
 from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
@@ -298,7 +298,6 @@ STEP = Step(
     uses=(Torques, Tensions),
     options=(DrawOptions, Sources, DrawWorkers),
     hashed=_hashed,
-    grows_with="muscles",
     run=_run,
     large=(ERRORS,),
     read=_read,

@@ -1,0 +1,196 @@
+"""What steps took on this machine, kept in the user's cache folder: a dry run reads how long a run takes."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import astuple, dataclass, field, fields
+from pathlib import Path
+
+from myomorph.rigid.kernels import kernel_folder
+from myomorph.store.outcome import Key, Outcome
+from myomorph.study.run.jobs import Job
+from myomorph.study.run.work import Work
+
+VARIABLE = "MYOMORPH_STEP_TIMES"
+"""Names another file, or none where it is empty."""
+
+FILE = "step_times.csv"
+MAX_SAMPLES = 3000
+"""Lines that are kept, the last ones."""
+
+MAX_COUNTED = 9
+"""Samples that count, the latest."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What a step took once.
+
+    Attributes
+    ----------
+    settings : of the step, as `settings_key` has them
+    muscles : of the model that its job was given, 0 for none
+    frames : of the trial, or of all trials of a subject's own step
+    """
+
+    step: str
+    settings: str
+    muscles: int
+    frames: int
+    seconds: float
+
+
+NAMES = tuple(column.name for column in fields(Sample))
+
+
+def times_file() -> Path | None:
+    """Where times of this machine are kept; None where they are not to be."""
+    named = os.environ.get(VARIABLE)
+    if named is not None:
+        return Path(named) if named else None
+    return kernel_folder().parent / FILE
+
+
+def settings_key(settings: Mapping[str, object]) -> str:
+    """Settings of a step in a few letters, "" where there are none."""
+    if not settings:
+        return ""
+    text = json.dumps(settings, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def read_samples(path: Path | None) -> list[Sample]:
+    """Lines of the file in their order; damaged ones are passed over."""
+    samples: list[Sample] = []
+    if path is None:
+        return samples
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                with suppress(KeyError, TypeError, ValueError):
+                    muscles, frames, seconds = int(row["muscles"]), int(row["frames"]), float(row["seconds"])
+                    if math.isfinite(seconds) and seconds >= 0.0:
+                        samples.append(Sample(row["step"], row["settings"], muscles, frames, seconds))
+    except (OSError, UnicodeDecodeError, csv.Error):
+        return []
+    return samples
+
+
+def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
+    """Add lines to the file; that it cannot be written stops nothing."""
+    if path is None or not samples:
+        return
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(NAMES)
+    kept = [*read_samples(path), *samples][-MAX_SAMPLES:]
+    table.writerows([*astuple(sample)[:-1], f"{sample.seconds:.4g}"] for sample in kept)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        temporary.write_text(text.getvalue(), encoding="utf-8")
+        os.replace(temporary, path)
+
+
+class StepTimes:
+    """Times of steps as this machine has learned them.
+
+    Parameters
+    ----------
+    path : of the table, None for no such table
+    """
+
+    def __init__(self, path: Path | None):
+        self._samples: dict[tuple[str, str, int], list[Sample]] = {}
+        for sample in reversed(read_samples(path)):
+            self._samples.setdefault((sample.step, sample.settings, sample.muscles), []).append(sample)
+
+    def expected(self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None) -> float | None:
+        """Seconds that a step takes, None where it never ran here with these settings and so many muscles.
+
+        Parameters
+        ----------
+        muscles : of the model that its job is given, 0 for none
+        frames : None where it is not known
+        """
+        samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
+        if not samples or frames is None:
+            return None
+        ratios = sorted(sample.seconds / max(sample.frames, 1) for sample in samples)
+        return ratios[len(ratios) // 2] * max(frames, 1)
+
+
+@dataclass
+class Learning:
+    """Hears what jobs took, and keeps it at the end of a run that was not interrupted.
+
+    Jobs during which kernels were compiled tell nothing about steps, and are left out.
+
+    Attributes
+    ----------
+    muscles : of the models that were read, by file
+    compiled : jobs during which kernels were compiled
+    """
+
+    works: Mapping[Key, Work]
+    muscles: dict[Path, int] = field(default_factory=dict)
+    compiled: set[Key] = field(default_factory=set)
+    _before: dict[Key, int] = field(default_factory=dict)
+
+    def started(self, job: Job) -> None:
+        """A job begins."""
+        self._before[job.key] = _kernels()
+
+    def ended(self, outcome: Outcome) -> None:
+        """A job has ended."""
+        if self._before.get(outcome.key, -1) != _kernels() and outcome.key in self._before:
+            self.compiled.add(outcome.key)
+
+    def keep(self, outcomes: Iterable[Outcome]) -> None:
+        """Keep what the run took, all its jobs done."""
+        found = {outcome.key: outcome for outcome in outcomes}
+        if not any(outcome.error for outcome in found.values()):
+            samples = [sample for outcome in found.values() for sample in self._samples(outcome, found)]
+            keep_samples(times_file(), samples)
+
+    def _samples(self, outcome: Outcome, outcomes: Mapping[Key, Outcome]) -> list[Sample]:
+        work = self.works.get(outcome.key)
+        if work is None or outcome.key in self.compiled or outcome.key not in self._before:
+            return []
+        frames = outcome.frames
+        if work.scope == "subject":
+            frames = sum(each.frames for key, each in outcomes.items() if key[0] == outcome.subject and key[1])
+        muscles = 0 if work.model is None else self.muscles.get(work.model, 0)
+        return [
+            Sample(step, settings_key(work.settings.get(step, {})), muscles, frames, seconds)
+            for step, seconds in outcome.timed
+        ]
+
+
+def _kernels() -> int:
+    """How many files the kernels on disk have."""
+    try:
+        return sum(1 for entry in os.scandir(kernel_folder()) if entry.name.endswith(".nbc"))
+    except OSError:
+        return 0
+
+
+def in_words(seconds: float) -> str:
+    """A time as one would say it: "0.4 s", "12 s", "3 min 20 s", "2 h 5 min"."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"{hours} h {minutes} min"

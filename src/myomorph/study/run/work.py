@@ -1,0 +1,157 @@
+"""What one process does of a study: the steps of one subject, trial, pair, specimen, or of the study itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.store.locks import PATIENCE, RunMark, folder_lock
+from myomorph.store.outcome import Key, Outcome, failed
+from myomorph.study.run.jobs import Job
+from myomorph.study.step.job_steps import JobSteps, run_steps
+from myomorph.study.step.step_table import REPORT, Scope
+from myomorph.study.trial.trial_files import Settings
+
+Open = Callable[[Model | None, str, bool], JobSteps]
+"""From the model that a job is given ("" or the hash of its file when it was read, whether all is computed anew) to its
+steps, with their inputs opened; a function of a module or a `partial` of one."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording that a job reads, for the count of its frames."""
+
+    path: Path
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Work:
+    """The work of one job, which is sent to the process that does it.
+
+    Attributes
+    ----------
+    scope : of its steps
+    outcome : before the first step: whose it is, its condition, and the folder of its results
+    steps : in the order in which they run
+    open : its inputs, where it is done
+    needs : jobs that end well before it may begin
+    after : jobs that end before it begins, well or not
+    model : file of the model that it is given, None where it needs none
+    fresh : compute every step, whatever an earlier run left
+    mark : the run that the folder belongs to
+    settings : of its steps
+    files : names of its files, for a dry run
+    recordings : whose frames it uses
+    """
+
+    scope: Scope
+    outcome: Outcome
+    steps: tuple[str, ...]
+    open: Open
+    needs: tuple[Key, ...] = ()
+    after: tuple[Key, ...] = ()
+    model: Path | None = None
+    fresh: bool = False
+    mark: RunMark | None = None
+    settings: Settings = field(default_factory=lambda: FrozenMap({}))
+    files: tuple[str, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+
+    @property
+    def key(self) -> Key:
+        """Of the job."""
+        return self.outcome.key
+
+    @property
+    def folder(self) -> Path:
+        """Of its results."""
+        return self.outcome.folder
+
+    @cached_property
+    def job(self) -> Job:
+        """The job, which asks here for results that are there already before it is given out."""
+        reused = None if self.fresh else self.reused
+        return Job(self.key, self, self.needs, self.model, self.after, reused)
+
+    def __call__(self, model: Model | None, read: str = "") -> Outcome:
+        """Do it: what one process may do at a time in its folder; an error ends it, but not the study.
+
+        Parameters
+        ----------
+        read : hash of the model's file when the model was read, "" where that is not known
+        """
+        started = time.monotonic()
+        try:
+            with self._lock():
+                steps = self.open(model, read, self.fresh)
+                check = (lambda: None) if self.mark is None else self.mark.check
+                outcome = run_steps(steps, [step for step in self.steps if step != REPORT], check)
+        except Exception as error:
+            outcome = failed(self.outcome, error)
+        return self._told(outcome, started)
+
+    def reused(self, model: Model | None, read: str = "") -> Outcome | None:
+        """The outcome where nothing would be computed, None where a worker must look; it tells whatever is wrong."""
+        if not self.folder.is_dir():
+            return None
+        started = time.monotonic()
+        try:
+            with self._lock(patience=0.0):
+                outcome = self.open(model, read, False).unchanged(self.steps)
+        except Exception:
+            return None
+        return None if outcome is None else self._told(outcome, started)
+
+    def reasons(self, model: Model | None) -> dict[str, tuple[str, ...]]:
+        """By step, why it would be computed; () where it would be reused.
+
+        Raises
+        ------
+        MyomorphError
+            where a file cannot be read that must be held against the results
+        """
+        return self.open(model, "", False).all_reasons(self.steps)
+
+    def _lock(self, patience: float = PATIENCE) -> AbstractContextManager[None]:
+        # The folder of a study is this run's already.
+        return nullcontext() if self.scope == "study" else folder_lock(self.folder, self.mark, patience)
+
+    def _told(self, outcome: Outcome, started: float) -> Outcome:
+        subject, trial, condition = self.outcome.subject, self.outcome.trial, self.outcome.condition
+        seconds = time.monotonic() - started
+        return replace(outcome, subject=subject, trial=trial, condition=condition, seconds=seconds)
+
+
+def not_run(key: Key, folder: Path, why: str, like: Outcome | None = None) -> Outcome:
+    """The outcome of a job that could not begin.
+
+    Parameters
+    ----------
+    like : the outcome that kept it from beginning
+    """
+    return Outcome(*key, folder, error=f"not run: {why}", fault=like is not None and like.fault)
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All that a study has to do.
+
+    Attributes
+    ----------
+    name : of the study
+    works : in the order of its file
+    last : what is done for the whole study when all these have ended, from their outcomes
+    open_model : reads a model that jobs are given
+    """
+
+    name: str
+    works: tuple[Work, ...]
+    last: Callable[[tuple[Outcome, ...]], tuple[Work, ...]]
+    open_model: Callable[[Path], Model]

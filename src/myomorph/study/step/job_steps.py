@@ -1,0 +1,113 @@
+"""The steps of one job, in their order: what an earlier run left is reused where it holds, the rest is computed."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+from myomorph.model.provenance import Provenance
+from myomorph.store.outcome import Outcome, failed
+from myomorph.study.step.changes import changes
+
+NEVER = "is not computed yet"
+"""Why a step is computed of which there is no result."""
+AFTER_OTHERS = "what it begins with is made anew"
+"""Why a step is computed that begins with files of one that is computed."""
+
+
+class JobSteps(ABC):
+    """The steps of a trial, a subject, a specimen or a study, with its inputs opened.
+
+    Attributes
+    ----------
+    outcome : of the job before its first step: whose it is, and its folder
+    linked : whether a step begins with files that those before it write, so that its own inputs are known only then
+    """
+
+    outcome: Outcome
+    linked = False
+
+    @abstractmethod
+    def provenance(self, step: str) -> Provenance:
+        """What a step's result would be made from now."""
+
+    @abstractmethod
+    def earlier(self, step: str) -> Provenance | None:
+        """What an earlier run made a step's result from, None where there is no whole result."""
+
+    @abstractmethod
+    def compute(self, step: str) -> None:
+        """Run a step and store its result."""
+
+    @abstractmethod
+    def reuse(self, step: str) -> None:
+        """Go on with what an earlier run found."""
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """What follows from all steps that were done: tables, a page, what the outcome tells of their results."""
+        return outcome
+
+    def reasons(self, step: str) -> tuple[str, ...]:
+        """Why a step is computed, one line each; () where its result is reused."""
+        earlier = self.earlier(step)
+        return (NEVER,) if earlier is None else changes(earlier, self.provenance(step))
+
+    def all_reasons(self, steps: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """By step, why a run would compute it; () where it would be reused. Nothing is computed."""
+        reasons: dict[str, tuple[str, ...]] = {}
+        for step in steps:
+            if self.linked and any(reasons.values()):
+                reasons[step] = (NEVER if self.earlier(step) is None else AFTER_OTHERS,)
+                continue
+            reasons[step] = self.reasons(step)
+            if not reasons[step]:
+                self.reuse(step)
+        return reasons
+
+    def unchanged(self, steps: Sequence[str]) -> Outcome | None:
+        """The outcome of a job whose folder is what a run would leave it as, None for any other."""
+        if any(self.all_reasons(steps).values()):
+            return None
+        return self.end(replace(self.outcome, done=tuple(steps), reused=tuple(steps)))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let go of what was only needed while steps run; an interrupted job keeps what it has found."""
+        return
+
+
+def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None) -> Outcome:
+    """Run steps in their order; where one fails, what those before it found is kept.
+
+    Parameters
+    ----------
+    check : called before each step; what it raises ends the job
+    """
+    outcome = job.outcome
+    with job:
+        for step in steps:
+            try:
+                check()
+                reasons = job.reasons(step)
+                if not reasons:
+                    job.reuse(step)
+                    outcome = replace(outcome, done=(*outcome.done, step), reused=(*outcome.reused, step))
+                    continue
+                changed = dict.fromkeys((*outcome.changed, *(text for text in reasons if text != NEVER)))
+                outcome = replace(outcome, changed=tuple(changed))
+                started = time.monotonic()
+                job.compute(step)
+                timed = (*outcome.timed, (step, time.monotonic() - started))
+                outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
+            except Exception as error:
+                outcome = failed(outcome, error, step)
+                break
+        return job.end(outcome)

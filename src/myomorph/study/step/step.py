@@ -1,0 +1,146 @@
+"""A step as one value: what it is done for, what it reads and gives, its options, how it is stored and shown.
+
+Everything that depends on which steps there are follows from `step_table.STEPS`: hashes, reuse, resuming, the dry run,
+settings of study files, `--help`, tables of values and the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.provenance import Provenance
+from myomorph.store.outcome import Outcome
+from myomorph.store.results import ResultWriter, Stored
+from myomorph.store.settings import ReportOptions, Setting, settings_of
+from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.step.step_table import REPORT, STEPS, Scope
+
+if TYPE_CHECKING:
+    from myomorph.report.trial.report_input import ReportInput
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepHead:
+    """What study files and the command line can say to a step, the report included.
+
+    Attributes
+    ----------
+    name : in study files and on the command line
+    title : as reports name it
+    options : option dataclasses; their fields are the step's settings in study files and on the command line
+    not_settings : fields that come from elsewhere
+    """
+
+    name: str
+    title: str
+    options: tuple[type, ...] = ()
+    not_settings: tuple[str, ...] = ()
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """What a study file or the command line can say to the step."""
+        return tuple(
+            setting for kind in self.options for setting in settings_of(kind) if setting.name not in self.not_settings
+        )
+
+
+@dataclass(frozen=True)
+class StepOutput:
+    """Where a step of a trial writes: its values into a result file, its tables into a folder."""
+
+    writer: ResultWriter
+    folder: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step(StepHead, Generic[Result]):
+    """One step.
+
+    What a step of a trial gives is a value with a type, kept among those of the trial's other steps in one result
+    file. What a step of another scope gives is a folder, with files that later steps and jobs read.
+
+    Attributes
+    ----------
+    scope : what it is done once for
+    run : of a trial: from the trial, the output and the results of `needs` and `uses` (None where absent) to its own;
+        it writes tables and values. Else from the inputs of its scope and where it writes (`FolderOutput`)
+    tables : folder of its tables in that of its trial, subject, specimen or study; "" for that one itself
+
+    Of a trial:
+
+    gives : type of its result; a result may have `notes`, what was done about doubtful input, one line each
+    needs : types of earlier results that it cannot do without
+    uses : types of earlier results that it takes where they are there
+    read : its result as stored, given the options of all steps; None where the file has none
+    roles : of the sources that its result depends on, None for all
+    hashed : from the trial to values of options that its result depends on; by default all of `options`
+    show : adds what a result file has of this step to what the report shows
+    signals : what it has over time (`Signals`), for tables of values and curves; from the file, the model and the
+        mass [kg]
+    numbers : its scalar results (`Value`), for tables of values; from the file, the model and the strides, None where
+        it is no walk
+    numbers_last : they come after the statistics of the signals of all steps
+    large : variables that are not read back, since nothing in a study or a page needs them
+    outcome : adds what the result tells of a trial to its outcome
+    outcome_variables : that must be read for this
+
+    Of other scopes:
+
+    made_from : from the inputs of its scope to what its result is derived from
+    leaves : files that later steps and jobs read, from what they are used as to their path in the folder of the
+        subject, specimen or study; a result is there when they are
+    """
+
+    run: Callable[..., Result]
+    scope: Scope = "trial"
+    tables: str = ""
+
+    gives: type[Result] = object  # type: ignore[assignment]
+    needs: tuple[type, ...] = ()
+    uses: tuple[type, ...] = ()
+    read: Callable[[Stored, OptionSet], Result | None] = lambda stored, options: None
+    roles: tuple[str, ...] | None = None
+    hashed: Callable[[Any], Sequence[object]] | None = None
+    show: Callable[[ReportInput, Stored], ReportInput] = lambda given, stored: given
+    signals: Callable[[Stored, Model, float], Sequence[Any]] = lambda stored, model, mass: ()
+    numbers: Callable[[Stored, Model, Any], Iterable[Any]] = lambda stored, model, strides: ()
+    numbers_last: bool = False
+    large: tuple[str, ...] = ()
+    outcome: Callable[[Outcome, Result], Outcome] | None = None
+    outcome_variables: tuple[str, ...] = ()
+
+    made_from: Callable[[Any], Provenance] | None = None
+    leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+
+
+REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
+
+
+def step_of(name: str, scope: Scope = "trial") -> Step[Any]:
+    """A step of `STEPS`."""
+    return import_module(STEPS[scope][name]).STEP
+
+
+def step_head(name: str) -> StepHead:
+    """A step of a trial or a subject, or the report."""
+    if name == REPORT:
+        return REPORT_STEP
+    return step_of(name, "subject" if name in STEPS["subject"] else "trial")
+
+
+def trial_steps() -> tuple[Step[Any], ...]:
+    """All steps of a trial, in their order."""
+    return tuple(map(step_of, STEPS["trial"]))
+
+
+def large_variables() -> tuple[str, ...]:
+    """Variables of results that nothing reads back."""
+    return tuple(name for step in trial_steps() for name in step.large)

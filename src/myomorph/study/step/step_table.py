@@ -1,0 +1,48 @@
+"""Which steps there are, by scope: one line each. This table imports nothing, so that the command line starts fast."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Scope = Literal["subject", "trial", "pair", "specimen", "study"]
+"""What a step is done once for: a subject, one of its trials, trials of several subjects that are solved as one, a
+specimen that swings, a whole study."""
+
+STEPS: dict[Scope, dict[str, str]] = {
+    "subject": {
+        "morph": "myomorph.study.subject.morphing",
+        "calibrate": "myomorph.study.subject.calibrating",
+        "refine": "myomorph.study.subject.refining",
+        "identify": "myomorph.study.subject.identifying",
+        "personalize": "myomorph.study.subject.personalizing",
+        "emg": "myomorph.study.subject.emg_gains_step",
+    },
+    "trial": {
+        "ik": "myomorph.study.trial.steps.ik",
+        "id": "myomorph.study.trial.steps.id",
+        "muscles": "myomorph.study.trial.steps.muscles",
+        "tension": "myomorph.study.trial.steps.tension",
+        "uncertainty": "myomorph.study.trial.steps.uncertainty",
+    },
+    "study": {
+        "groups": "myomorph.study.summary.grouping",
+        "tables": "myomorph.study.summary.study_tables",
+    },
+    "pair": {
+        "id": "myomorph.study.trial.steps.id",
+        "tension": "myomorph.study.trial.steps.tension",
+    },
+}
+"""By scope, in the order in which they run: a step's name, and the module whose `STEP` it is, imported when first
+needed. Those of a pair are steps of a trial, whose recording is joined of several."""
+
+ON_REQUEST = ("uncertainty",)
+"""Steps that run only where somebody names them."""
+
+REPORT = "report"
+"""The last step of a trial; it reads what the others stored, and its page is no result."""
+
+
+def usual_steps() -> tuple[str, ...]:
+    """Steps of a trial that run where nobody says which, the report as the last."""
+    return (*(step for step in STEPS["trial"] if step not in ON_REQUEST), REPORT)

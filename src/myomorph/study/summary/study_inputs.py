@@ -1,0 +1,90 @@
+"""What the steps of a whole study begin with: its plan, what became of its jobs, and the results in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+from myomorph.model.provenance import Provenance, Source
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.outcome import Outcome
+from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, provenance_of, value_source
+from myomorph.study.plan.plan import Plan
+from myomorph.study.step.step import Step
+from myomorph.study.trial.report_key import KEY
+
+
+@dataclass(frozen=True)
+class StudyInputs:
+    """The trials of a study when all have ended.
+
+    Attributes
+    ----------
+    outcomes : of all trials, and of subjects' own steps
+    out : folder of the results
+    """
+
+    plan: Plan
+    outcomes: tuple[Outcome, ...]
+    out: Path
+
+    def after(self, step: Step[Any], home: Path) -> StudyInputs:
+        """The same: steps of a study do not read each other's results."""
+        return self
+
+
+def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance:
+    """What the tables of a study are derived from.
+
+    Parameters
+    ----------
+    tables : names of those that each trial has
+    """
+    plan = study.plan
+    sources = []
+    for outcome in study.outcomes:
+        told = (outcome.condition, outcome.done, outcome.error, outcome.frames, outcome.changed)
+        hashes = [_hash(outcome.folder / name) for name in tables]
+        sources.append(value_source("trial", "/".join(name for name in outcome.key if name), *told, hashes))
+    options = {
+        "name": plan.name,
+        "trials": [(trial.subject, trial.name, trial.condition) for trial in plan.trials],
+        "together": [together.name for together in plan.together],
+        "groups": plan.groups is not None,
+        "conditions": [list(plan.conditions.names), sorted(plan.conditions.trials.items())],
+        "excluded": [astuple(excluded) for excluded in plan.excluded],
+    }
+    return provenance_of("tables", sources, options)
+
+
+def groups_provenance(study: StudyInputs) -> Provenance:
+    """What the comparison of two groups is derived from: what the results of their trials were made of."""
+    groups = study.plan.groups
+    assert groups is not None
+    options = {"name": study.plan.name, "groups": [groups.first, groups.second], "strides": repr(groups.strides)}
+    return provenance_of("groups", _trial_results(study), options | {"trials": sorted(groups.trials.items())})
+
+
+def _trial_results(study: StudyInputs) -> Iterator[Source]:
+    groups = study.plan.groups
+    assert groups is not None
+    for subject in (*groups.first[1], *groups.second[1]):
+        for trial in groups.trials[subject]:
+            path = study.out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
+            yield value_source("trial", f"{subject}/{trial}", _result_key(path))
+
+
+def _result_key(path: Path) -> tuple[object, ...]:
+    try:
+        with open_netcdf(path) as file:
+            attributes = file.attributes
+        return attributes.get(KEY, ""), sorted((step, made.key) for step, made in made_from(attributes).items())
+    except DAMAGED:
+        return ()
+
+
+def _hash(path: Path) -> str:
+    """Hash of a file, "" for one that is not there."""
+    return file_source("", path).sha256 if path.is_file() else ""
