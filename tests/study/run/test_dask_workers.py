@@ -138,7 +138,7 @@ def test_a_study_on_a_cluster_writes_the_bytes_of_one_process(
     assert command("run", study, "--out", arm.folder / "here", "--workers", 1).status == 0
     # What is relative here means nothing in the folder of a worker.
     run = command("run", "study.toml", "--out", "there", "--scheduler", cluster.address)
-    assert run.status == 0, run.err
+    assert run.status == 0, run.out + run.err
     assert "3 of 3 trials done" in run.out
     compared, unequal = differences(arm.folder / "there", arm.folder / "here")
     assert compared > 20
