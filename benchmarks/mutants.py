@@ -32,7 +32,7 @@ from cosmic_ray.mutating import mutate_and_test
 from cosmic_ray.plugins import get_operator
 from cosmic_ray.testing import run_tests
 from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkItem
+from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkerOutcome, WorkItem, WorkResult
 
 from data_collection import data_folder
 
@@ -67,8 +67,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(rooms: list[str], count: int, seed: int, budget: float, work: Path | None = None) -> list[dict[str, object]]:
     """One row a mutant, and one for all."""
     work = (work or Path(tempfile.gettempdir(), f"myomorph-mutants-{seed}")).resolve()
-    tree, kernels = work / "tree", work / "kernels"
-    kernels.mkdir(parents=True, exist_ok=True)
+    tree = work / "tree"
+    (work / "kernels").mkdir(parents=True, exist_ok=True)
     for name in () if tree.exists() else COPIED:
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
         tree.mkdir(parents=True, exist_ok=True)
@@ -79,11 +79,7 @@ def run(rooms: list[str], count: int, seed: int, budget: float, work: Path | Non
             session.add_work_items(sample(rooms, count, seed))
         graph = grimp.build_graph("myomorph", cache_dir=None)
         for item in list(session.pending_work_items):
-            files, seconds = chosen_tests(graph, item.mutations[0].module_path, budget, work)
-            shutil.rmtree(changed := kernels.with_name("changed"), ignore_errors=True)
-            shutil.copytree(kernels, changed, copy_function=os.link)
-            os.environ["NUMBA_CACHE_DIR"] = str(changed)
-            session.set_result(item.job_id, mutate_and_test(item.mutations, pytest_of(*files), seconds + PATIENCE))
+            session.set_result(item.job_id, noticed(graph, item, budget, work))
             print(f"{len(list(session.completed_work_items))} of {count}", file=sys.stderr, flush=True)
         rows = [_row(item, result) for item, result in session.completed_work_items]
     killed = sum(row["noticed by"] != "" for row in rows)
@@ -119,27 +115,51 @@ def _is_drawn(node: object) -> bool:
     return PASSED_OVER.isdisjoint(kinds) and ("suite", "funcdef") in pairwise(kinds)
 
 
-def chosen_tests(graph: grimp.ImportGraph, path: Path, budget: float, work: Path) -> tuple[list[str], float]:
-    """Test files of a module's room that lead to it, nearest first, and the seconds they take without a change."""
+def noticed(graph: grimp.ImportGraph, item: WorkItem, budget: float, work: Path) -> WorkResult:
+    """What the first test file says that notices a mutant, or the last of those that the budget allows."""
+    result, used = WorkResult(WorkerOutcome.NO_TEST, "", TestOutcome.SURVIVED, ""), 0.0
+    shutil.rmtree(changed := work / "changed", ignore_errors=True)
+    for file in nearest_tests(graph, item.mutations[0].module_path):
+        seconds = usual_seconds(file, work)
+        if seconds is None or used + seconds > budget:
+            continue
+        used += seconds
+        shutil.copytree(work / "kernels", changed, copy_function=_link, dirs_exist_ok=True)
+        os.environ["NUMBA_CACHE_DIR"] = str(changed)
+        result = mutate_and_test(item.mutations, pytest_of(file), 4.0 * seconds + PATIENCE)
+        if result.test_outcome == TestOutcome.KILLED:
+            break
+    return result
+
+
+def _link(kernel: str, place: str) -> None:
+    if not os.path.exists(place):
+        os.link(kernel, place)
+
+
+def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
+    """Test files of a module's room that lead to it: those of its name, then by the imports between."""
     module, steps = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__"), {}
     for file in sorted(Path("tests", path.parts[2]).rglob("test_*.py")):
         names = _imported(file, graph.modules)
         chains = [graph.find_shortest_chain(name, module) or () for name in names - {module}]
         if counts := [len(chain) for chain in chains if chain] + [1] * (module in names):
             steps[str(file)] = (path.stem not in file.stem, min(counts))
-    store, files, seconds = work / "seconds.json", [], 0.0
+    return sorted(steps, key=steps.get)
+
+
+def usual_seconds(file: str, work: Path) -> float | None:
+    """Processor seconds of a test file without a change, its kernels compiled; None where it fails so."""
+    store = work / "seconds.json"
     known = json.loads(store.read_text()) if store.exists() else {}
-    for file in sorted(steps, key=steps.get):
-        if file not in known:
-            os.environ["NUMBA_CACHE_DIR"] = str(work / "kernels")
-            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            outcome, _ = run_tests(pytest_of(file), 10 * PATIENCE)
-            taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
-            known[file] = taken if outcome == TestOutcome.SURVIVED else None
-            store.write_text(json.dumps(known))
-        if known[file] is not None and seconds + known[file] <= budget:
-            files, seconds = [*files, file], seconds + known[file]
-    return files, seconds
+    if file not in known:
+        os.environ["NUMBA_CACHE_DIR"] = str(work / "kernels")
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        outcome, _ = run_tests(pytest_of(file), 10 * PATIENCE)
+        taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        store.write_text(json.dumps(known | {file: taken if outcome == TestOutcome.SURVIVED else None}))
+        return usual_seconds(file, work)
+    return known[file]
 
 
 def _imported(file: Path, modules: set[str]) -> set[str]:
@@ -151,9 +171,9 @@ def _imported(file: Path, modules: set[str]) -> set[str]:
     return names & modules
 
 
-def pytest_of(*files: str) -> str:
-    """The command that runs test files until one fails."""
-    return f"{sys.executable} -m pytest -x -q --tb=no -p no:cacheprovider -m 'not long' {' '.join(files)}"
+def pytest_of(file: str) -> str:
+    """The command that runs the tests of a file until one fails."""
+    return f"{sys.executable} -m pytest -x -q --tb=no -p no:cacheprovider -m 'not long' {file}"
 
 
 def _row(item: WorkItem, result: object) -> dict[str, object]:

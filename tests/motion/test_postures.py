@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.motion.body.postures import _seen_from_base
+from myomorph.model.scale import scale
+from myomorph.model.series import Markers
+from myomorph.motion.body.postures import _seen_from_base, spread_postures
+from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
@@ -28,3 +31,26 @@ def test_a_posture_is_the_same_wherever_the_first_body_stands():
         if marker.body == model.bodies[0].name:
             np.testing.assert_allclose(found[:, k], np.tile(marker.location, (4, 1)), atol=1e-12)
     np.testing.assert_allclose(found, np.tile(found[:1], (4, 1, 1)), atol=1e-12)
+
+
+def test_a_small_body_shows_the_postures_that_a_larger_one_does():
+    """Below the size of a man, of whom a length unit is a metre, the same frames are chosen at every scale."""
+    model = stick_figure()
+    values = np.zeros((30, len(model.coordinates)))
+    bent = [model.coordinate_names.index(name) for name in ("femur_r_r0", "tibia_r_r0")]
+    values[:, bent] = np.linspace(0.0, 1.0, 30)[:, None] * [0.3, -0.5]
+    sliding = [k for k, coordinate in enumerate(model.coordinates) if coordinate.motion == "translational"]
+    chosen = []
+    for size in (0.4, 0.05):
+        body = scale(model, {one.name: np.full(3, size) for one in model.bodies})
+        tree = compile_tree(body)
+        poses = forward_kinematics(tree, np.where(np.isin(np.arange(values.shape[1]), sliding), size * values, values))
+        places = poses.points(
+            np.array([tree.body_index[marker.body] for marker in body.markers]),
+            np.array([marker.location for marker in body.markers]),
+        )
+        markers = Markers(np.arange(30) / 10.0, body.marker_names, places)
+        ((frames, _),) = spread_postures(body, [markers], InverseKinematicsOptions(), 12)
+        chosen.append(frames.tolist())
+    assert chosen[0] == chosen[1]
+    assert 1 < len(chosen[0]) < 12

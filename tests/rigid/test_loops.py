@@ -145,6 +145,19 @@ def test_projected_rates_keep_loops_closed():
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_fast_rates_are_projected_as_slow_ones_are(seed):
+    """Time that runs k times as fast multiplies velocities by k and accelerations by its square."""
+    model, closed = looped_tree(seed)
+    tree = compile_tree(model)
+    c = close_loops(tree, near(tree, closed, spread=0.03))
+    rates = np.random.default_rng(5).normal(size=(2, *c.shape))
+    v, a = project_rates(tree, c, *rates)
+    fast_v, fast_a = project_rates(tree, c, 1e4 * rates[0], 1e8 * rates[1])
+    np.testing.assert_allclose(fast_v, 1e4 * v, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(fast_a, 1e8 * a, rtol=1e-9, atol=1e-2)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_slopes_are_those_of_projected_motion(seed):
     model, closed = looped_tree(seed, functional=True)
     tree = compile_tree(model)

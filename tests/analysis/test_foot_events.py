@@ -1,0 +1,33 @@
+"""The direction of a body in place on a belt: where its feet swing fastest, whatever units lengths are in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.analysis.foot_events import CLEAR, direction_of
+
+X, Y, Z = np.eye(3)
+TIME = np.arange(0.0, 4.0, 0.01)
+
+
+def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
+    """Direction of feet whose speed is cos + b cos 2, of skewness (3/4) b / ((1 + b^2) / 2)^1.5, and its note."""
+    phases = (2.0 * np.pi * TIME, 2.0 * np.pi * TIME + np.pi)
+    feet = [size * np.outer(np.sin(phase) + 0.5 * unevenness * np.sin(2.0 * phase), X) for phase in phases]
+    notes: list[str] = []
+    direction, travels = direction_of(TIME, np.zeros((len(TIME), 3)), feet, Z, None, notes, facing=-X)
+    assert not travels
+    return direction, notes[0]
+
+
+@pytest.mark.parametrize("size", [0.02, 0.3, 20.0])
+def test_even_feet_point_and_uneven_ones_swing_whatever_their_size(size):
+    skewness = [0.75 * b / (0.5 * (1.0 + b * b)) ** 1.5 for b in (0.12, 0.3)]
+    assert skewness[0] < CLEAR < skewness[1]
+    pointed, why = directed(0.12, size)
+    np.testing.assert_allclose(pointed, -X, atol=1e-9)
+    assert "feet point" in why
+    swung, why = directed(0.3, size)
+    np.testing.assert_allclose(swung, X, atol=1e-9)
+    assert "swing fastest" in why
