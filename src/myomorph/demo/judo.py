@@ -137,8 +137,8 @@ def write_errors(contact_forces: ContactForces, truth: PairTruth, path: Path) ->
         table = csv.writer(stream)
         table.writerow(("contact", "true force [N]", "error [N]", "error x", "error y", "error z"))
         for name in (*FEET, *GRIPS):
-            own = [index for index, site in enumerate(contact_forces.sites) if site.group == name]
-            miss = contact_forces.forces[:, own].sum(axis=1) - truth.forces[name]
+            columns = [index for index, site in enumerate(contact_forces.sites) if site.group == name]
+            miss = contact_forces.forces[:, columns].sum(axis=1) - truth.forces[name]
             along = np.sqrt(np.mean(miss**2, axis=0))
             size = np.sqrt(np.mean(np.sum(truth.forces[name] ** 2, axis=1)))
-            table.writerow((name, *(f"{one:.1f}" for one in (size, np.linalg.norm(along), *along))))
+            table.writerow((name, *(f"{number:.1f}" for number in (size, np.linalg.norm(along), *along))))

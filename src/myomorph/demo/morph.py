@@ -129,11 +129,11 @@ def _carried(maps: Mapping[str, PointMap], bodies: list[str], points: Array) -> 
 def _joint_errors(morph: Morph, truth: Mapping[str, PointMap]) -> dict[str, float]:
     joints = {joint.name: joint for joint in morph.source.joints}
     result = {}
-    for one in morph.joints:
-        joint = joints[one.name]
+    for moved_joint in morph.joints:
+        joint = joints[moved_joint.name]
         if joint.child in truth and joint.parent in truth:
             goal = truth[joint.child].apply(joint.child_frame.translation)
-            result[one.name] = float(np.linalg.norm(one.in_child - goal))
+            result[moved_joint.name] = float(np.linalg.norm(moved_joint.in_child - goal))
     return result
 
 
@@ -144,13 +144,13 @@ def _arm_errors(
     exact = MorphOptions(surface_within=0.0, joints="mapped")
     true = morph_model(morph.source, _bones(morph, truth), exact).model
     models = {name: morph_model(morph.source, _bones(morph, by), exact).model for name, by in others.items()}
-    found, pairs = {}, []
+    errors, pairs = {}, []
     for name, model in {**models, WRITTEN: morph.model}.items():
         tables = compare_moment_arms(true, model, compared_coordinates(true, model))
         turning = [table for table in tables if table.kind == "rotational"]
-        found[name] = np.concatenate([np.sqrt(np.mean((one.target - one.source) ** 2, axis=0)) for one in turning])
-        pairs = [(muscle, one.pair.source) for one in turning for muscle in one.muscles]
-    return found, tuple(pairs)
+        errors[name] = np.concatenate([np.sqrt(np.mean((arm.target - arm.source) ** 2, axis=0)) for arm in turning])
+        pairs = [(muscle, arm.pair.source) for arm in turning for muscle in arm.muscles]
+    return errors, tuple(pairs)
 
 
 def _bones(morph: Morph, maps: Mapping[str, PointMap]) -> dict[str, BoneMap]:

@@ -111,7 +111,7 @@ def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Ca
         ending, more = "trc", ""
         for trial in trials:
             write_recording(trial, place / trial.name.replace(" ", "_"))
-    bones = ", ".join(f'"{one}"' for one in FURTHER)
+    bones = ", ".join(f'"{bone}"' for bone in FURTHER)
     return f"""[[specimen]]
 name = "{number}"
 model = "{place.name}/model.xml"
@@ -173,7 +173,8 @@ def _head(seconds: float, trials: int, noise: Noise, raw: Sequence[int], full_si
     ]
     if raw:
         lines.append(
-            f"Raw is specimen {', '.join(f'{one:02d}' for one in raw)}: C3D of a plate that lies up to 1.5 degrees and "
+            f"Raw is specimen {', '.join(f'{number:02d}' for number in raw)}: C3D of a plate that lies up to 1.5 "
+            "degrees and "
             "8 mm an axis off its place in the file, pushes of a rod with two markers on it, and a CT of bones and "
             "clusters with 0.2 mm of noise and points picked 0.5 mm off."
         )

@@ -195,8 +195,8 @@ class LiveChain:
         self._names = source.names if source.markers else None
         self.limits: LiveLimits | None = None
         if limits is not None and limits.draws:
-            given = (self._names, self.bodies, self.filter, source.rate, self.feet.up, limits, sources, tension)
-            self.limits = LiveLimits(model, *given)
+            arguments = (self._names, self.bodies, self.filter, source.rate, self.feet.up, limits, sources, tension)
+            self.limits = LiveLimits(model, *arguments)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -261,13 +261,13 @@ class LiveChain:
             times.append(moment)
             rows.append(row)
         if times:
-            given = self.feet.given(np.array(rows), self._pose)
-            self._forces.push(np.array(times), given.reshape(len(times), -1))
+            wrenches = self.feet.given(np.array(rows), self._pose)
+            self._forces.push(np.array(times), wrenches.reshape(len(times), -1))
         if not time - self._forces.last <= GAP:
             self._forces.forget()
             return None
-        found = self._forces.at(time)[0]
-        return found.reshape(-1, 6) if np.isfinite(found).all() else None
+        placed = self._forces.at(time)[0]
+        return placed.reshape(-1, 6) if np.isfinite(placed).all() else None
 
     def frame(self, time: float, row: Array) -> ChainFrame:
         """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names [rad or m]."""

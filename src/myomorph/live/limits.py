@@ -138,7 +138,7 @@ class LiveLimits:
         self._inputs = OnlineInputs(draws, bodies, filter.delay, up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
-            trees, thinned = [one.tree for one in self._drawn], min(rate, POSES) / rate
+            trees, thinned = [draw.tree for draw in self._drawn], min(rate, POSES) / rate
             self._errors = MarkerErrors(model, trees, draws, names, POSES, thinned)
         else:
             self._errors = AngleErrors(model, draws, POSES)
@@ -204,17 +204,17 @@ class LiveLimits:
         parts = [values[:, a:b] for a, b in zip(self._ends, self._ends[1:], strict=False)]
         for name, part in zip(TABLES, parts, strict=True):
             if name in NOT_NEGATIVE:
-                own = result[self._ends[TABLES.index(name)] :][: part.shape[1]]
-                np.maximum(part[:2], np.minimum(own, 0.0), out=part[:2])
+                table = result[self._ends[TABLES.index(name)] :][: part.shape[1]]
+                np.maximum(part[:2], np.minimum(table, 0.0), out=part[:2])
             if name == "activations":
                 np.minimum(part[:2], 1.0, out=part[:2])
         return FrameLimits(*parts)
 
     def _work(self, instant: Instant) -> Iterator[None]:
         """Errors of the pose, and where it is due, all that follows from them; stops between parts of the work."""
-        fourth, found = self._fourth(instant.time, instant.motion[3]), np.empty((self._count, self._n))
-        yield from self._errors.fill(instant.time, instant.pose, instant.row, found)
-        self._stream.push(np.array([instant.time]), found.reshape(1, -1))
+        fourth, limits = self._fourth(instant.time, instant.motion[3]), np.empty((self._count, self._n))
+        yield from self._errors.fill(instant.time, instant.pose, instant.row, limits)
+        self._stream.push(np.array([instant.time]), limits.reshape(1, -1))
         waits = instant.time - self._round < 1.0 / TENSIONS - 1e-6 or not self._stream.settled(instant.time)
         if waits or not np.isfinite(instant.result).all():
             return
@@ -222,9 +222,9 @@ class LiveLimits:
         errors = self._stream.at(instant.time).reshape(3, self._count, self._n)
         motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(errors, 0, 1)
         loads, rows = self._inputs.loads(instant.loads), np.empty((self._count, int(self._ends[-1])))
-        for index, one in enumerate(self._drawn):
+        for index, draw in enumerate(self._drawn):
             yield
-            one.fill(motion[index], loads[index], rows[index])
+            draw.fill(motion[index], loads[index], rows[index])
         yield
         known = np.isfinite(rows).all(axis=1)
         self.tried += self._count

@@ -165,8 +165,8 @@ class Delays:
 
     def states(self) -> dict[int, int]:
         """Frames by state."""
-        found, counts = np.unique(self.table[:, 4].astype(np.int64), return_counts=True)
-        return dict(zip(found.tolist(), counts.tolist(), strict=True))
+        codes, counts = np.unique(self.table[:, 4].astype(np.int64), return_counts=True)
+        return dict(zip(codes.tolist(), counts.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

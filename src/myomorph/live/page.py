@@ -53,10 +53,10 @@ class LivePage:
     ):
         self._delays, self._filter_delay = delays, chain.filter.delay
         self._markers = len(chain.poses.marker_names)
-        own: Connection
+        connection: Connection
         context = multiprocessing.get_context("spawn")
-        own, other = context.Pipe()
-        self._pipe = own
+        connection, other = context.Pipe()
+        self._pipe = connection
         self._process = context.Process(
             target=_serve, args=(other, model, dict(surfaces or {}), port, len(chain.bodies)), daemon=True
         )

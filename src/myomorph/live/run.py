@@ -149,7 +149,7 @@ def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Sour
             raise BadData(f"--up {live_files.up}: expected y or z")
         turn = Z_UP_TO_Y_UP if live_files.up == "z" else None
         streams = LabStreams(live_files.markers, live_files.forces, turn=turn)
-        names = [one for one in (live_files.markers, live_files.forces) if one]
+        names = [name for name in (live_files.markers, live_files.forces) if name]
         return streams, tuple(value_source("stream", name, name) for name in names)
     files = [("markers", live_files.markers)] + ([("loads", live_files.loads)] if live_files.loads else [])
     series, wrenches = open_recording(model, live_files.markers, live_files.loads, labels=live_files.labels)
@@ -246,15 +246,15 @@ class LiveRecord:
             stream.write(
                 "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump\n"
             )
-            markers = rows[:, [self._part[one].start for one in ("seen", "error", "remaining")]]
+            markers = rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
             for (time, waiting, age, busy, state), (seen, error, remaining) in zip(table, markers, strict=True):
                 stream.write(
                     f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
                     f"{1e3 * error:.3f},{remaining:.3g}\n"
                 )
         delays, spread = session.delays, {}
-        for name, one in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
-            milliseconds = {"median": one.median, "percentile_99": one.late, "worst": one.worst}
+        for name, delay in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
+            milliseconds = {"median": delay.median, "percentile_99": delay.late, "worst": delay.worst}
             spread[f"{name}_ms"] = {
                 key: round(1e3 * value, 4) if np.isfinite(value) else None for key, value in milliseconds.items()
             }

@@ -133,7 +133,7 @@ class Replay:
         self.bodies = tuple(wrenches.bodies[i] for i in outside)
         self.force_rate = Series(wrenches.time, (), np.zeros((len(wrenches), 0))).rate
         self._force_time = wrenches.time
-        parts = (one[:, outside, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+        parts = (values[:, outside, None] for values in (wrenches.forces, wrenches.points, wrenches.torques))
         self._forces = total_wrench(*parts)
 
     @property

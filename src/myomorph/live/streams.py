@@ -31,24 +31,24 @@ def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[
     ------
     BadData : a marker without all three axes, no marker at all, or an unknown unit
     """
-    found: dict[str, dict[str, int]] = {}
+    channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
         match = _AXIS.match(label)
         if match and match[1]:
-            found.setdefault(match[1], {})[match[2].lower()] = i
-    if not found:
+            channels.setdefault(match[1], {})[match[2].lower()] = i
+    if not channels:
         raise BadData(
             f"the markers' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_x, NAME_y, "
             "NAME_z for every marker"
         )
-    for name, axes in found.items():
+    for name, axes in channels.items():
         if set(axes) != set("xyz"):
             raise BadData(f"marker '{name}' of the stream has only {', '.join(sorted(axes))}: expected x, y and z")
-    used = {units[i].strip().lower() for axes in found.values() for i in axes.values()}
+    used = {units[i].strip().lower() for axes in channels.values() for i in axes.values()}
     if len(used) != 1 or not used <= set(_UNITS):
         raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
-    columns = np.array([[axes[axis] for axis in "xyz"] for axes in found.values()])
-    return tuple(found), columns, _UNITS[used.pop()]
+    columns = np.array([[axes[axis] for axis in "xyz"] for axes in channels.values()])
+    return tuple(channels), columns, _UNITS[used.pop()]
 
 
 def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
@@ -60,14 +60,14 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
     ------
     BadData : a plate with neither F, P, T nor F, M in all three axes, or points in an unknown unit
     """
-    found: dict[str, dict[str, int]] = {}
+    plate_channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
         match = _FORCE.match(label)
         if match:
-            found.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
+            plate_channels.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
     wanted = {"fpt": {a + b for a in "fpt" for b in "xyz"}, "fm": {a + b for a in "fm" for b in "xyz"}}
     plates: list[tuple[str, np.ndarray, float]] = []
-    for name, channels in found.items():
+    for name, channels in plate_channels.items():
         kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
         if not kind:
             raise BadData(
@@ -93,7 +93,7 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
                 result[:, plate] = total_wrench(parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2])
         return result
 
-    return tuple(found), each
+    return tuple(plate_channels), each
 
 
 WAIT = 10.0
@@ -196,13 +196,13 @@ class _Stream:
     """One stream: its channels, its rate, and what it sends."""
 
     def __init__(self, lsl: Any, name: str, what: str, wait: float):
-        found = lsl.resolve_byprop("name", name, timeout=wait)
-        if not found:
+        streams = lsl.resolve_byprop("name", name, timeout=wait)
+        if not streams:
             others = tuple(dict.fromkeys(stream.name() for stream in lsl.resolve_streams(1.0)))
             raise UnknownName(f"stream of {what}", name, others, "the network")
         flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
         try:
-            self._inlet = lsl.StreamInlet(found[0], processing_flags=flags)
+            self._inlet = lsl.StreamInlet(streams[0], processing_flags=flags)
             info = self._inlet.info(wait)
             # What the first sample would wait for: the connection, and a first look at the sender's clock.
             self._inlet.open_stream(wait)
@@ -303,9 +303,9 @@ class LabOutlet:
             info = lsl.StreamInfo(name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}")
             described = info.desc().append_child("channels")
             for label, unit, kind in channels:
-                one = described.append_child("channel")
+                channel = described.append_child("channel")
                 for key, text in (("label", label), ("unit", unit), ("type", kind)):
-                    one.append_child_value(key, text)
+                    channel.append_child_value(key, text)
             info.desc().append_child_value("filter_delay", f"{self._delay:.6f}")
             self._outlet = lsl.StreamOutlet(info)
         except RuntimeError as error:
@@ -319,11 +319,11 @@ class LabOutlet:
             frame.coordinates, frame.torques, frame.tension.activations
         )  # fmt: skip
         if self._limited:
-            own = frame.limits
+            limits = frame.limits
             ends = (
                 np.nan
-                if own is None
-                else np.hstack([own.coordinates[:2], own.torques[:2], own.activations[:2]]).ravel()
+                if limits is None
+                else np.hstack([limits.coordinates[:2], limits.torques[:2], limits.activations[:2]]).ravel()
             )
             self._row[self._results :] = ends
         # A stream's frames have its clock already; those of a recording were due some time ago.

@@ -105,8 +105,8 @@ class Controller:
         aims.pull(muscles, self._tone, effort)
         aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
         aims.pull(slice(-3, None), lapel, drives.pull**-2)
-        found = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
-        self._before = np.clip(found[muscles], 0.0, 1.0)
+        solution = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
+        self._before = np.clip(solution[muscles], 0.0, 1.0)
         return self._before
 
     def _accelerations(self, data: Any, feet: Array, grip: Array) -> tuple[Array, Array]:
@@ -176,23 +176,23 @@ def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
     active, passive, slope = np.empty(m.nu), np.empty(m.nu), np.empty(m.nu)
     for i in range(m.nu):
         length, speed = float(data.actuator_length[i]), float(data.actuator_velocity[i])
-        given = m.actuator_lengthrange[i], float(m.actuator_acc0[i])
+        limits = m.actuator_lengthrange[i], float(m.actuator_acc0[i])
         slow, active[i], fast = (
-            -mujoco.mju_muscleGain(length, speed + one, *given, m.actuator_gainprm[i, :9])
-            for one in (-SMALL, 0.0, SMALL)
+            -mujoco.mju_muscleGain(length, speed + step, *limits, m.actuator_gainprm[i, :9])
+            for step in (-SMALL, 0.0, SMALL)
         )
         slope[i] = (fast - slow) / (2.0 * SMALL)
-        passive[i] = -mujoco.mju_muscleBias(length, *given, m.actuator_biasprm[i, :9])
+        passive[i] = -mujoco.mju_muscleBias(length, *limits, m.actuator_biasprm[i, :9])
     return active, passive, slope
 
 
 def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
     """d/d(rates) (3, nv) of the way from the second site to the first, and that way (3,) [m]."""
-    one, other = np.zeros((3, m.nv)), np.zeros((3, m.nv))
+    first_jacobian, other = np.zeros((3, m.nv)), np.zeros((3, m.nv))
     a, b = m.site(first).id, m.site(second).id
-    mujoco.mj_jacSite(m, data, one, None, a)
+    mujoco.mj_jacSite(m, data, first_jacobian, None, a)
     mujoco.mj_jacSite(m, data, other, None, b)
-    return one - other, data.site_xpos[a] - data.site_xpos[b]
+    return first_jacobian - other, data.site_xpos[a] - data.site_xpos[b]
 
 
 def _solve(H: Array, c: Array, muscles: int, corners: int, friction: float) -> Array:
@@ -264,7 +264,7 @@ def simulate_bout(
     data.qpos[:] = plan.poses[0]
     controller = Controller(m, weight, tone)
     steps = round(min(plan.duration, until) / STEP)
-    found = _room(m, steps)
+    record = _room(m, steps)
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
     activation, chosen = tone.copy(), tone
     error = np.empty(m.nv)
@@ -274,18 +274,18 @@ def simulate_bout(
             standing = _standing(m, data, builds, plan, index * STEP, anchors)
             q, rates, accelerations = plan.at(m, index * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
-            found["strayed"][index : index + CONTROL] = np.abs(error).max()
+            record["strayed"][index : index + CONTROL] = np.abs(error).max()
             stiff = controller.drives.stiffness
             aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(index * STEP)
             chosen = controller.activations(data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve)
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
-        found["time"][index], found["qpos"][index], found["activations"][index] = index * STEP, data.qpos, activation
+        record["time"][index], record["qpos"][index], record["activations"][index] = index * STEP, data.qpos, activation
         mujoco.mj_step2(m, data)
-        found["tensions"][index] = -data.actuator_force
-        _record_forces(m, data, found, index)
-    return Run(**found)
+        record["tensions"][index] = -data.actuator_force
+        _record_forces(m, data, record, index)
+    return Run(**record)
 
 
 def _room(m: Any, steps: int) -> dict[str, Array]:
@@ -325,7 +325,7 @@ def _standing(
     return [corner for corners in anchors.values() for corner in corners]
 
 
-def _record_forces(m: Any, data: Any, found: Mapping[str, Array], k: int) -> None:
+def _record_forces(m: Any, data: Any, record: Mapping[str, Array], step: int) -> None:
     mat, lapel, sleeve = m.geom("mat").id, len(FEET), len(FEET) + 1
     feet = {m.body(name).id: c for c, name in enumerate(FEET)}
     count = int(data.ncon)
@@ -336,15 +336,15 @@ def _record_forces(m: Any, data: Any, found: Mapping[str, Array], k: int) -> Non
         below = contact.geom1 == mat
         forces[i] = contact.frame.reshape(3, 3).T @ wrench[:3] * (1.0 if below else -1.0)
         owners[i] = feet[int(m.geom_bodyid[contact.geom2 if below else contact.geom1])]
-    np.add.at(found["forces"][k], owners, forces)
-    np.add.at(found["moments"][k], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
+    np.add.at(record["forces"][step], owners, forces)
+    np.add.at(record["moments"][step], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
     rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (data.efc_id == m.equality("lapel").id)
-    found["places"][k, 0] = data.site_xpos[m.site("tori_grip_r").id]
-    found["forces"][k, lapel] = data.efc_force[rows]
+    record["places"][step, 0] = data.site_xpos[m.site("tori_grip_r").id]
+    record["forces"][step, lapel] = data.efc_force[rows]
     fist, cuff = (data.site_xpos[m.site(name).id] for name in ("tori_grip_l", "cuff"))
     t = m.tendon("sleeve").id
     stretch = float(data.ten_length[t]) - SLEEVE_LENGTH
     tension = (SLEEVE_STIFFNESS * stretch if stretch > 0.0 else 0.0) + SLEEVE_DAMPING * float(data.ten_velocity[t])
-    found["places"][k, 1] = fist
-    found["forces"][k, sleeve] = tension * (cuff - fist) / np.linalg.norm(cuff - fist)
-    found["moments"][k, lapel:] = np.cross(found["places"][k], found["forces"][k, lapel:])
+    record["places"][step, 1] = fist
+    record["forces"][step, sleeve] = tension * (cuff - fist) / np.linalg.norm(cuff - fist)
+    record["moments"][step, lapel:] = np.cross(record["places"][step], record["forces"][step, lapel:])

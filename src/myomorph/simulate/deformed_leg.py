@@ -151,7 +151,7 @@ def _led(muscle: Muscle) -> Muscle:
 
 def truths(model: Model) -> dict[str, BodyTruth]:
     """The one deformation as each body sees it; each frame moves with its origin and keeps its directions."""
-    waves = tuple((np.array(k), np.array(d) / np.linalg.norm(d), phase) for k, d, phase in WAVES)
+    waves = tuple((np.array(wave), np.array(d) / np.linalg.norm(d), phase) for wave, d, phase in WAVES)
     field = Deformation(np.array(STRETCH), waves, AMPLITUDE)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])

@@ -157,15 +157,15 @@ def segments() -> Iterator[Segment]:
     """All segments, parents first, both sides named."""
     yield from MIDDLE
     for side, sign in (("r", 1.0), ("l", -1.0)):
-        for one in SIDED:
-            parent = one.parent if one.parent in ("pelvis", "torso") else f"{one.parent}_{side}"
+        for segment in SIDED:
+            parent = segment.parent if segment.parent in ("pelvis", "torso") else f"{segment.parent}_{side}"
             # Mirrored axes: the same sign means the same movement on both sides.
             joints = tuple(
                 (f"{name}_{side}", axis if axis == Z else tuple(int(sign) * x for x in axis))
-                for name, axis in one.joints
+                for name, axis in segment.joints
             )
-            place = (one.place[0], one.place[1], sign * one.place[2])
-            yield Segment(f"{one.name}_{side}", parent, place, joints, one.share, one.center, one.size)  # type: ignore[arg-type]
+            place = (segment.place[0], segment.place[1], sign * segment.place[2])
+            yield Segment(f"{segment.name}_{side}", parent, place, joints, segment.share, segment.center, segment.size)  # type: ignore[arg-type]
 
 
 def muscle_points() -> dict[str, tuple[float, tuple[Point, ...]]]:
@@ -269,7 +269,7 @@ def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
 def _muscle(name: str, force: float, path: float) -> str:
     """A muscle without dynamics of activation: its control is its activation."""
     fiber = FIBER_SHARE * path
-    low, high = (path + (one - 1.0) * fiber for one in RANGE)
+    low, high = (path + (share - 1.0) * fiber for share in RANGE)
     parameters = f"{RANGE[0]} {RANGE[1]} {force!r} 200 0.4 1.8 8 1.0 1.4"
     return (
         f'<general name="{name}" tendon="{name}_tendon" class="muscle" gainprm="{parameters}" biasprm="{parameters}" '

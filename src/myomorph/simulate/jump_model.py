@@ -111,7 +111,7 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
     point[:, 2] = ankle[:, 2] + (center[:, 0] - ankle[:, 0]) * run[2] / run[0]
     force = np.where(loaded[:, None], 0.5 * plate.forces, 0.0)
     torque = 0.5 * np.nan_to_num(plate.torques)
-    middle, side = (_at(clock, markers.time, one) for one in middle_plane(markers))
+    middle, side = (_at(clock, markers.time, points) for points in middle_plane(markers))
     side = side / np.linalg.norm(side, axis=1, keepdims=True)
     forces = np.stack([force, mirrored(force, side)], axis=1)
     points = np.stack([point, middle + mirrored(point - middle, side)], axis=1)
@@ -124,7 +124,7 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
 
 
 def _at(clock: Array, time: Array, column: Array) -> Array:
-    return np.column_stack([np.interp(clock, time, one) for one in column.T])
+    return np.column_stack([np.interp(clock, time, values) for values in column.T])
 
 
 def events_of(trial: Trial) -> tuple[Event, ...]:
@@ -150,8 +150,8 @@ def events_of(trial: Trial) -> tuple[Event, ...]:
     lowest = markers.time[early][np.argmin(height[early])]
     start = clock[before[-1]]
     peak = clock[np.argmax(np.where(clock >= landing, force, 0.0))]
-    found = {"Start": start, "Lowest": lowest, "Take-off": takeoff, "Landing": landing, "Peak": peak}
-    return tuple(Event(float(time), label) for label, time in found.items())
+    events = {"Start": start, "Lowest": lowest, "Take-off": takeoff, "Landing": landing, "Peak": peak}
+    return tuple(Event(float(time), label) for label, time in events.items())
 
 
 TRUNK_BEND = "lumbar_extension"
@@ -222,9 +222,9 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
     def place(body: str) -> Array:
         return poses.origins[0, tree.body_index[body]]
 
-    def ratio(one: str, other: str, marker: str, other_marker: str) -> float:
+    def ratio(body: str, other: str, marker: str, other_marker: str) -> float:
         recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
-        return float(np.mean(recorded) / np.linalg.norm(place(one) - place(other)))
+        return float(np.mean(recorded) / np.linalg.norm(place(body) - place(other)))
 
     pelvis = ratio("femur_r", "femur_l", "RHJC", "LHJC")
     thigh = ratio("femur_r", "tibia_r", "RHJC", "RKJC")

@@ -184,7 +184,7 @@ def inertial(parameters: Array) -> str:
 
 def words(numbers: ArrayLike) -> str:
     """Numbers as MJCF writes them, to the last digit."""
-    return " ".join(repr(float(one)) for one in np.asarray(numbers))
+    return " ".join(repr(float(value)) for value in np.asarray(numbers))
 
 
 def write_recording(trial: VirtualTrial, stem: Path) -> None:
@@ -234,8 +234,8 @@ class VirtualPlate:
     def recording(self, force: Array, moment: Array) -> PlateRecording:
         """What the plate stores of forces (samples, 3) and moments about its center, both in ground [N, N m]."""
         origin = np.array([0.0, 0.0, -DEPTH])
-        own = force @ self.true.rotation
-        channels = np.hstack([own, moment @ self.true.rotation - np.cross(own, origin)])
+        plate_force = force @ self.true.rotation
+        channels = np.hstack([plate_force, moment @ self.true.rotation - np.cross(plate_force, origin)])
         half = 0.5 * np.array([*SIZE, 0.0])
         corners = self.nominal.apply(half * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]))
         return PlateRecording("plate", 2, corners, origin, channels)
@@ -245,7 +245,7 @@ def write_swing_c3d(trial: VirtualTrial, plate: VirtualPlate, path: Path) -> Non
     """A swing's markers and plate in one C3D file, from the first to the last frame that both clocks count."""
     markers, wrenches = trial.markers, trial.wrenches
     every = int(FORCE_RATE / MARKER_RATE)
-    begin, end = (round(float(wrenches.time[k]) * FORCE_RATE) for k in (0, -1))
+    begin, end = (round(float(wrenches.time[edge]) * FORCE_RATE) for edge in (0, -1))
     frames = np.arange(len(markers)) * every
     both = (frames >= begin) & (frames + every - 1 <= end)
     first = int(frames[both][0]) - begin
@@ -298,10 +298,10 @@ def write_scans(
     modelled = modelled or (lambda points: points)
     entries = []
     for bone in specimen.model.body_names:
-        own = bone_of(specimen, bone)
+        mesh = bone_of(specimen, bone)
         markers = {marker.name: marker.location for marker in specimen.model.markers if marker.body == bone}
         pose = Transform(Rotation.random(random_state=random).as_matrix(), random.uniform(-0.2, 0.2, 3))
-        fine = trimesh.Trimesh(own.vertices, own.faces).subdivide()
+        fine = trimesh.Trimesh(mesh.vertices, mesh.faces).subdivide()
         scan = pose.apply(fine.vertices) + 2e-4 * random.standard_normal(fine.vertices.shape)
         balls = trimesh.util.concatenate(
             [
@@ -309,12 +309,12 @@ def write_scans(
                 for marker in markers.values()
             ]
         )
-        _write_stl(modelled(own.vertices), own.faces, folder / f"{bone}_model.stl")
+        _write_stl(modelled(mesh.vertices), mesh.faces, folder / f"{bone}_model.stl")
         _write_stl(1e3 * scan, fine.faces, folder / f"{bone}.stl")
         _write_stl(1e3 * np.asarray(balls.vertices), balls.faces, folder / f"{bone}_cluster.stl")
-        picked = 1e3 * (pose.apply(ends := _ends(own)) + 5e-4 * random.standard_normal((5, 3)))
+        picked = 1e3 * (pose.apply(ends := _ends(mesh)) + 5e-4 * random.standard_normal((5, 3)))
         lines = [
-            f"point {i + 1}," + ",".join(f"{one:.6f}" for one in (*seen, *place))
+            f"point {i + 1}," + ",".join(f"{value:.6f}" for value in (*seen, *place))
             for i, (seen, place) in enumerate(zip(picked, modelled(ends), strict=True))
         ]
         head = "name,x,y,z,bone_x,bone_y,bone_z"
@@ -330,8 +330,8 @@ def bone_of(specimen: Specimen, bone: str) -> Surface:
     """The surface of a bone in its body's frame [m], from the package of the model."""
     for mesh in specimen.model.body(bone).meshes:
         if mesh.file.endswith(f"/{BONES[bone]}"):
-            found = read_mesh(Path(specimen.model.source).parent / mesh.file)
-            whole = trimesh.Trimesh(mesh.pose.apply(mesh.scale * found.vertices), found.faces)
+            surface = read_mesh(Path(specimen.model.source).parent / mesh.file)
+            whole = trimesh.Trimesh(mesh.pose.apply(mesh.scale * surface.vertices), surface.faces)
             return Surface(np.asarray(whole.vertices), np.asarray(whole.faces))
     raise BadModel(f"model '{specimen.model.name}': body '{bone}' has no mesh '{BONES[bone]}'")
 

@@ -49,9 +49,9 @@ class HeldLimb:
         model = self.specimen.model
         tree = compile_tree(model)
         motion = Motion(np.zeros(1), tuple(self.held), np.array([list(self.held.values())]))
-        found = forward_kinematics(tree, tree.coordinates_of(motion))
+        all_poses = forward_kinematics(tree, tree.coordinates_of(motion))
         ground = {
-            name: Transform(found.rotations[0, tree.body_index[name]], found.origins[0, tree.body_index[name]])
+            name: Transform(all_poses.rotations[0, tree.body_index[name]], all_poses.origins[0, tree.body_index[name]])
             for name in self.specimen.limb
         }
         first = ground[self.specimen.first]
@@ -143,8 +143,8 @@ class SoftTissue:
             for axis, drop in zip(np.eye(3), sag, strict=True)
         )
         size = words(np.full(3, 0.4 * self.mass * TISSUE_RADIUS**2))
-        own = f'<inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{size}"/>'
-        return f'<body name="tissue" pos="{words(self.place)}">{slides}{own}</body>'
+        inertia = f'<inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{size}"/>'
+        return f'<body name="tissue" pos="{words(self.place)}">{slides}{inertia}</body>'
 
 
 def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:

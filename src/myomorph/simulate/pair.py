@@ -152,7 +152,7 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
                 f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
                 "another seed"
             )
-        models, known = ({part: fighter_model(part, own[part]) for part in PARTS} for own in (builds, believed))
+        models, known = ({part: fighter_model(part, bodies[part]) for part in PARTS} for bodies in (builds, believed))
     truth = _truth(compiled, models, run, options, cutoff)
     return _recorded(believed, known, truth, options, random)
 
@@ -210,8 +210,8 @@ def _truth(
     coordinates = np.unwrap(np.hstack(values), axis=0)
     muscles = tuple(compiled.actuator(i).name for i in range(compiled.nu))
 
-    def seen(given: Array) -> Array:
-        return (given if cutoff is None else lowpass(given, 1.0 / STEP, cutoff))[rows]
+    def seen(values: Array) -> Array:
+        return (values if cutoff is None else lowpass(values, 1.0 / STEP, cutoff))[rows]
 
     forces, moments = seen(run.forces), seen(run.moments)
     points = _points(run, rows, forces, moments)
@@ -220,7 +220,7 @@ def _truth(
     grips = slice(len(FEET), None)
     wrenches = Wrenches(
         time,
-        (*FEET, *GRIPS, *(f"{one}_on_uke" for one in GRIPS)),
+        (*FEET, *GRIPS, *(f"{grip}_on_uke" for grip in GRIPS)),
         bodies,
         np.concatenate([forces, -forces[:, grips]], axis=1),
         np.concatenate([points, points[:, grips]], axis=1),
@@ -282,7 +282,7 @@ def _recorded(
 def _plates(truth: PairTruth, part: str) -> Wrenches:
     feet = [index for index, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
     w = truth.wrenches
-    names, bodies = (tuple(given[k] for k in feet) for given in (w.names, w.bodies))
+    names, bodies = (tuple(entries[foot] for foot in feet) for entries in (w.names, w.bodies))
     return Wrenches(w.time, names, bodies, w.forces[:, feet], w.points[:, feet], w.torques[:, feet])
 
 

@@ -164,13 +164,13 @@ class Plan:
 
     def at(self, compiled: Any, time: float) -> tuple[Array, Array, Array]:
         """Pose (nq,), rates and accelerations (nv,) of the plan."""
-        k, share, length = self._between(time)
+        pose, share, length = self._between(time)
         x = share
         weight = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         first, second = 30.0 * x * x * (1.0 - x) ** 2 / length, 60.0 * x * (1.0 - 3.0 * x + 2.0 * x * x) / length**2
         way = np.empty(compiled.nv)
-        mujoco.mj_differentiatePos(compiled, way, 1.0, self.poses[k], self.poses[k + 1])
-        q = self.poses[k].copy()
+        mujoco.mj_differentiatePos(compiled, way, 1.0, self.poses[pose], self.poses[pose + 1])
+        q = self.poses[pose].copy()
         mujoco.mj_integratePos(compiled, q, way, weight)
         return q, first * way, second * way
 
@@ -182,9 +182,9 @@ class Plan:
 
     def _between(self, time: float) -> tuple[int, float, float]:
         times = np.array([stance.time for stance in self.stances])
-        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
-        length = float(times[k + 1] - times[k])
-        return k, float(np.clip((time - times[k]) / length, 0.0, 1.0)), length
+        before = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        length = float(times[before + 1] - times[before])
+        return before, float(np.clip((time - times[before]) / length, 0.0, 1.0)), length
 
 
 def make_plan(
@@ -260,13 +260,15 @@ def aims_of(builds: Mapping[str, Build], stance: Stance) -> Sequence[Aim]:
             for point in sole_points(side).values():
                 place = np.array([x + MIDDLE[part] - back, up, z]) + forward * size[part] * point * (1.0, 0.0, 1.0)
                 aims.append(Aim(f"{part}_foot_{side}", size[part] * point, place, weight=10.0))
-        k = PARTS.index(part)
+        fighter = PARTS.index(part)
         straight = size[part] * LEG
-        pelvis = np.array([MIDDLE[part] + BACKWARD[part] * stance.back[k], straight - stance.drop, stance.sway[k]])
+        pelvis = np.array(
+            [MIDDLE[part] + BACKWARD[part] * stance.back[fighter], straight - stance.drop, stance.sway[fighter]]
+        )
         aims.append(Aim(f"{part}_pelvis", np.zeros(3), pelvis))
         turn, twist = (0.0, stance.twist) if part == "tori" else (np.pi, 0.0)
         for body, share in (("torso", 1.0), ("pelvis", 0.6)):
-            lean = axis_rotation((0, 0, 1), share * stance.lean[k])
+            lean = axis_rotation((0, 0, 1), share * stance.lean[fighter])
             aims.append(Aim(f"{part}_{body}", None, axis_rotation((0, 1, 0), turn + share * twist) @ lean, weight=0.5))
     fist, other = size["tori"] * np.array(GRIP), size["uke"]
     aims.append(Aim("tori_forearm_r", fist, other="uke_torso", other_point=other * LAPEL, weight=10.0))

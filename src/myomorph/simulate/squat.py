@@ -43,7 +43,7 @@ STANDING = FrozenMap({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r"
 """The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
 _BENT = {"hip_flexion": 55.0, "hip_adduction": -5.0, "knee_angle": 65.0, "ankle_angle": 22.0,
          "shoulder_elv": 40.0, "elbow_flexion": 50.0}  # fmt: skip
-SQUAT = FrozenMap({"root_rx": 14.0} | {f"{name}_{side}": one for name, one in _BENT.items() for side in "rl"})
+SQUAT = FrozenMap({"root_rx": 14.0} | {f"{name}_{side}": angle for name, angle in _BENT.items() for side in "rl"})
 """The lowest pose, the coordinates' differences from the highest [deg]."""
 SOLE = 0.012
 """Height of the heel bones' origins above their lowest point [m]."""
@@ -170,8 +170,8 @@ class Splines:
     def at(self, rate: float, duration: float) -> Motion:
         """The motion with exact derivatives at so many frames a second."""
         time = np.arange(round(rate * duration) + 1) / rate
-        found = [self.spline(time, order) for order in range(3)]
-        return Motion(time, self.names, *found)
+        orders = [self.spline(time, order) for order in range(3)]
+        return Motion(time, self.names, *orders)
 
 
 def squat_splines(model: Model, options: SimulationOptions) -> Splines:
@@ -187,16 +187,16 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
         for coordinate in model.coordinates
         if not coordinate.locked and coordinate.name not in model.dependent_coordinates
     ]
-    names = tuple(one.name for one in free)
-    default = np.array([one.default for one in free])
+    names = tuple(coordinate.name for coordinate in free)
+    default = np.array([coordinate.default for coordinate in free])
     high, low = (np.deg2rad([pose.get(name, 0.0) for name in names]) for pose in (STANDING, SQUAT))
     wanted = default + high + np.outer(depth, low)
     tree = compile_tree(model)
     standing = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
     planted = [marker for marker in model.markers if marker.body in FEET]
-    bodies = [tree.body_index[one.body] for one in planted]
-    places = standing.points(np.array(bodies), np.array([one.location for one in planted]))
-    feet = Markers(time, tuple(one.name for one in planted), np.repeat(places, len(time), axis=0))
+    bodies = [tree.body_index[marker.body] for marker in planted]
+    places = standing.points(np.array(bodies), np.array([marker.location for marker in planted]))
+    feet = Markers(time, tuple(marker.name for marker in planted), np.repeat(places, len(time), axis=0))
     pull = {name: CoordinateTask(1e-5) for name in names if not name.startswith("root_t")}
     pulled = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
     poses = inverse_kinematics(model, feet, pulled).motion

@@ -121,17 +121,17 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
     known: dict[str, Estimate | None] = {}
     if specimen_viscosity.without is not None:
-        one = specimen_viscosity.without
-        known |= {"mass_muscles_removed": one.mass, "com_muscles_removed": one.com, "joint_viscosity": one.viscosity}
+        bare = specimen_viscosity.without
+        known |= {"mass_muscles_removed": bare.mass, "com_muscles_removed": bare.com, "joint_viscosity": bare.viscosity}
     if specimen_viscosity.intact is not None:
-        one = specimen_viscosity.intact
-        known |= {"mass_intact": one.mass, "com_intact": one.com, "total_viscosity": one.viscosity}
+        bare = specimen_viscosity.intact
+        known |= {"mass_intact": bare.mass, "com_intact": bare.com, "total_viscosity": bare.viscosity}
     if specimen_viscosity.muscles is not None:
         known["muscle_viscosity"] = specimen_viscosity.muscles.common
     known["estimated_muscle_mass"] = specimen_viscosity.muscle_mass
     if specimen_viscosity.measured_muscle_mass is not None:
         known["measured_muscle_mass"] = Estimate(*[specimen_viscosity.measured_muscle_mass] * 3)
-    return FrozenMap({name: one for name, one in known.items() if one is not None})
+    return FrozenMap({name: estimate for name, estimate in known.items() if estimate is not None})
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
@@ -147,14 +147,14 @@ def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
     lines = []
     for quantity in QUANTITIES:
         known = [row[quantity.name] for row in rows if quantity.name in row]
-        values = np.array([one.value for one in known])
+        values = np.array([estimate.value for estimate in known])
         keep = np.isfinite(values)
         count = int(keep.sum())
         if not count:
             continue
         values = values[keep]
-        below = values - np.array([one.low for one in known])[keep]
-        above = np.array([one.high for one in known])[keep] - values
+        below = values - np.array([estimate.low for estimate in known])[keep]
+        above = np.array([estimate.high for estimate in known])[keep] - values
         mean = float(values.mean())
         lines.append(
             CohortLine(

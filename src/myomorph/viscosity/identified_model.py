@@ -48,10 +48,10 @@ LOSSY = 0.05
 
 def along_axes(what: str, values: ArrayLike) -> Array:
     """Three values along a body's axes of one or three; `BadData` where they cannot be damping or stiffness."""
-    given = np.asarray(values, dtype=np.float64)
-    if given.shape not in ((), (1,), (3,)) or not (given >= 0.0).all() or not np.isfinite(given).all():
-        raise BadData(f"{what} of a joint is {given.tolist()}: expected one number or three, 0 or more")
-    return np.array(np.broadcast_to(given, (3,)))
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.shape not in ((), (1,), (3,)) or not (numbers >= 0.0).all() or not np.isfinite(numbers).all():
+        raise BadData(f"{what} of a joint is {numbers.tolist()}: expected one number or three, 0 or more")
+    return np.array(np.broadcast_to(numbers, (3,)))
 
 
 def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> tuple[Array, Array, np.ndarray]:
@@ -128,20 +128,20 @@ def joint_bushing(
     some = np.unique(np.linspace(0, len(R) - 1, POSES).astype(int))
     lost = _lost(R[some], omega[some], D)
     begun = np.log(np.maximum(D, 1e-3 * max(D.max(), 1e-12)))
-    found = [
+    fits = [
         least_squares(lost, np.concatenate([*Rotation.random(2, random_state=index).as_rotvec(), begun]), max_nfev=60)
         for index in range(STARTS)
     ]
-    best = min(found, key=lambda one: float(one.cost)).x
+    best = min(fits, key=lambda fit: float(fit.cost)).x
     turns = Rotation.from_rotvec(best[:6].reshape(2, 3)).as_matrix()
     pose_1, pose_2 = (Transform(turn, np.zeros(3)) for turn in turns)
     damping = np.exp(best[6:]) * (D.max() > 0.0)
     bushing = Bushing(name or f"passive_{base}_{first}", base, first, pose_1, pose_2, rotational_damping=damping)
     torque = np.zeros_like(coordinates)
     torque[:, moving] = -np.einsum("fak,fa->fk", E, D * omega)
-    given = bushing_forces(tree, [bushing], coordinates, rates)
+    produced = bushing_forces(tree, [bushing], coordinates, rates)
     q, _ = deflection(tree, forward_kinematics(tree, coordinates), bushing)
-    return JointBushing(bushing, share((given - torque)[:, moving], torque[:, moving]), float(np.abs(q[:, 1]).max()))
+    return JointBushing(bushing, share((produced - torque)[:, moving], torque[:, moving]), float(np.abs(q[:, 1]).max()))
 
 
 def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
@@ -194,8 +194,8 @@ def identified_model(
         damping = {specimen.joint_coordinates[0]: condition.viscosity.value}
         return with_passive_dynamics(specimen.model, damping, viscosity=viscosity), ()
     by_axis = [
-        own.value if excited else condition.viscosity.value
-        for own, excited in zip(condition.axis_viscosity, condition.excited, strict=True)
+        axis_viscosity.value if excited else condition.viscosity.value
+        for axis_viscosity, excited in zip(condition.axis_viscosity, condition.excited, strict=True)
     ]
     joint = joint_bushing(specimen.model, specimen.base, specimen.first, by_axis, _motion(tracked, cutoff))
     note = f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the joint's damping"

@@ -71,14 +71,14 @@ class Influences:
         from scipy import stats  # As above.
 
         chance = generator.uniform(size=(count, 1))
-        found = []
+        sampled = []
         # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares is the variance.
         few = len(self.trials) / max(len(self.trials) - 1, 1)
         for parts, factor in ((self.blocks, 1.0 / self.parted), (self.trials, few)):
             freedom = _freedom(parts)
             heavy = np.sqrt(factor * freedom / stats.chi2.ppf(chance, freedom))
-            found.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
-        return self.values + np.where(self.by_trial, found[1], found[0])
+            sampled.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
+        return self.values + np.where(self.by_trial, sampled[1], sampled[0])
 
 
 def _variance(parts: Array) -> Array:
@@ -140,7 +140,7 @@ class ConditionSolution:
     def influences(self) -> Influences:
         """Of the blocks on `Solution.estimates`."""
         value = self.whole.estimates
-        blocks = np.array([value - one.estimates for one in self.lacking]) / LACKING
+        blocks = np.array([value - block.estimates for block in self.lacking]) / LACKING
         return Influences(value, blocks, self.sums.trial, self.sums.parted)
 
     def torque(self, solution: Solution) -> Array:
@@ -163,7 +163,7 @@ def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) 
     every = np.ones(len(sums))
     whole = _solve(sums, every, inertial, stiffness, None)
     lacking = [
-        _solve(sums, every - LACKING * one, inertial, stiffness, whole.inertia.noise) for one in np.eye(len(sums))
+        _solve(sums, every - LACKING * block, inertial, stiffness, whole.inertia.noise) for block in np.eye(len(sums))
     ]
     return ConditionSolution(sums, whole, tuple(lacking), stiffness)
 

@@ -196,37 +196,41 @@ def identify_specimen(
     UnknownName : `pcsa` lacks a muscle
     """
     options = options or ViscosityOptions()
-    given = {"without": without, "with": intact}
+    recordings = {"without": without, "with": intact}
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
-        tried = dict(zip(given, pool.map(lambda one: _solved(one, options), given.values()), strict=True))
+        tried = dict(
+            zip(recordings, pool.map(lambda condition: _solved(condition, options), recordings.values()), strict=True)
+        )
         notes = [f"{STATES[key]}: {problem}" for key, problem in tried.items() if isinstance(problem, str)]
-        solved = {key: one for key, one in tried.items() if not isinstance(one, str)}
+        solved = {key: solution for key, solution in tried.items() if not isinstance(solution, str)}
         if not solved:
             raise BadData(f"specimen '{name}': " + "; ".join(notes))
-        found = {key: _condition(one, given[key], options, int(key == "with")) for key, one in solved.items()}
+        identified = {
+            key: _condition(solution, recordings[key], options, int(key == "with")) for key, solution in solved.items()
+        }
         muscles = mass = None
-        if len(solved) == len(given):
+        if len(solved) == len(recordings):
             bare, full = solved["without"], solved["with"]
             mass = _muscle_mass(bare, full, options)
             muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
-    notes += [f"{STATES[key]}: {warning}" for key, one in solved.items() for warning in _warnings(one)]
-    conditions = found.get("without"), found.get("with")
+    notes += [f"{STATES[key]}: {warning}" for key, solution in solved.items() for warning in _warnings(solution)]
+    conditions = identified.get("without"), identified.get("with")
     return SpecimenViscosity(name, *conditions, muscles, mass, measured_muscle_mass, tuple(notes))
 
 
-def _solved(given: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
+def _solved(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
     """Steps 1 and 2, or why not."""
     try:
-        sums = swing_sums(given, options.block, options.min_relative_speed)
+        sums = swing_sums(recordings, options.block, options.min_relative_speed)
         inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
         if options.stiffness is not False and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
             for _ in range(NEUTRAL_ROUNDS):
-                moved = counted_from(given, neutral_position(sums, parameters))
+                moved = counted_from(recordings, neutral_position(sums, parameters))
                 there = swing_sums(moved, options.block, options.min_relative_speed)
                 if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
                     break
-                given, sums = moved, there
+                recordings, sums = moved, there
         return solve_condition(sums, inertial, options.stiffness is not False)
     except MyomorphError as error:
         return str(error)
@@ -236,23 +240,25 @@ def _estimates(influences: Influences, options: ViscosityOptions, stream: int, l
     """One an estimate, draws below `least` (estimates,) lifted to it."""
     drawn = influences.draws(options.draws, np.random.default_rng((options.seed, stream)))
     drawn = np.maximum(drawn, least)
-    return [Estimate.of_draws(value, own, options.level) for value, own in zip(influences.values, drawn.T, strict=True)]
+    return [
+        Estimate.of_draws(value, draws, options.level) for value, draws in zip(influences.values, drawn.T, strict=True)
+    ]
 
 
 def _condition(
     solved: ConditionSolution, recordings: Sequence[SwingRecording], options: ViscosityOptions, stream: int
 ) -> Condition:
     influences = solved.influences
-    mass, com, one, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
+    mass, com, joint, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
     names = ("mass", "com", "viscosity", "plate_viscosity", *solved.sums.axes)
     return Condition(
         tuple(recordings),
         solved.whole.inertia.parameters,
         mass,
         com,
-        one,
+        joint,
         tuple(axes),
-        tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * one.value for axis in axes),
+        tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * joint.value for axis in axes),
         solved.whole.inertia.noise,
         plate,
         tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by),
@@ -267,7 +273,9 @@ def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, block
 
 def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
     less, more = bare.whole.inertia.mass, full.whole.inertia.mass
-    blocks = [more - one.inertia.mass for one in bare.lacking] + [one.inertia.mass - less for one in full.lacking]
+    blocks = [more - block.inertia.mass for block in bare.lacking] + [
+        block.inertia.mass - less for block in full.lacking
+    ]
     influences = _both(bare, full, np.array([more - less]), np.array(blocks)[:, None])
     return _estimates(influences, options, 2, np.array([-np.inf]))[0]
 
@@ -287,7 +295,7 @@ def _muscles(
     problem = muscle_problem(whole, joint(bare.whole))
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
-    blocks = np.stack([torque_problem(one, phi, options.stiffness is not False) for one in full.sums.torque])
+    blocks = np.stack([torque_problem(sums, phi, options.stiffness is not False) for sums in full.sums.torque])
     variance = noise_variance(blocks, joint(bare.whole))
     strength = ridge_strength(problem, variance, common, options.spread)
 
@@ -295,8 +303,8 @@ def _muscles(
         muscles = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
         return np.array([muscles.common, muscles.by_pcsa, *muscles.by_muscle])
 
-    others = [values(whole, one) for one in bare.lacking]
-    others += [values(full.torque(one), bare.whole) for one in full.lacking]
+    others = [values(whole, block) for block in bare.lacking]
+    others += [values(full.torque(block), bare.whole) for block in full.lacking]
     best = values(whole, bare.whole)
     drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
     return MuscleViscosity(

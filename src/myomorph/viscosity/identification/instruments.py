@@ -63,11 +63,11 @@ class Instruments:
         prior = np.array([float(getattr(options, name)) for name, _ in options.sources])
         return Instruments(options.sources, prior, np.zeros(len(prior)), np.diag(prior**2))
 
-    def corrected(self, one: SwingRecording) -> SwingRecording:
+    def corrected(self, recording: SwingRecording) -> SwingRecording:
         """The recording as it would be without these errors."""
         for (source, axis), size in zip(self.sources, self.errors, strict=True):
-            one = disturbed(one, source, axis, -float(size))
-        return one
+            recording = disturbed(recording, source, axis, -float(size))
+        return recording
 
     @property
     def rows(self) -> tuple[tuple[str, str, float, float, float], ...]:
@@ -83,24 +83,24 @@ class Instruments:
 
         An estimate from a prior that is right scatters with the variance that the swings take off the prior's.
         """
-        found = []
+        lines = []
         for source, axis, prior, size, left in self.rows:
             gain = prior**2 - left**2
             if gain > LEAST_GAIN * prior**2 and abs(size) > SURPRISING * np.sqrt(gain):
                 factor, unit = SHOWN_IN[source]
                 which = " ".join((source.replace("_", " "), axis)).strip()
-                found.append(
+                lines.append(
                     f"{which}: the swings say {factor * size:+.2f} ± {factor * left:.2f} {unit}, but a standard "
                     f"deviation of {factor * prior:.2g} {unit} is assumed: corrected; check it, or state a larger "
                     f"{source} in [options.errors]"
                 )
-        return tuple(found)
+        return tuple(lines)
 
     def known(self, source: str) -> Array:
         """(sources, sources) covariance of what is left where all axes of a source are known."""
-        own = np.array([name == source for name, _ in self.sources])
-        inner = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
-        across = self.covariance[:, own]
+        is_source = np.array([name == source for name, _ in self.sources])
+        inner = np.linalg.pinv(self.covariance[np.ix_(is_source, is_source)], hermitian=True)
+        across = self.covariance[:, is_source]
         return self.covariance - across @ inner @ across.T
 
 
@@ -129,13 +129,15 @@ def estimate_instruments(
     free_zero : conditions whose plate was not set to zero: a constant wrench of each trial is free
     """
     known = Instruments.assumed(options)
-    thin = {name: [thinned(one) for one in condition] for name, condition in conditions.items() if condition}
+    thin = {
+        name: [thinned(recording) for recording in condition] for name, condition in conditions.items() if condition
+    }
     if not known.sources or not thin:
         return known
     result = known
     for _ in range(ROUNDS):
-        now = {name: [result.corrected(one) for one in own] for name, own in thin.items()}
-        parts = [_condition(own, result, name in free_zero) for name, own in now.items()]
+        now = {name: [result.corrected(recording) for recording in recordings] for name, recordings in thin.items()}
+        parts = [_condition(recordings, result, name in free_zero) for name, recordings in now.items()]
         result = _solved(parts, known, result)
     return result
 
@@ -164,8 +166,8 @@ def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, f
             constant[:, np.arange(3), 3 * number + np.arange(3)] = 1.0
         torque = np.einsum("fai,fi->fa", turn, recording.wrench[use, :3])
         moment.append((torque, np.concatenate([_passive(recording, use), turn @ constant], axis=2), turn))
-        own = np.concatenate([rows.instruments[use, 3:, :MASS_AND_MOMENT], constant], axis=2)
-        force.append((recording.wrench[use, 3:], own, turn))
+        inertial = np.concatenate([rows.instruments[use, 3:, :MASS_AND_MOMENT], constant], axis=2)
+        force.append((recording.wrench[use, 3:], inertial, turn))
     lacking = [_left(part) for part in (moment, force)]
     for number, (recording, use) in enumerate(zip(recordings, used, strict=True)):
         # Errors of the wrench that the laws expect: those of the measured one would be regressed on their own noise,
@@ -189,10 +191,10 @@ def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, f
 
 def _left(parts: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
     """What least squares leave of the first (frames, rows) by the second (frames, rows, unknowns), trial by trial."""
-    A = np.concatenate([own.reshape(-1, own.shape[2]) for _, own, _ in parts])
+    A = np.concatenate([inertial.reshape(-1, inertial.shape[2]) for _, inertial, _ in parts])
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     x = np.linalg.lstsq(A / size, np.concatenate([y.ravel() for y, _, _ in parts]), rcond=1e-9)[0] / size
-    return [y - own @ x for y, own, _ in parts]
+    return [y - inertial @ x for y, inertial, _ in parts]
 
 
 def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
@@ -211,13 +213,13 @@ def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
 def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Instruments) -> Instruments:
     """The errors by weighted least squares with their prior; equations hold what is left of them beyond `last`."""
     scale = known.prior
-    flat = [one for part in parts for one in part]
+    flat = [equations for part in parts for equations in part]
     theta: Array = np.zeros(len(scale))
     precision = np.eye(len(scale))
     for _ in range(2):
         A, b = np.eye(len(scale)), -last.errors / scale
-        for one in flat:
-            N, g, weight = _reduced(one, theta, scale)
+        for block in flat:
+            N, g, weight = _reduced(block, theta, scale)
             A, b = A + weight * N, b + weight * g
         theta = np.asarray(np.linalg.solve(A, b), float)
         precision = A
@@ -232,12 +234,12 @@ def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, 
     ----------
     theta : (sources,) last errors, in units of `scale`, from which the weight is found
     """
-    own = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
+    inertial = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
     errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.errors]) * scale
     y = np.concatenate([part.ravel() for part in equations.y])
-    size = np.linalg.norm(own, axis=0)
-    own = own[:, size > 0.0] / size[size > 0.0]
-    left, values, _ = np.linalg.svd(own, full_matrices=False)
+    size = np.linalg.norm(inertial, axis=0)
+    inertial = inertial[:, size > 0.0] / size[size > 0.0]
+    left, values, _ = np.linalg.svd(inertial, full_matrices=False)
     left = left[:, values > 1e-9 * values[0]]
     errors, y = errors - left @ (left.T @ errors), y - left @ (left.T @ y)
     misfit = y - errors @ theta

@@ -47,12 +47,15 @@ def with_shared_errors(
     """
     instruments = instruments or Instruments.assumed(errors)
     conditions = {name: condition for name in COLUMNS if (condition := getattr(specimen_viscosity, name)) is not None}
-    given = {name: tuple(thinned(each) for each in condition.recordings) for name, condition in conditions.items()}
+    recordings = {name: tuple(thinned(each) for each in condition.recordings) for name, condition in conditions.items()}
     try:
-        exact = _values(given, conditions, options)
+        exact = _values(recordings, conditions, options)
         changes = []
         for (source, axis), size in zip(instruments.sources, instruments.prior, strict=True):
-            moved = {name: tuple(disturbed(one, source, axis, size) for one in own) for name, own in given.items()}
+            moved = {
+                name: tuple(disturbed(recording, source, axis, size) for recording in condition_recordings)
+                for name, condition_recordings in recordings.items()
+            }
             other = _values(moved, conditions, options)
             changes.append({name: (other[name] - value) / size for name, value in exact.items()})
     except MyomorphError as error:
@@ -77,7 +80,9 @@ def with_shared_errors(
             com=wider(com, condition.com),
             viscosity=wider(viscosity, condition.viscosity),
             plate_viscosity=wider(f"plate {viscosity}", condition.plate_viscosity),
-            axis_viscosity=tuple(wider(f"{axis} {viscosity}", own) for axis, own in _axes(condition)),
+            axis_viscosity=tuple(
+                wider(f"{axis} {viscosity}", axis_estimate) for axis, axis_estimate in _axes(condition)
+            ),
         )
     muscles = specimen_viscosity.muscles
     if muscles is not None:
@@ -109,15 +114,15 @@ def _shares(
     names = list(dict.fromkeys(name for name, _ in instruments.sources))
     known = {name: instruments.covariance - instruments.known(name) for name in names}
     prior = {name: float(size) for (name, _), size in zip(instruments.sources, instruments.prior, strict=True)}
-    found = []
+    shares = []
     for quantity, scatter in swings.items():
         g = slopes[quantity]
         variances = {"swings": scatter**2} | {name: max(float(g @ less @ g), 0.0) for name, less in known.items()}
         total = scatter**2 + max(float(g @ instruments.covariance @ g), 0.0)
         for name, variance in variances.items():
             share = variance / total if total > 0.0 else 0.0
-            found.append(ErrorShare(name, prior.get(name, float("nan")), quantity, float(np.sqrt(variance)), share))
-    return tuple(found)
+            shares.append(ErrorShare(name, prior.get(name, float("nan")), quantity, float(np.sqrt(variance)), share))
+    return tuple(shares)
 
 
 def _axes(condition: Condition) -> list[tuple[str, Estimate]]:
@@ -128,9 +133,9 @@ def _estimates(specimen_viscosity: SpecimenViscosity) -> dict[str, Estimate]:
     """What the table of errors has a row for."""
     known: dict[str, Estimate] = {}
     for key, names in COLUMNS.items():
-        one = getattr(specimen_viscosity, key)
-        if one is not None:
-            known |= dict(zip(names, (one.mass, one.com, one.viscosity), strict=True))
+        condition = getattr(specimen_viscosity, key)
+        if condition is not None:
+            known |= dict(zip(names, (condition.mass, condition.com, condition.viscosity), strict=True))
     if specimen_viscosity.muscles is not None:
         known["muscle_viscosity"] = specimen_viscosity.muscles.common
     if specimen_viscosity.muscle_mass is not None:
@@ -145,15 +150,15 @@ def _wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
 
 
 def _values(
-    given: dict[str, tuple[SwingRecording, ...]], conditions: dict[str, Condition], options: ViscosityOptions
+    recordings: dict[str, tuple[SwingRecording, ...]], conditions: dict[str, Condition], options: ViscosityOptions
 ) -> dict[str, float]:
     """Every result of the specimen from recordings of its conditions."""
     known: dict[str, float] = {}
     solved: dict[str, tuple[SwingSums, Solution]] = {}
-    for key, own in given.items():
+    for key, condition_recordings in recordings.items():
         hidden = bool(np.isnan(conditions[key].mass.value))
         inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
-        sums = swing_sums(own, options.block, options.min_relative_speed)
+        sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
         whole = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
         mass, com, viscosity, plate, *axes = whole.estimates.tolist()
         names = (*COLUMNS[key], f"plate {COLUMNS[key][2]}", *(f"{axis} {COLUMNS[key][2]}" for axis in sums.axes))
@@ -175,5 +180,5 @@ def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityO
 
 def helping_most(shares: Sequence[ErrorShare], quantity: str) -> ErrorShare | None:
     """The source that adds most to a result: the measurement that would help most."""
-    own = [share for share in shares if share.quantity == quantity]
-    return max(own, key=lambda one: one.share, default=None)
+    candidates = [share for share in shares if share.quantity == quantity]
+    return max(candidates, key=lambda share: share.share, default=None)

@@ -74,9 +74,9 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     """
     power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
     axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
-    one = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
-    left = problem[:, TORQUE, TORQUE] - 2.0 * one * power + one**2 * square
-    return JointViscosity(one, axes, np.sqrt(np.maximum(left, 0.0) / frames))
+    common = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
+    left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
+    return JointViscosity(common, axes, np.sqrt(np.maximum(left, 0.0) / frames))
 
 
 @read_only
@@ -161,9 +161,9 @@ def noise_variance(blocks: Array, joint: Array) -> float:
     joint : (axes,) d_J [N m s/rad]
     """
     each = [muscle_problem(block, joint) for block in blocks]
-    H, g = np.sum([one.H for one in each], axis=0), np.sum([one.g for one in each], axis=0)
+    H, g = np.sum([block.H for block in each], axis=0), np.sum([block.g for block in each], axis=0)
     best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
-    scores = np.array([one.g - one.H @ best for one in each])
+    scores = np.array([block.g - block.H @ best for block in each])
     free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
     trace = float(np.trace(H))
     return float(np.square(scores).sum()) / (free * trace) if trace > 0.0 else 0.0

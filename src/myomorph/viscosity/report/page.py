@@ -17,7 +17,7 @@ from myomorph.viscosity.report.tables import scientific, table_section, truth_gr
 def viscosity_page(viscosity_input: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
     lost = [specimen for specimen in viscosity_input.specimens if specimen.failure]
-    failed = (Note("warning", f"Specimen {one.name} could not be done: {one.failure}") for one in lost)
+    failed = (Note("warning", f"Specimen {specimen.name} could not be done: {specimen.failure}") for specimen in lost)
     page = PageHead(
         title=viscosity_input.title,
         date=viscosity_input.date,
@@ -29,8 +29,8 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
             f"specimen {specimen.name}: {note}" for specimen in viscosity_input.specimens for note in specimen.notes
         ),
     )
-    lines = {one.quantity.name: one for one in cohort([one.row for one in viscosity_input.done])}
-    literature = ("stroeve1999",) if any(one.shoulder for one in viscosity_input.done) else ()
+    lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
+    literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
     sources = cited("murai2016", *literature, "cameron2008")
     return rendered(
         page, _sections(viscosity_input, lines), sources, facts=_facts(viscosity_input), tiles=_tiles(lines)
@@ -38,9 +38,11 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
 
 
 def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
-    both = sum(1 for one in viscosity_input.done if one.without is not None and one.intact is not None)
+    both = sum(1 for specimen in viscosity_input.done if specimen.without is not None and specimen.intact is not None)
     rows = [("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles")]
-    parts = [part for one in viscosity_input.done for part in (one.without, one.intact) if part is not None]
+    parts = [
+        part for specimen in viscosity_input.done for part in (specimen.without, specimen.intact) if part is not None
+    ]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
         rows.append(("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s"))
@@ -53,10 +55,10 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
         ("total_viscosity", "total viscosity, with muscles"),
         ("muscle_viscosity", "muscle viscosity"),
     )
-    found = [(lines[name], words) for name, words in wanted if name in lines]
+    shown = [(lines[name], words) for name, words in wanted if name in lines]
     return [
-        Tile(f"{scientific(one.mean)} ± {scientific(one.sd)}", f"{words} [{one.quantity.unit}]", "ok")
-        for one, words in found
+        Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", f"{words} [{line.quantity.unit}]", "ok")
+        for line, words in shown
     ]
 
 
@@ -66,9 +68,9 @@ def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) 
     if beside is not None:
         tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
     levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
-    if any(one.shoulder and one.intact is not None for one in viscosity_input.done):
+    if any(specimen.shoulder and specimen.intact is not None for specimen in viscosity_input.done):
         levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
     result = [tables, cohort_section(viscosity_input.done, levels)]
-    for order, one in enumerate(viscosity_input.done, 1):
-        result += specimen_sections(one, order)
+    for order, specimen_report in enumerate(viscosity_input.done, 1):
+        result += specimen_sections(specimen_report, order)
     return result

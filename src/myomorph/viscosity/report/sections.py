@@ -44,18 +44,18 @@ FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 
 def specimen_sections(specimen_report: SpecimenReport, order: int) -> list[Section]:
     """Swings and fits of a specimen, its muscles, and what its values depend on."""
-    found = [
+    parts = [
         _swings(specimen_report, order),
         _muscles(specimen_report, order),
         _trust(specimen_report, order),
         _scans(specimen_report, order),
     ]
-    return [section for section in found if section is not None]
+    return [section for section in parts if section is not None]
 
 
 def _conditions(specimen_report: SpecimenReport) -> list[tuple[str, ShownCondition]]:
-    given = (("without", specimen_report.without), ("with", specimen_report.intact))
-    return [(name, found) for name, found in given if found is not None]
+    conditions = (("without", specimen_report.without), ("with", specimen_report.intact))
+    return [(name, condition) for name, condition in conditions if condition is not None]
 
 
 def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
@@ -63,27 +63,32 @@ def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
     if not conditions:
         return None
     figures = [
-        Figure(swing_plot(found.curves, f"Angles {TITLES[name]}, trial {found.curves.trial}"), "full")
-        for name, found in conditions
+        Figure(swing_plot(condition.curves, f"Angles {TITLES[name]}, trial {condition.curves.trial}"), "full")
+        for name, condition in conditions
     ]
     figures += [
-        Figure(torque_plot(found, index, TITLES[name]), "small" if len(found.axes) > 1 else "medium")
-        for name, found in conditions
-        for index in range(len(found.axes))
+        Figure(torque_plot(condition, index, TITLES[name]), "small" if len(condition.axes) > 1 else "medium")
+        for name, condition in conditions
+        for index in range(len(condition.axes))
     ]
-    figures += [Figure(wrench_plot(found.curves, k, TITLES[name])) for name, found in conditions for k in FORCE_FIRST]
+    figures += [
+        Figure(wrench_plot(condition.curves, component, TITLES[name]))
+        for name, condition in conditions
+        for component in FORCE_FIRST
+    ]
     lead = " ".join(
-        f"{TITLES[name].capitalize()}: {found.swings} swings in {found.trials} trials, {number(found.seconds)} s."
-        for name, found in conditions
+        f"{TITLES[name].capitalize()}: {condition.swings} swings in {condition.trials} trials, "
+        f"{number(condition.seconds)} s."
+        for name, condition in conditions
     )
     lead += (
         " Vertical lines separate swings; frames outside them are not used. A passive torque opposes its velocity, so "
         "the fitted line falls with slope −d; the paper prints the opposite sign."
     )
-    for name, found in conditions:
-        if found.by_trial:
+    for name, condition in conditions:
+        if condition.by_trial:
             lead += f" Trials {TITLES[name]} differ by more than their swings explain: intervals of "
-            lead += f"{', '.join(found.by_trial)} are drawn by trial."
+            lead += f"{', '.join(condition.by_trial)} are drawn by trial."
     axes = conditions[0][1].axes
     legend = (
         *((style, f"axis {axis}") for style, axis in zip(AXES, axes, strict=False)),
@@ -91,10 +96,13 @@ def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
         ("left", "fit, or predicted by the inertial parameters"),
     )
     misfits = tuple(
-        (TITLES[name], *(f"{number(float(found.residual[k]))} {UNITS[k]}" for k in FORCE_FIRST))
-        for name, found in conditions
+        (
+            TITLES[name],
+            *(f"{number(float(condition.residual[component]))} {UNITS[component]}" for component in FORCE_FIRST),
+        )
+        for name, condition in conditions
     )
-    head = ("Condition", *(COMPONENTS[k] for k in FORCE_FIRST))
+    head = ("Condition", *(COMPONENTS[component] for component in FORCE_FIRST))
     grids = (_axis_grid(specimen_report), Grid(head, misfits, "Wrench, measured minus predicted, root mean square"))
     return Section(f"specimen-{order}", f"Specimen {specimen_report.name}", lead, legend, tuple(figures), grids)
 
@@ -105,8 +113,8 @@ def swing_plot(curves: SwingCurves, title: str) -> str:
     begins = np.flatnonzero((np.diff(curves.swing, prepend=-1) != 0) & (curves.swing >= 0))
     events = [Event(float(curves.time[i]), str(int(curves.swing[i]) + 1)) for i in begins]
     lines = [
-        Line(curves.time, np.rad2deg(curves.angles[:, k]), AXES[k % 3], f"about {axis}")
-        for k, axis in enumerate(curves.axes)
+        Line(curves.time, np.rad2deg(curves.angles[:, column]), AXES[column % 3], f"about {axis}")
+        for column, axis in enumerate(curves.axes)
     ]
     return time_plot(title, "°", lines, span, events, width=1040, height=190, name_events=True)
 
@@ -121,7 +129,7 @@ def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
     used = curves.swing >= 0
     rates, torque = curves.rates[used, axis], curves.torque[used, axis]
     ends = np.array([rates.min(), rates.max()]) if len(rates) else np.zeros(2)
-    own = shown_condition.axis_viscosity[axis]
+    axis_viscosity = shown_condition.axis_viscosity[axis]
     clouds = [
         Cloud(rates, torque, AXES[axis % 3], "torque by inverse dynamics"),
         Cloud(
@@ -133,28 +141,32 @@ def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
         ),
     ]
     if shown_condition.excited[axis]:
-        clouds.append(Cloud(ends, -own.value * ends, "middle", f"this axis: {number(own.value)} Nms/rad", True))
+        clouds.append(
+            Cloud(
+                ends, -axis_viscosity.value * ends, "middle", f"this axis: {number(axis_viscosity.value)} Nms/rad", True
+            )
+        )
     width = 330 if len(shown_condition.axes) > 1 else 505
     return xy_plot(f"Torque, axis {shown_condition.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
 
 
-def wrench_plot(curves: SwingCurves, k: int, title: str) -> str:
+def wrench_plot(curves: SwingCurves, component: int, title: str) -> str:
     """One component of the wrench on the base, measured and predicted."""
     lines = [
-        Line(curves.time, curves.wrench[:, k], "measured", "measured"),
-        Line(curves.time, curves.predicted[:, k], "left", "predicted"),
+        Line(curves.time, curves.wrench[:, component], "measured", "measured"),
+        Line(curves.time, curves.predicted[:, component], "left", "predicted"),
     ]
-    return time_plot(f"{COMPONENTS[k]} {title}", UNITS[k], lines, _span(curves.time), height=170)
+    return time_plot(f"{COMPONENTS[component]} {title}", UNITS[component], lines, _span(curves.time), height=170)
 
 
 def _axis_grid(specimen_report: SpecimenReport) -> Grid:
     rows = []
-    for name, found in _conditions(specimen_report):
-        rows.append((TITLES[name], "all", with_interval(found.viscosity), ""))
-        if found.plate_viscosity is not None:
+    for name, condition in _conditions(specimen_report):
+        rows.append((TITLES[name], "all", with_interval(condition.viscosity), ""))
+        if condition.plate_viscosity is not None:
             words = "from the moment on the plate alone, a check"
-            rows.append((TITLES[name], "all", with_interval(found.plate_viscosity), words))
-        for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True):
+            rows.append((TITLES[name], "all", with_interval(condition.plate_viscosity), words))
+        for axis, value, excited in zip(condition.axes, condition.axis_viscosity, condition.excited, strict=True):
             words = with_interval(value) if excited else LACKING
             rows.append((TITLES[name], axis, words, "" if excited else "the swings hardly excite this axis"))
     head = ("Condition", "Axis", "Viscosity [Nms/rad] (95 % interval)", "")
@@ -162,31 +174,39 @@ def _axis_grid(specimen_report: SpecimenReport) -> Grid:
 
 
 def _muscles(specimen_report: SpecimenReport, order: int) -> Section | None:
-    found = specimen_report.muscles
-    if found is None or not found.muscles:
+    muscle_viscosity = specimen_report.muscles
+    if muscle_viscosity is None or not muscle_viscosity.muscles:
         return None
     truth = specimen_report.truth.get("muscle_viscosity")
-    levels = [Level(found.common.value, "common value", "left")]
+    levels = [Level(muscle_viscosity.common.value, "common value", "left")]
     if truth is not None:
         levels.append(Level(truth, "truth", "truth"))
-    by_pcsa = found.by_pcsa.value * found.pcsa
+    by_pcsa = muscle_viscosity.by_pcsa.value * muscle_viscosity.pcsa
     title, beside = "Viscosity of each muscle, regularised", (Beside("scaled by PCSA", "third", by_pcsa),)
-    rows = interval_rows(title, "Ns/m", found.muscles, found.by_muscle, beside, levels)
-    size = found.singular_values / max(float(found.singular_values[0]), 1e-300)
+    rows = interval_rows(title, "Ns/m", muscle_viscosity.muscles, muscle_viscosity.by_muscle, beside, levels)
+    size = muscle_viscosity.singular_values / max(float(muscle_viscosity.singular_values[0]), 1e-300)
     numbers, height = np.arange(1.0, len(size) + 1.0), np.log10(np.maximum(size, 1e-16))
     values = Cloud(numbers, height, "first", "singular values", dotted=True)
     across = "combination of muscles, best known first"
     rank = xy_plot("Singular values", "log₁₀ of the share of the largest", across, [values], zero=False)
     lead = (
-        f"One value for all muscles: {with_interval(found.common)} Ns/m; in proportion to their cross-sections, mean "
-        f"{with_interval(found.by_pcsa)} Ns/m. The swings show {found.rank} of {len(found.muscles)} independent "
+        f"One value for all muscles: {with_interval(muscle_viscosity.common)} Ns/m; in proportion to their "
+        "cross-sections, mean "
+        f"{with_interval(muscle_viscosity.by_pcsa)} Ns/m. The swings show {muscle_viscosity.rank} of "
+        f"{len(muscle_viscosity.muscles)} independent "
         "combinations"
-        + (f", {found.resolved} of them to better than their size" if found.resolved is not None else "")
+        + (
+            f", {muscle_viscosity.resolved} of them to better than their size"
+            if muscle_viscosity.resolved is not None
+            else ""
+        )
         + ": the values of single muscles also come from the regularisation that draws them to the common value."
     )
     cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))
-        for muscle, value, share, scaled in zip(found.muscles, found.by_muscle, found.pcsa, by_pcsa, strict=True)
+        for muscle, value, share, scaled in zip(
+            muscle_viscosity.muscles, muscle_viscosity.by_muscle, muscle_viscosity.pcsa, by_pcsa, strict=True
+        )
     )
     head = ("Muscle", "Viscosity [Ns/m] (95 % interval)", "PCSA, mean 1", "In proportion to PCSA [Ns/m]")
     grid = Grid(head, cells, "Values of each muscle", folded=True)
@@ -256,10 +276,10 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
     """Angles of a swing that was not used, measured and integrated forward by each model [degrees]."""
     span = (float(held.time[0]), float(held.time[-1]))
     result = []
-    for k, axis in enumerate(held.axes):
-        lines = [Line(held.time, np.rad2deg(held.measured[:, k]), "measured", "measured")]
+    for column, axis in enumerate(held.axes):
+        lines = [Line(held.time, np.rad2deg(held.measured[:, column]), "measured", "measured")]
         lines += [
-            Line(held.time, np.rad2deg(values[:, k]), MODELS[i % len(MODELS)], name)
+            Line(held.time, np.rad2deg(values[:, column]), MODELS[i % len(MODELS)], name)
             for i, (name, values) in enumerate(held.predicted.items())
         ]
         title = f"Held-out swing {TITLES[held.condition]}, axis {axis}"
@@ -351,9 +371,9 @@ def _error_grid(specimen_report: SpecimenReport) -> list[Grid]:
     share = {(each.quantity, each.source): each.share for each in specimen_report.errors}
     rows = []
     for quantity in quantities:
-        own = [share.get((quantity, source), 0.0) for source in sources]
-        most = sources[int(np.argmax(own))].replace("_", " ")
-        rows.append((where(BY_NAME[quantity]), *(f"{100.0 * part:.0f} %" for part in own), most))
+        shares = [share.get((quantity, source), 0.0) for source in sources]
+        most = sources[int(np.argmax(shares))].replace("_", " ")
+        rows.append((where(BY_NAME[quantity]), *(f"{100.0 * part:.0f} %" for part in shares), most))
     head = ("Result", *(source.replace("_", " ") for source in sources), "Adds most")
     return [Grid(head, tuple(rows), "Error budget: share of each source in the variance of each result")]
 
@@ -394,5 +414,7 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]
     legend += [("truth", "truth")] if any(specimen.truth for specimen in specimens) else []
     legend += [("paper", "paper, the same specimen")] if any(specimen.paper for specimen in specimens) else []
-    legend += [("limit", "literature")] if any(one.style == "limit" for each in levels.values() for one in each) else []
+    legend += (
+        [("limit", "literature")] if any(mark.style == "limit" for each in levels.values() for mark in each) else []
+    )
     return Section("cohort", "All specimens", "", tuple(legend), tuple(figures))

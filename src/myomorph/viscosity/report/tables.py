@@ -70,7 +70,7 @@ def _to(value: float, width: float) -> str:
 
 def table_section(viscosity_input: ViscosityInput) -> Section:
     """Tables I and II, and their means beside those of the paper, the literature and the truth."""
-    lines = {one.quantity.name: one for one in cohort([one.row for one in viscosity_input.done])}
+    lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
     grids = [_table(viscosity_input.done, lines, table, _printed) for table in (1, 2)]
     grids.append(_means(viscosity_input.done, lines))
     grids += [_table(viscosity_input.done, lines, table, with_interval) for table in (1, 2)]
@@ -98,8 +98,8 @@ def _table(
     plain = words is _printed
     if plain:
         known = [lines.get(column.name) for column in columns]
-        rows.append(("mean", *(LACKING if one is None else scientific(one.mean) for one in known)))
-        rows.append(("± SD", *(LACKING if one is None else scientific(one.sd) for one in known)))
+        rows.append(("mean", *(LACKING if line is None else scientific(line.mean) for line in known)))
+        rows.append(("± SD", *(LACKING if line is None else scientific(line.sd) for line in known)))
         shoulders = any(specimen.shoulder for specimen in specimens)
         for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
             rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
@@ -123,7 +123,7 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         if known:
             row.append(_spread(truths))
         if shoulders:
-            row.append(_spread([getattr(one, quantity.name) for one in SPECIMENS]))
+            row.append(_spread([getattr(specimen, quantity.name) for specimen in SPECIMENS]))
         row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
         unknown = line is None or not np.isfinite(line.low) or line.high == line.low
         row.append(LACKING if unknown or line is None else span(line.low, line.high))

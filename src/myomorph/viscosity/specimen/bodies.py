@@ -70,12 +70,12 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
     kept = tuple(name for name in model.body_names if name in named)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
-    found = Anatomy(model, kept, poses, {})
+    bare = Anatomy(model, kept, poses, {})
     for body in model.body_names:
         home = _home(model, parents, body, base, first, kept)
         if home:
-            found.homes[body] = home, found.pose(home).inverse() @ found.pose(body)
-    return found
+            bare.homes[body] = home, bare.pose(home).inverse() @ bare.pose(body)
+    return bare
 
 
 def ancestors(parents: dict[str, str], body: str) -> list[str]:
@@ -166,7 +166,7 @@ def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...
         chain.insert(0, by_child[chain[0].parent])
     joint = joined(chain)
     used = {name for axis in joint.axes if axis.function.arity for name in axis.coordinates}
-    owned = [name for one in chain for name in one.coordinates]
+    owned = [name for joint in chain for name in joint.coordinates]
     names = tuple(name for name in model.coordinate_names if name in used or name in owned)
     if names:
         coordinates = tuple(replace(model.coordinate(name), locked=False, clamped=False) for name in names)
@@ -192,7 +192,9 @@ def _seen_from(axis: Axis, pose: Transform) -> Axis:
 
 def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis, ...]:
     """Body-fixed rotations about x, y, z axes in an order, one coordinate each."""
-    return tuple(Axis("rotation", np.eye(3)[k], linear(1.0), (name,)) for k, name in zip(order, names, strict=True))
+    return tuple(
+        Axis("rotation", np.eye(3)[axis], linear(1.0), (name,)) for axis, name in zip(order, names, strict=True)
+    )
 
 
 def shifts(names: Sequence[str]) -> tuple[Axis, ...]:

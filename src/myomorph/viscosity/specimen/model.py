@@ -191,7 +191,7 @@ class Specimen:
         return next(joint for joint in self.model.joints if joint.child == child)
 
     def _with_joint(self, joint: Joint) -> Model:
-        joints = tuple(joint if one.child == joint.child else one for one in self.model.joints)
+        joints = tuple(joint if other.child == joint.child else other for other in self.model.joints)
         return replace(self.model, joints=joints)
 
 
@@ -223,7 +223,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
             holding, coordinates = held_joint(source, bone)
             joints.append(holding)
             held += coordinates
-    kept = frozenset(one.name for one in held)
+    kept = frozenset(coordinate.name for coordinate in held)
     muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
     made = Model(
         name=model.name,
@@ -246,7 +246,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),
         base_coordinates=tuple(coordinate.name for coordinate in base_coordinates),
         joint_coordinates=tuple(coordinate.name for coordinate in joint_coordinates),
-        held_coordinates=tuple(one.name for one in held),
+        held_coordinates=tuple(coordinate.name for coordinate in held),
         axes=AXES if names.joint == "ball" else joint.coordinates,
         axis_vectors=frozen_array(vectors),
         muscles=FrozenMap(muscles),
@@ -274,7 +274,7 @@ def _joint(
     parent = base.inverse() @ first @ child
     if names.joint == "ball":
         order = _order(source, names.first, in_limb)
-        angles = [f"{names.first}_r{AXES[k]}" for k in order]
+        angles = [f"{names.first}_r{AXES[axis]}" for axis in order]
         coordinates = free(angles)
         joint = Joint(f"{names.base}_{names.first}", "ball", names.base, names.first, parent, child)
         return replace(joint, axes=turns(angles, order), coordinates=tuple(angles)), coordinates, np.eye(3)

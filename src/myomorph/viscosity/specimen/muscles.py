@@ -100,7 +100,7 @@ def kept_muscles(
     wanted = names or {muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)}
     notes: list[str] = []
     muscles: list[Muscle] = []
-    found: dict[str, tuple[str, ...]] = {}
+    kept: dict[str, tuple[str, ...]] = {}
     for name, strands in wanted.items():
         for strand in strands:
             muscle = model.muscle(strand)
@@ -112,12 +112,12 @@ def kept_muscles(
                 )
             if not outside:
                 muscles.append(_moved(source, muscle, coordinates, notes))
-                found[name] = (*found.get(name, ()), strand)
+                kept[name] = (*kept.get(name, ()), strand)
             else:
                 notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     surfaces = [_at_home(source, item) for item in model.wrap_objects if item.name in used]
-    return found, tuple(muscles), tuple(surfaces), notes
+    return kept, tuple(muscles), tuple(surfaces), notes
 
 
 def _crosses(source: Anatomy, muscle: Muscle, base: str) -> bool:

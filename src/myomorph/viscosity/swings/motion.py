@@ -110,12 +110,14 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     seen = np.isfinite(angles).all(axis=1)
     quaternions = np.full((len(motion), 4), np.nan)
     quaternions[seen] = continuous(Rotation.from_euler(order, angles[seen]).as_quat(scalar_first=True))
-    found = differentiate(Motion(motion.time, ("w", "x", "y", "z"), quaternions), cutoff)
-    assert found.velocities is not None
-    assert found.accelerations is not None
-    known = np.isfinite(found.values).all(axis=1)
+    quaternion_rates = differentiate(Motion(motion.time, ("w", "x", "y", "z"), quaternions), cutoff)
+    assert quaternion_rates.velocities is not None
+    assert quaternion_rates.accelerations is not None
+    known = np.isfinite(quaternion_rates.values).all(axis=1)
     values, velocities, accelerations = (np.full((len(motion), 3), np.nan) for _ in range(3))
-    turns, rates, gains = angular_motion(found.values[known], found.velocities[known], found.accelerations[known])
+    turns, rates, gains = angular_motion(
+        quaternion_rates.values[known], quaternion_rates.velocities[known], quaternion_rates.accelerations[known]
+    )
     values[known] = turns.as_euler(order)
     velocities[known], accelerations[known] = _angle_rates(axes, values[known], rates, gains)
     return Motion(motion.time, tuple(joint.coordinates), values, velocities, accelerations)
@@ -151,7 +153,7 @@ def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tupl
 
     omega = S(q) q', alpha = S q'' + S' q'; the columns of S are the axes as the body sees them.
     """
-    last, middle = (Rotation.from_rotvec(angles[:, k, None] * axes[k]) for k in (2, 1))
+    last, middle = (Rotation.from_rotvec(angles[:, axis, None] * axes[axis]) for axis in (2, 1))
     second = last.apply(np.tile(axes[1], (len(angles), 1)), inverse=True)
     third = np.tile(axes[2], (len(angles), 1))
     first = (middle * last).apply(np.tile(axes[0], (len(angles), 1)), inverse=True)

@@ -70,7 +70,9 @@ def on_clock(time: Array, values: Array, frames: Array) -> Array:
     filled = np.array(values)
     for column in filled.T:
         column[~known] = np.interp(time[~known], time[known], column[known])
-    rate, wanted = ((len(one) - 1) / float(one[-1] - one[0]) if len(one) > 1 else np.inf for one in (time, frames))
+    rate, wanted = (
+        (len(clock) - 1) / float(clock[-1] - clock[0]) if len(clock) > 1 else np.inf for clock in (time, frames)
+    )
     reach = 0.5 / wanted
     if rate > 1.5 * wanted:
         filled = lowpass(filled, rate, ANTI_ALIAS * wanted)
@@ -153,13 +155,13 @@ def plate_clock(
     known = np.asarray(np.isfinite(wrench).all(axis=1))
     start, end = np.flatnonzero(known)[[0, -1]]
     part = slice(start, end + 1)
-    own, values = wrench_time[part], wrench[part].copy()
+    plate_time, values = wrench_time[part], wrench[part].copy()
     for column in values.T:
-        column[~known[part]] = np.interp(own[~known[part]], own[known[part]], column[known[part]])
-    best = _fitted(time, rows, slow, whole, own, values, share, 0.0)
+        column[~known[part]] = np.interp(plate_time[~known[part]], plate_time[known[part]], column[known[part]])
+    best = _fitted(time, rows, slow, whole, plate_time, values, share, 0.0)
     if best.explained < AGREES:
-        lag = _best_lag(time, slow, whole, own, values)
-        other = _fitted(time, rows, slow, whole, own, values, share, lag)
+        lag = _best_lag(time, slow, whole, plate_time, values)
+        other = _fitted(time, rows, slow, whole, plate_time, values, share, lag)
         best = other if other.explained > best.explained else best
     if best.explained < AGREES:
         explained = f"{100 * best.explained:.0f} %"
@@ -176,27 +178,27 @@ def plate_clock(
 
 
 def _fitted(
-    time: Array, rows: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array, share: float, lag: float
+    time: Array, rows: Array, slow: Array, whole: np.ndarray, plate_time: Array, wrench: Array, share: float, lag: float
 ) -> Clock:
     """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
-    seen, force = _filtered(time, whole, own + lag, wrench)
+    seen, force = _filtered(time, whole, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
     hand = touched_frames([slow], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
     options = ClockOptions(search=AROUND, cutoff=CUTOFF)
     try:
-        found = wrench_clock(time, rows, own + lag, wrench, options, seen & ~hand)
+        clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)
         # A drift that chance may have made would only spoil the ends of the recording.
-        if abs(found.drift) < SIGNIFICANT * found.drift_sd:
-            found = wrench_clock(time, rows, own + lag, wrench, replace(options, drift=False), seen & ~hand)
+        if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
+            clock = wrench_clock(time, rows, plate_time + lag, wrench, replace(options, drift=False), seen & ~hand)
     except BadData:
         return Clock(explained=0.0)
-    return replace(found, offset=found.offset + lag, epoch=found.epoch - lag)
+    return replace(clock, offset=clock.offset + lag, epoch=clock.epoch - lag)
 
 
-def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tuple[np.ndarray, Array]:
+def _filtered(time: Array, whole: np.ndarray, plate_time: Array, wrench: Array) -> tuple[np.ndarray, Array]:
     """Frames on which motion and wrench are known, and the wrench there, through the filter of the motion."""
-    force = on_clock(own, wrench, time)
+    force = on_clock(plate_time, wrench, time)
     known = np.asarray(np.isfinite(force).all(axis=1))
     if known.sum() >= 6:
         span = slice(int(np.flatnonzero(known)[0]), int(np.flatnonzero(known)[-1]) + 1)
@@ -204,13 +206,13 @@ def _filtered(time: Array, whole: np.ndarray, own: Array, wrench: Array) -> tupl
     return np.asarray(whole & known), np.where(known[:, None], force, 0.0)
 
 
-def _best_lag(time: Array, slow: Array, whole: np.ndarray, own: Array, wrench: Array) -> float:
+def _best_lag(time: Array, slow: Array, whole: np.ndarray, plate_time: Array, wrench: Array) -> float:
     """The lag at which the median frame's force is explained best, relative to how the force varies [s]."""
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
     thin = whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)
     step = float(np.median(np.diff(time)))
-    even = np.arange(own[0], own[-1], step)
-    force = lowpass(on_clock(own, wrench[:, 3:], even), 1.0 / step, CUTOFF)
+    even = np.arange(plate_time[0], plate_time[-1], step)
+    force = lowpass(on_clock(plate_time, wrench[:, 3:], even), 1.0 / step, CUTOFF)
     left = []
     for lag in lags:
         there = time - lag

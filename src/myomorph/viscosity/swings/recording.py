@@ -149,8 +149,8 @@ def touched_frames(
     """
     mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
     result = []
-    for one, time, use in zip(mismatch, times, candidates, strict=True):
-        error = np.where(use[:, None], one, 0.0)
+    for misfit, time, use in zip(mismatch, times, candidates, strict=True):
+        error = np.where(use[:, None], misfit, 0.0)
         frames = max(1, round(WINDOW / float(np.median(np.diff(time))))) if len(time) > 1 else 1
         count = np.maximum(uniform_filter1d(use.astype(float), frames), 1.0 / frames)
         size = np.linalg.norm(uniform_filter1d(error, frames, axis=0) / count[:, None], axis=1)
@@ -188,12 +188,12 @@ def force_mismatch(
         trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
     wanted = [Y @ x[:4] + x[4 + 3 * index : 7 + 3 * index] for index, Y in enumerate(rows)]
     moving = [
-        np.linalg.norm(one[use] - one[use].mean(axis=0), axis=1)
-        for one, use in zip(wanted, candidates, strict=True)
+        np.linalg.norm(misfit[use] - misfit[use].mean(axis=0), axis=1)
+        for misfit, use in zip(wanted, candidates, strict=True)
         if use.any()
     ]
     largest = float(np.quantile(np.concatenate(moving), 0.98)) if moving else 0.0
-    return [force - one for force, one in zip(forces, wanted, strict=True)], largest
+    return [force - expected for force, expected in zip(forces, wanted, strict=True)], largest
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:

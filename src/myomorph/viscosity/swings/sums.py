@@ -77,7 +77,7 @@ def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.nda
     # The columns of I_xx, I_yy, I_zz hold the angular acceleration about x, y, z.
     measured = [moment_rows(recording)[:, [0, 1, 2], [4, 5, 6]] @ along.T for recording in recordings]
     A = np.concatenate([state[use] for state, use in zip(states, frames, strict=True)])
-    b = np.concatenate([one[use] for one, use in zip(measured, frames, strict=True)])
+    b = np.concatenate([moment[use] for moment, use in zip(measured, frames, strict=True)])
     size = np.sqrt(np.square(A).mean(axis=0))
     size = np.where(size > 0.0, size, 1.0)
     law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
@@ -95,7 +95,7 @@ def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.nda
 def _still(rates: Array, measured: Array, predicted: Array) -> Array:
     """(axes, axes) projection on the directions in which the limb is still."""
     squares, directions = np.linalg.eigh(rates.T @ rates)
-    seen, left = (np.square(one @ directions).sum(axis=0) for one in (measured, measured - predicted))
+    seen, left = (np.square(torque @ directions).sum(axis=0) for torque in (measured, measured - predicted))
     still = directions[:, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)]
     return still @ still.T
 
@@ -247,34 +247,34 @@ class _Block:
 
 def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> list[_Block]:
     """Blocks of a trial, each fading into the next; a last block of less than half its swings joins the one before."""
-    own = [use for number, use in parts if number == trial]
-    cuts = [own[i : i + swings] for i in range(0, len(own), swings)]
+    trial_uses = [use for number, use in parts if number == trial]
+    cuts = [trial_uses[i : i + swings] for i in range(0, len(trial_uses), swings)]
     if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
         cuts[-2] += cuts.pop()
     frames = [np.concatenate(cut) for cut in cuts]
     weights = [np.ones(len(use)) for use in frames]
     fades = []
-    for k in range(len(frames) - 1):
-        half = min(len(frames[k]), len(frames[k + 1])) // 2
-        if half and frames[k][-half] + 2 * half - 1 == frames[k + 1][half - 1]:
+    for position in range(len(frames) - 1):
+        half = min(len(frames[position]), len(frames[position + 1])) // 2
+        if half and frames[position][-half] + 2 * half - 1 == frames[position + 1][half - 1]:
             rise = 0.5 + 0.5 * np.sin(np.pi * (np.arange(2 * half) - half + 0.5) / (2.0 * half))
-            weights[k][-half:], weights[k + 1][:half] = 1.0 - rise[:half], rise[half:]
-            fades.append((k, half, rise))
-    whole, given = [[use] for use in frames], [[weight] for weight in weights]
-    for k, half, rise in fades:
-        whole[k].append(frames[k + 1][:half])
-        given[k].append(1.0 - rise[half:])
-        whole[k + 1].append(frames[k][-half:])
-        given[k + 1].append(rise[:half])
+            weights[position][-half:], weights[position + 1][:half] = 1.0 - rise[:half], rise[half:]
+            fades.append((position, half, rise))
+    whole, shares = [[use] for use in frames], [[weight] for weight in weights]
+    for position, half, rise in fades:
+        whole[position].append(frames[position + 1][:half])
+        shares[position].append(1.0 - rise[half:])
+        whole[position + 1].append(frames[position][-half:])
+        shares[position + 1].append(rise[:half])
     return [
         _Block(trial, use[0], np.concatenate(use), np.concatenate(weight))
-        for use, weight in zip(whole, given, strict=True)
+        for use, weight in zip(whole, shares, strict=True)
     ]
 
 
 def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
-    own = [use for number, use in parts if number == trial]
-    return np.concatenate(own) if own else np.zeros(0, np.int64)
+    trial_uses = [use for number, use in parts if number == trial]
+    return np.concatenate(trial_uses) if trial_uses else np.zeros(0, np.int64)
 
 
 def _wrench_products(swing_recording: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:

@@ -54,9 +54,9 @@ class Clusters:
 
     def misfit(self, values: Array, bone: str, relabel: Relabel | None = None) -> Array:
         """(frames, pairs) recorded less modelled distance of a bone's markers, NaN where one is unseen [m]."""
-        own = [(relabel or {}).get(column, column) for column in self.columns[bone]]
+        columns = [(relabel or {}).get(column, column) for column in self.columns[bone]]
         pairs = self.pairs[bone]
-        apart = values[:, [own[i] for i, _ in pairs]] - values[:, [own[j] for _, j in pairs]]
+        apart = values[:, [columns[i] for i, _ in pairs]] - values[:, [columns[j] for _, j in pairs]]
         return np.linalg.norm(apart, axis=2) - self.lengths[bone]
 
     def wrong(self, values: Array, bone: str, relabel: Relabel | None = None) -> np.ndarray:
@@ -67,17 +67,17 @@ class Clusters:
 
     def within(self, bone: str) -> Iterator[Relabel]:
         """Other orders of a cluster's labels; of big clusters, exchanges of two only."""
-        own = self.columns[bone]
-        if len(own) > MAX_PERMUTED:
-            yield from ({a: b, b: a} for a, b in combinations(own, 2))
+        columns = self.columns[bone]
+        if len(columns) > MAX_PERMUTED:
+            yield from ({a: b, b: a} for a, b in combinations(columns, 2))
             return
-        for order in permutations(own):
-            if list(order) != own:
-                yield dict(zip(own, order, strict=True))
+        for order in permutations(columns):
+            if list(order) != columns:
+                yield dict(zip(columns, order, strict=True))
 
-    def between(self, one: str, other: str) -> Iterator[Relabel]:
+    def between(self, first: str, other: str) -> Iterator[Relabel]:
         """Exchanges of one label between two clusters."""
-        for a in self.columns[one]:
+        for a in self.columns[first]:
             for b in self.columns[other]:
                 yield {a: b, b: a}
 
@@ -179,27 +179,27 @@ def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Ar
     """
     notes = []
     places = {marker.name: marker.location for marker in specimen.model.markers}
-    for bone, own in clusters.columns.items():
-        orders = [tuple(relabel.get(column, column) for column in own) for relabel in clusters.within(bone)]
-        alike = [order for order in orders if not clusters.wrong(_still(clusters, places, own, order), bone).any()]
-        if not alike or len(own) < 3:
+    for bone, columns in clusters.columns.items():
+        orders = [tuple(relabel.get(column, column) for column in columns) for relabel in clusters.within(bone)]
+        alike = [order for order in orders if not clusters.wrong(_still(clusters, places, columns, order), bone).any()]
+        if not alike or len(columns) < 3:
             continue
-        plain = _joint_gap(specimen, clusters, places, values, bone, tuple(own))
+        plain = _joint_gap(specimen, clusters, places, values, bone, tuple(columns))
         for order in alike:
             other = _joint_gap(specimen, clusters, places, values, bone, order)
             with np.errstate(invalid="ignore"):
                 frames = np.flatnonzero((plain > MAX_JOINT_GAP) & (other < 0.5 * plain))
             if len(frames):
-                values[frames[:, None], own] = values[frames[:, None], list(order)]
+                values[frames[:, None], columns] = values[frames[:, None], list(order)]
                 plain[frames] = other[frames]
-                notes.append(_exchanged(clusters, dict(zip(own, order, strict=True)), _when(time, frames), name))
+                notes.append(_exchanged(clusters, dict(zip(columns, order, strict=True)), _when(time, frames), name))
     return notes
 
 
-def _still(clusters: Clusters, places: Mapping[str, Array], own: list[int], order: tuple[int, ...]) -> Array:
+def _still(clusters: Clusters, places: Mapping[str, Array], columns: list[int], order: tuple[int, ...]) -> Array:
     """(1, markers, 3) the model's cluster with its labels in another order."""
     values = np.full((1, len(clusters.names), 3), np.nan)
-    values[0, own] = [places[clusters.names[column]] for column in order]
+    values[0, columns] = [places[clusters.names[column]] for column in order]
     return values
 
 
@@ -213,9 +213,9 @@ def _joint_gap(
 ) -> Array:
     """(frames,) largest distance between where a bone and its neighbors put their joints, in an order of labels [m]."""
 
-    def poses(one: str) -> tuple[Array, Array]:
-        columns = clusters.columns[one]
-        seen = values[:, list(order) if one == bone else columns]
+    def poses(side: str) -> tuple[Array, Array]:
+        columns = clusters.columns[side]
+        seen = values[:, list(order) if side == bone else columns]
         return cluster_poses(np.array([places[clusters.names[column]] for column in columns]), seen)
 
     rotations, origins = poses(bone)
@@ -233,34 +233,34 @@ def _joint_gap(
 
 
 def _leave_out(clusters: Clusters, values: Array, bone: str, frames: np.ndarray, name: str, when: str) -> list[str]:
-    own, pairs = clusters.columns[bone], clusters.pairs[bone]
+    columns, pairs = clusters.columns[bone], clusters.pairs[bone]
     misfit = clusters.misfit(values[frames], bone)
-    for i, column in enumerate(own):
-        others = [k for k, pair in enumerate(pairs) if i not in pair]
+    for i, column in enumerate(columns):
+        others = [index for index, pair in enumerate(pairs) if i not in pair]
         if others and (np.abs(misfit[:, others]) < clusters.tolerance).all(axis=1).mean() >= REPAIRED:
             values[frames, column] = np.nan
             return [f"trial '{name}': marker '{clusters.names[column]}' is off its cluster {when}: left out there"]
     if len(frames) > 0.5 * len(values):
-        k = int(np.nanargmax(np.abs(np.nanmedian(misfit, axis=0))))
-        one, other = (clusters.names[own[i]] for i in pairs[k])
-        length = clusters.lengths[bone][k]
+        worst = int(np.nanargmax(np.abs(np.nanmedian(misfit, axis=0))))
+        first, other = (clusters.names[columns[i]] for i in pairs[worst])
+        length = clusters.lengths[bone][worst]
         raise BadData(
-            f"trial '{name}': the markers of '{bone}' are not the model's cluster: '{one}' and '{other}' are "
-            f"{1000 * (length + np.nanmedian(misfit[:, k])):.1f} mm apart, in the model {1000 * length:.1f}; "
+            f"trial '{name}': the markers of '{bone}' are not the model's cluster: '{first}' and '{other}' are "
+            f"{1000 * (length + np.nanmedian(misfit[:, worst])):.1f} mm apart, in the model {1000 * length:.1f}; "
             "check labels, unit, and the fit of the cluster to the CT"
         )
-    values[frames[:, None], own] = np.nan
+    values[frames[:, None], columns] = np.nan
     return [f"trial '{name}': the markers of '{bone}' do not fit their cluster {when}: left out there"]
 
 
 def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
     """Markers unseen for long, a line a bone; all that blink, in one."""
     notes, blinking = [], 0
-    for bone, own in clusters.columns.items():
-        seen = np.asarray(np.isfinite(values[:, own]).all(axis=2))
+    for bone, columns in clusters.columns.items():
+        seen = np.asarray(np.isfinite(values[:, columns]).all(axis=2))
         share = 1.0 - seen.mean(axis=0)
         blinking += int(((share > 0.0) & (share < MAX_UNSEEN)).sum())
-        gone = [clusters.names[column] for column, lost in zip(own, share, strict=True) if lost >= MAX_UNSEEN]
+        gone = [clusters.names[column] for column, lost in zip(columns, share, strict=True) if lost >= MAX_UNSEEN]
         if gone:
             frames = np.flatnonzero(~seen[:, share >= MAX_UNSEEN].all(axis=1))
             left = int(seen[frames].sum(axis=1).min())

@@ -77,14 +77,14 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     count = np.maximum(weight.sum(axis=1), 1.0)
     values = np.where(finite[..., None], seen, 0.0)
     middle = values.sum(axis=1) / count
-    own = (weight * places).sum(axis=1) / count
+    center = (weight * places).sum(axis=1) / count
     spread = (values - middle[:, None]) * weight
-    cross = np.einsum("fmi,fmj->fij", spread, places - own[:, None])
+    cross = np.einsum("fmi,fmj->fij", spread, places - center[:, None])
     left, _, right = np.linalg.svd(cross)
     turn = np.ones((len(seen), 3))
     turn[:, 2] = np.sign(np.linalg.det(left @ right))
     rotations = (left * turn[:, None]) @ right
-    origins = middle - np.einsum("fij,fj->fi", rotations, own)
+    origins = middle - np.einsum("fij,fj->fi", rotations, center)
     lacking = finite.sum(axis=1) < 3
     rotations[lacking], origins[lacking] = np.nan, np.nan
     return rotations, origins
@@ -137,10 +137,10 @@ def mean_held(
     """
     means = {}
     for name in specimen.held_coordinates:
-        firm = [name not in own for own in slipped] or [True] * len(motions)
+        firm = [name not in names for names in slipped] or [True] * len(motions)
         chosen = [index for index, holds in enumerate(firm) if holds or not any(firm)]
-        values = np.concatenate([motions[k][name] for k in chosen])
-        weight = np.concatenate([weights[k] for k in chosen])
+        values = np.concatenate([motions[number][name] for number in chosen])
+        weight = np.concatenate([weights[number] for number in chosen])
         used = np.isfinite(values) & (weight > 0.0)
         if not used.any():
             means[name] = specimen.model.coordinate(name).default
@@ -153,12 +153,12 @@ def mean_held(
 
 def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, moved: float) -> list[Slip]:
     """Held coordinates and the base, where they move by more than `turned` [rad] or `moved` [m] in a trial."""
-    found = []
+    slips = []
     for held in specimen.held_coordinates:
         unit = _unit(specimen, held)
         limit = moved if unit == "m" else turned
-        found += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit)
-    return found + base_slips(specimen, name, motion.time, *base_poses(specimen, motion), turned, moved)
+        slips += _slip(name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit)
+    return slips + base_slips(specimen, name, motion.time, *base_poses(specimen, motion), turned, moved)
 
 
 def base_slips(
@@ -176,8 +176,8 @@ def base_slips(
     middle = mean_rotation(rotations[seen])
     angles = np.full((len(time), 3), np.nan)
     angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
-    found = _slip(name, "base", time, _filled(angles), turned, "rad")
-    return found or _slip(name, "base", time, _course(time, rotations @ specimen.center + origins), moved, "m")
+    slip = _slip(name, "base", time, _filled(angles), turned, "rad")
+    return slip or _slip(name, "base", time, _course(time, rotations @ specimen.center + origins), moved, "m")
 
 
 def slips_before(
@@ -198,13 +198,13 @@ def slips_before(
     """
     result = []
     start = float(motion.time[0])
-    for one, mean in held.items():
-        values = motion[one][np.isfinite(motion[one])]
-        unit = _unit(specimen, one)
+    for coordinate_values, mean in held.items():
+        values = motion[coordinate_values][np.isfinite(motion[coordinate_values])]
+        unit = _unit(specimen, coordinate_values)
         off = float(np.median(values)) - mean if len(values) else 0.0
         off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
         if abs(off) > (moved if unit == "m" else turned):
-            result.append(Slip(name, one, start, abs(off), True, unit, before=True))
+            result.append(Slip(name, coordinate_values, start, abs(off), True, unit, before=True))
     distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
     if distance > moved:
         result.append(Slip(name, "base", start, distance, True, "m", before=True))

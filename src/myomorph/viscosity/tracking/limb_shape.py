@@ -45,7 +45,7 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     poses = _limb_poses(specimen)
     common = set.intersection(*(set(trial.names) for trial in trials))
     carried = [marker for marker in specimen.model.markers if marker.body in poses and marker.name in common]
-    names = [one.name for one in carried]
+    names = [marker.name for marker in carried]
     if len(names) < MIN_MARKERS:
         return specimen, 0.0
     seen = np.concatenate([np.stack([trial[name] for name in names], axis=1) for trial in trials])
@@ -54,28 +54,30 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     seen, weight = np.where(shown[..., None], seen, 0.0)[used], shown[used].astype(np.float64)
     if not len(seen) or (weight.sum(axis=0) == 0.0).any():
         return specimen, 0.0
-    places = np.array([poses[one.body].apply(one.location) for one in carried])
-    given, center = places, specimen.center_in_ground
+    places = np.array([poses[marker.body].apply(marker.location) for marker in carried])
+    first, center = places, specimen.center_in_ground
     for _ in range(ROUNDS):
         step = _step(_rotations(places, seen - center, weight), places, seen - center, weight)
         center, places = center + step[0], places + step[1:]
-        places = places @ _rotations(places, given[None], np.ones((1, len(names))))[0].T
-    moved = {one.name: poses[one.body].inverse().apply(place) for one, place in zip(carried, places, strict=True)}
+        places = places @ _rotations(places, first[None], np.ones((1, len(names))))[0].T
+    moved = {
+        marker.name: poses[marker.body].inverse().apply(place) for marker, place in zip(carried, places, strict=True)
+    }
     markers = tuple(
         replace(marker, location=moved.get(marker.name, marker.location)) for marker in specimen.model.markers
     )
     in_base = specimen.stand.inverse().apply(center)
-    found = specimen.with_markers(markers).centered(in_base, specimen.center_in_limb)
-    return found, float(np.sqrt(np.square(places - given).sum(axis=1).mean()))
+    specimen_shape = specimen.with_markers(markers).centered(in_base, specimen.center_in_limb)
+    return specimen_shape, float(np.sqrt(np.square(places - first).sum(axis=1).mean()))
 
 
 def _limb_poses(specimen: Specimen) -> dict[str, Transform]:
     """Of every bone of the limb in the limb's first body, about the joint's center, held joints as they are."""
     model = specimen.model
     tree = compile_tree(model)
-    found = forward_kinematics(tree, tree.defaults[None])
+    poses = forward_kinematics(tree, tree.defaults[None])
     ground = {
-        name: Transform(found.rotations[0, tree.body_index[name]], found.origins[0, tree.body_index[name]])
+        name: Transform(poses.rotations[0, tree.body_index[name]], poses.origins[0, tree.body_index[name]])
         for name in specimen.limb
     }
     first = ground[specimen.first]

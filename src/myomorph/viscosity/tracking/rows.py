@@ -55,16 +55,18 @@ def swing_recordings(
     # Hands were found at `CUTOFF`; a lower one smears them further.
     further = max(0.0, 0.5 * REACH * (1.0 / cutoff - 1.0 / CUTOFF)) if cutoff else 0.0
     free = [
-        one.whole & ~near(trial.touched, trial.motion.time, further) for one, trial in zip(made, trials, strict=True)
+        parts.whole & ~near(trial.touched, trial.motion.time, further)
+        for parts, trial in zip(made, trials, strict=True)
     ]
-    if not any(one.any() for one in free):
+    if not any(frames.any() for frames in free):
         raise BadData(
             f"none of the trials {', '.join(trial.name for trial in trials)} has a frame of free swing with motion and "
             "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
         )
     rest = _rest(specimen, made, free)
     return tuple(
-        _recording(specimen, trial, one, use, rest, muscles) for trial, one, use in zip(trials, made, free, strict=True)
+        _recording(specimen, trial, parts, use, rest, muscles)
+        for trial, parts, use in zip(trials, made, free, strict=True)
     )
 
 
@@ -78,9 +80,9 @@ def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> 
 def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
     """(3, 3) mean rotation of a ball in free swing, or (1,) mean angle of a hinge."""
     if len(specimen.joint_coordinates) == 1:
-        angles = np.concatenate([one.motion.values[use, 0] for one, use in zip(made, free, strict=True)])
+        angles = np.concatenate([parts.motion.values[use, 0] for parts, use in zip(made, free, strict=True)])
         return np.array([angles.mean() if len(angles) else 0.0])
-    rotations = np.concatenate([one.limb.rotations[use] for one, use in zip(made, free, strict=True)])
+    rotations = np.concatenate([parts.limb.rotations[use] for parts, use in zip(made, free, strict=True)])
     return mean_rotation(rotations) if len(rotations) else np.eye(3)
 
 

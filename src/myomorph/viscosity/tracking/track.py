@@ -81,9 +81,10 @@ def track(
         raise BadData("no trial of the swinging limb is given")
     shown = [trial.markers if trial.time is None else cut(trial.markers, *trial.time) for trial in trials]
     checked = [
-        checked_clusters(specimen, one, trial.name, options.cluster) for one, trial in zip(shown, trials, strict=True)
+        checked_clusters(specimen, trial_markers, trial.name, options.cluster)
+        for trial_markers, trial in zip(shown, trials, strict=True)
     ]
-    markers = [one for one, _ in checked]
+    markers = [trial_markers for trial_markers, _ in checked]
     started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
@@ -93,28 +94,33 @@ def track(
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
     ]
-    base, held, found = _held_still(started, markers, [trial.name for trial in trials], sure, weights, options)
+    base, held, slips = _held_still(started, markers, [trial.name for trial in trials], sure, weights, options)
     if astray and options.center == "model":
-        found = [[replace(slip, center_off=not (slip.lasting or slip.before)) for slip in own] for own in found]
+        slips = [
+            [replace(slip, center_off=not (slip.lasting or slip.before)) for slip in trial_slips]
+            for trial_slips in slips
+        ]
     posed = _posed(started.standing(base), held)
-    if options.center == "motion" and _turns_enough(posed, markers) and not any(found):
+    if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
         posed, moved = shaped(posed, markers)
         astray = (*astray, *_moved_note(moved, options))
     tracked = []
-    for trial, (seen, notes), motion, own in zip(trials, checked, sure, found, strict=True):
+    for trial, (seen, notes), motion, certain in zip(trials, checked, sure, slips, strict=True):
         away = np.zeros((len(motion), 3))
-        if any(slip.what == "base" for slip in own):
+        if any(slip.what == "base" for slip in certain):
             away = center_course(started, motion) - posed.center_in_ground
-        fit = _joint_alone(posed, seen, away, motion, own, progress)
+        fit = _joint_alone(posed, seen, away, motion, certain, progress)
         wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
-        lines = (*notes, *(slip.line for slip in own), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
         tracked.append(
             TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, _plate_origin(posed, trial))
         )
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
-    return TrackedSpecimen(posed, tuple(tracked), held, tuple(slip for own in found for slip in own), astray)
+    return TrackedSpecimen(
+        posed, tuple(tracked), held, tuple(slip for trial_slips in slips for slip in trial_slips), astray
+    )
 
 
 def _held_still(
@@ -131,20 +137,20 @@ def _held_still(
     do not fit the motion.
     """
     limits = options.slip, options.shift
-    found = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
-    for own, shown in zip(found, markers, strict=True):
-        if any(slip.what == "base" for slip in own):
+    slips = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
+    for trial_slips, shown in zip(slips, markers, strict=True):
+        if any(slip.what == "base" for slip in trial_slips):
             pose = _poses(specimen.model, specimen.base, shown)
             if np.isfinite(pose[1]).any() and not base_slips(specimen, "", shown.time, *pose, *limits):
-                own[:] = [slip for slip in own if slip.what != "base"]
-    moved = [[slip.what for slip in own] for own in found]
+                trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
+    moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
     base = mean_base(specimen, motions, weights)
     held = mean_held(specimen, motions, weights, moved)
     center = base.apply(specimen.center)
-    for name, motion, own, own_notes in zip(names, motions, found, moved, strict=True):
+    for name, motion, trial_slips, own_notes in zip(names, motions, slips, moved, strict=True):
         before = slips_before(specimen, name, motion, held, center, *limits)
-        own += [slip for slip in before if slip.what not in own_notes]
-    return base, held, found
+        trial_slips += [slip for slip in before if slip.what not in own_notes]
+    return base, held, slips
 
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
@@ -212,11 +218,11 @@ def _moved_note(moved: float, options: TrackingOptions) -> tuple[str, ...]:
 
 
 def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
-    own = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
-    if len(own) < 3:
+    bone_markers = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
+    if len(bone_markers) < 3:
         return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
-    columns = [markers.names.index(one.name) for one in own]
-    return cluster_poses(np.array([one.location for one in own]), markers.values[:, columns])
+    columns = [markers.names.index(marker.name) for marker in bone_markers]
+    return cluster_poses(np.array([marker.location for marker in bone_markers]), markers.values[:, columns])
 
 
 def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
@@ -228,8 +234,8 @@ def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
     bodies = np.array([specimen.model.marker(name).body for name in fit.marker_names])
     enough = np.ones(len(seen), bool)
     for bone in set(bodies[ever]):
-        own = seen[:, ever & (bodies == bone)]
-        enough &= own.sum(axis=1) >= min(2, own.shape[1])
+        bone_seen = seen[:, ever & (bodies == bone)]
+        enough &= bone_seen.sum(axis=1) >= min(2, bone_seen.shape[1])
     if not enough.any():
         return np.asarray(PARTIAL * seen.any(axis=1))
     return np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
@@ -254,11 +260,11 @@ def _joint_alone(
     """
     markers = replace(markers, values=markers.values - away[:, None])
     slipped = [slip.what for slip in slips if slip.what != "base"]
-    given = None
+    earlier = None
     if slipped:
-        given = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
+        earlier = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
     limb = {marker.name for marker in specimen.model.markers if marker.body != specimen.base} & set(markers.names)
-    options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=given)
+    options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=earlier)
     fit = inverse_kinematics(specimen.model, markers, options, progress)
     columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
     values = fit.motion.values[:, columns].copy()
@@ -288,13 +294,13 @@ def _wrench(
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
         rows, slow, whole = _rows(specimen, motion)
         clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
-    found = on_clock(clock.times(time), raw, motion.time)
-    if not np.isfinite(found).any():
+    wrench = on_clock(clock.times(time), raw, motion.time)
+    if not np.isfinite(wrench).any():
         raise BadData(
             f"trial '{trial.name}': markers ({motion.time[0]:g} to {motion.time[-1]:g} s) and plate "
             f"({time[0]:g} to {time[-1]:g} s) have no time in common"
         )
-    return found, clock, doubts
+    return wrench, clock, doubts
 
 
 def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]:
@@ -314,12 +320,14 @@ def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: flo
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
     _, rows, whole = zip(*(_rows(specimen, trial.motion) for trial in trials), strict=True)
     wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
-    frames = [one & np.asarray(np.isfinite(wrench).all(axis=1)) for one, wrench in zip(whole, wrenches, strict=True)]
+    frames = [
+        complete & np.asarray(np.isfinite(wrench).all(axis=1)) for complete, wrench in zip(whole, wrenches, strict=True)
+    ]
     times = [trial.motion.time for trial in trials]
-    found = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
+    touching = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
     return [
         replace(trial, touched=touched, notes=(*trial.notes, *_hands(trial.name, times, touched)))
-        for trial, touched, times in zip(trials, found, times, strict=True)
+        for trial, touched, times in zip(trials, touching, times, strict=True)
     ]
 
 

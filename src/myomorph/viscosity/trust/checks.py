@@ -108,9 +108,9 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
         as `swing_sums` and `limb_inertia`
     """
     sums = swing_sums(recordings)
-    found = []
+    findings = []
     if len(sums) < 3:
-        found.append(
+        findings.append(
             Finding(
                 "few swings",
                 f"{len(sums)} whole swing{'s' if len(sums) > 1 else ''} in all, too few for intervals: record more "
@@ -124,14 +124,14 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
             f" (its mass center would lie beyond the center of oscillation at {zero.oscillation:.2f} m): the plate was "
             "set to zero with the limb on it, so the mass hides; set zero with the fixture alone, or give that as tare"
         )
-        found.append(Finding("tare", line, hides_mass=True))
+        findings.append(Finding("tare", line, hides_mass=True))
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
         line = (
             f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({zero.own_moment:.2f} N m "
             "at most): the plate's zero, or the joint's center, is off; give a tare recording with the fixture alone"
         )
-        found.append(Finding("zero", line))
-    return tuple(found)
+        findings.append(Finding("zero", line))
+    return tuple(findings)
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
@@ -140,16 +140,17 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     An axis is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
     narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
     """
-    one = condition.viscosity
+    viscosity = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
     size = np.sqrt(np.square(rates).mean(axis=0))
-    if not one.high - one.low <= 2.0 * MAX_RELATIVE_WIDTH * one.value:
+    if not viscosity.high - viscosity.low <= 2.0 * MAX_RELATIVE_WIDTH * viscosity.value:
         line = (
-            f"the swings are too small to identify the viscosity: {one.low:.2g} to {one.high:.2g} N m s/rad at rates "
+            f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to "
+            f"{viscosity.high:.2g} N m s/rad at rates "
             f"of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
         )
         return (Finding("small swing", line, fatal=True),)
-    found = []
+    findings = []
     axes = condition.recordings[0].axes
     for axis, rate, excited, each in zip(axes, size, condition.excited, condition.axis_viscosity, strict=True):
         if rate < LEAN * size.max():
@@ -163,8 +164,8 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
             f"square), {why}; release the limb with a turn about that axis"
         )
-        found.append(Finding("axis", line))
-    return (*found, *_misfit(condition))
+        findings.append(Finding("axis", line))
+    return (*findings, *_misfit(condition))
 
 
 def _misfit(condition: Condition) -> tuple[Finding, ...]:
@@ -190,19 +191,19 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
-    found = [Finding("slip", slip.line) for slip in tracked.slips]
+    findings = [Finding("slip", slip.line) for slip in tracked.slips]
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:
             line = (
                 f"trial '{trial.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
             )
-            found.append(Finding("lost frames", line))
+            findings.append(Finding("lost frames", line))
         shift = abs(trial.clock.drift) * trial.clock.length
         if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
             line = (
                 f"trial '{trial.name}': the plate's clock drifts by {1e6 * trial.clock.drift:.0f} parts per million, "
                 f"{1e3 * shift:.1f} ms over the trial, against the markers': corrected; a common clock is better"
             )
-            found.append(Finding("clock", line))
-    return tuple(found)
+            findings.append(Finding("clock", line))
+    return tuple(findings)

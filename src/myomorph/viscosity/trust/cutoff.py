@@ -151,8 +151,10 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
     if not tracked:
         raise BadData("no trial of the swinging limb is given")
     names = (*conditions[0].specimen.joint_coordinates, *WRENCH)
-    columns = zip(*(np.hstack([one.motion.values, one.wrench]).T for one in tracked), strict=True)
-    parts = ([one[start:stop] for one in column for start, stop in runs(np.isfinite(one))] for column in columns)
+    columns = zip(*(np.hstack([trial.motion.values, trial.wrench]).T for trial in tracked), strict=True)
+    parts = (
+        [values[start:stop] for values in column for start, stop in runs(np.isfinite(values))] for column in columns
+    )
     rate = tracked[0].motion.rate
     return choice_of([residual_analysis(name, part, rate) for name, part in zip(names, parts, strict=True)])
 

@@ -304,10 +304,10 @@ def windows(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: floa
     sums : of the recordings, its blocks single swings
     """
     for least in (horizon, 0.0):
-        found = _every(recordings, sums, least)
-        if len(found) > 1:
-            chosen = np.unique(np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int))
-            return [found[i] for i in chosen]
+        spans = _every(recordings, sums, least)
+        if len(spans) > 1:
+            chosen = np.unique(np.linspace(0, len(spans) - 1, min(count, len(spans))).round().astype(int))
+            return [spans[i] for i in chosen]
     return []
 
 
@@ -320,8 +320,8 @@ def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) 
         if use[-1] - use[0] + 1 != len(use):
             joined = []
             continue
-        one, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
-        if frames.stop - frames.start > 1 and one.time[frames.stop - 1] - one.time[frames.start] >= least:
-            windows.append(Window(one, frames, np.array(joined)))
+        recording, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
+        if frames.stop - frames.start > 1 and recording.time[frames.stop - 1] - recording.time[frames.start] >= least:
+            windows.append(Window(recording, frames, np.array(joined)))
             joined = []
     return windows

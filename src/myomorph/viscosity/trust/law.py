@@ -77,7 +77,7 @@ class PassiveLaw:
 
     def values(self, axis: Array) -> Array:
         """(13,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
-        each = [np.broadcast_to(one, (3,)) for one in (self.viscosity, self.stiffness)]
+        each = [np.broadcast_to(values, (3,)) for values in (self.viscosity, self.stiffness)]
         rest = self.rest_moment * axis if axis.any() else self.rest_moment
         return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle]])
 
@@ -159,8 +159,8 @@ class PassiveProblem:
         H = mapping.T @ products[..., PARAMETERS:, PARAMETERS:] @ mapping
         g = -np.einsum("...ij,...j->...i", products[..., PARAMETERS:, :PARAMETERS], phi) @ mapping
         square = np.einsum("...i,...ij,...j->...", phi, products[..., :PARAMETERS, :PARAMETERS], phi)
-        found, gain = bounded_least_squares(H, g, groups)
-        return found @ mapping.T, np.maximum(square - gain, 0.0)
+        solution, gain = bounded_least_squares(H, g, groups)
+        return solution @ mapping.T, np.maximum(square - gain, 0.0)
 
     def left(self, parameters: Array, law: PassiveLaw) -> list[Array]:
         """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""

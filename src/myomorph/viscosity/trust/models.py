@@ -174,10 +174,10 @@ class PassiveComparison:
         law, plain = self.by_bic, self.chosen
         if not np.isfinite(plain.angle_error):
             return f"BIC asks for {law.name}, but no window could be held out to judge it: {plain.name} is used"
-        other, own = np.rad2deg([law.angle_error, plain.angle_error])
+        other, plain_error = np.rad2deg([law.angle_error, plain.angle_error])
         return (
             f"BIC asks for {law.name}, but it predicts held-out swings to {other:.1f} degrees, {plain.name} to "
-            f"{own:.1f}: {plain.name} is used"
+            f"{plain_error:.1f}: {plain.name} is used"
         )
 
     @property
@@ -225,23 +225,23 @@ def compare_passive_laws(
     blocks = len(problem.sums)
     every = np.ones(blocks)
     phi = problem.parameters(every)
-    found = [problem.fit(terms, every, phi) for terms in laws]
-    richest = min(found, key=lambda one: float(one[1]))[0]
+    solutions = [problem.fit(terms, every, phi) for terms in laws]
+    richest = min(solutions, key=lambda solution: float(solution[1]))[0]
     effective = effective_samples(problem.left(phi, PassiveLaw.of(richest, options.width)))
     lacking = 1.0 - np.eye(blocks)
-    others = np.array([problem.parameters(one) for one in lacking])
+    others = np.array([problem.parameters(block) for block in lacking])
     left_out = windows(recordings, problem.sums, options.horizon, options.held_out)
-    trained = [problem.parameters(one.training(blocks)) for one in left_out]
+    trained = [problem.parameters(fold.training(blocks)) for fold in left_out]
     samples = problem.samples(every)
     fits = []
-    for terms, (coefficients, rss) in zip(laws, found, strict=True):
+    for terms, (coefficients, rss) in zip(laws, solutions, strict=True):
         less = problem.fit(terms, lacking, others)[0]
         draws = Influences(coefficients, coefficients - less, problem.sums.trial).draws(
             options.draws, np.random.default_rng(options.seed)
         )
         errors = [
-            one.errors(_predict(problem, terms, one, p), options.tare == "unknown")
-            for one, p in zip(left_out, trained, strict=True)
+            fold.errors(_predict(problem, terms, fold, p), options.tare == "unknown")
+            for fold, p in zip(left_out, trained, strict=True)
         ]
         angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
         free = law_columns(terms, len(problem.axes))[0].shape[1]
@@ -265,7 +265,7 @@ def compare_passive_laws(
     plain = min((fit for fit in fits if fit.terms in PLAIN), key=lambda fit: fit.bic)
     chosen = by_bic if by_bic.terms in PLAIN or _predicts_better(by_bic, plain) else plain
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
-    horizon = float(np.mean([one.seconds for one in left_out])) if left_out else float("nan")
+    horizon = float(np.mean([fold.seconds for fold in left_out])) if left_out else float("nan")
     return PassiveComparison(tuple(fits), chosen, by_bic, round(samples), effective, horizon, shown)
 
 
@@ -337,10 +337,12 @@ def _estimates(
         columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
     result = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
     if any(term.startswith("stiffness") for term in terms):
-        rest, rests = (_rest_angles(one[..., 2 * n : 3 * n], one[..., n : 2 * n], slack) for one in (value, draws))
-        for axis, one, several in zip(axes, rest, rests.T, strict=True):
-            if np.isfinite(one) and np.isfinite(several).any():
-                result[f"rest angle {axis}"] = Estimate.of_draws(float(one), several)
+        rest, rests = (
+            _rest_angles(numbers[..., 2 * n : 3 * n], numbers[..., n : 2 * n], slack) for numbers in (value, draws)
+        )
+        for axis, angle, several in zip(axes, rest, rests.T, strict=True):
+            if np.isfinite(angle) and np.isfinite(several).any():
+                result[f"rest angle {axis}"] = Estimate.of_draws(float(angle), several)
     return result
 
 

@@ -150,10 +150,10 @@ def moment_arm_sensitivity(
         raise BadData("sensitivity to moment arms: these swings show no viscosity of muscles")
     force, square = problem.g / problem.g.sum(), problem.H.sum(axis=1) / problem.H.sum()
     slopes = 2.0 * (force - 2.0 * square)
-    one = 1.0 + options.factor * random.standard_normal((options.draws, 1)) * np.ones(n)
+    common = 1.0 + options.factor * random.standard_normal((options.draws, 1)) * np.ones(n)
     each = 1.0 + options.factor * random.standard_normal((options.draws, n))
     spreads = [
-        MomentArmSpread("one factor", options.factor, exact, _by_factors(problem, one), 2.0 * options.factor),
+        MomentArmSpread("one factor", options.factor, exact, _by_factors(problem, common), 2.0 * options.factor),
         MomentArmSpread(
             "factor of each muscle",
             options.factor,
@@ -199,10 +199,10 @@ def with_attachments(
     z = NormalDist().inv_cdf(0.5 + 0.5 * level)
     wider = _wider(muscles, float(np.exp(z * scatter)))
     total = ((wider.common.high - wider.common.low) / (2.0 * z)) ** 2
-    own = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
-    rest = 1.0 - own / total if total > 0.0 else 0.0
+    variance = min((float(np.sinh(z * scatter)) * muscles.common.value / z) ** 2, total)
+    rest = 1.0 - variance / total if total > 0.0 else 0.0
     others = tuple(replace(share, share=share.share * rest) if share.quantity == RESULT else share for share in shares)
-    added = ErrorShare(SOURCE, options.offset, RESULT, float(np.sqrt(own)), 1.0 - rest)
+    added = ErrorShare(SOURCE, options.offset, RESULT, float(np.sqrt(variance)), 1.0 - rest)
     return replace(specimen_viscosity, muscles=wider), (*others, added)
 
 
