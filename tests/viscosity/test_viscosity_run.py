@@ -24,7 +24,7 @@ def study(tmp_path):
     for name in ("arm.osim", "a.trc", "a.mot", "b.trc", "b.mot"):
         (tmp_path / name).write_text("")
     tables = [
-        f'[[specimen]]\nname = "{one.name}"\nmodel = "arm.osim"\nwithout = ["a.trc"]\nwith = ["b.trc"]\n'
+        f'[[specimen]]\nname = "{one.name}"\nmodel = "arm.osim"\nremoved = ["a.trc"]\nintact = ["b.trc"]\n'
         for one in SPECIMENS[:4]
     ]
     text = '[study]\nname = "four shoulders"\n' + "".join(tables) + "[options.identification]\ndraws = 7\n"

@@ -55,10 +55,10 @@ def ran(tmp_path_factory):
             write_swing(swung, folder / f"tared_{condition}{i}", offset=weight)
             write_swing(swung, folder / f"other_{condition}{i}", rename=lambda name: f"x{name}")
     tables = [
-        'name = "whole"\nwithout = ["bare*.trc"]\nwith = ["full*.trc"]\nmeasured_muscle_mass = 0.3',
-        'name = "half"\nwithout = ["bare*.trc"]',
-        'name = "tared"\nwithout = ["tared_bare*.trc"]\nwith = ["full*.trc"]',
-        'name = "unnamed"\nwithout = ["other_bare*.trc"]\nwith = ["other_full*.trc"]',
+        'name = "whole"\nremoved = ["bare*.trc"]\nintact = ["full*.trc"]\nmeasured_muscle_mass = 0.3',
+        'name = "half"\nremoved = ["bare*.trc"]',
+        'name = "tared"\nremoved = ["tared_bare*.trc"]\nintact = ["full*.trc"]',
+        'name = "unnamed"\nremoved = ["other_bare*.trc"]\nintact = ["other_full*.trc"]',
     ]
     text = '[study]\nname = "made"\n' + "".join(f'[[specimen]]\nmodel = "arm.osim"\n{one}\n' for one in tables)
     (folder / "study.toml").write_text(text + OPTIONS)
