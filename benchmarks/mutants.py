@@ -39,15 +39,15 @@ from data_collection import data_folder
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = {
-    "sign": [f"ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add")] + ["ReplaceUnaryOperator_USub_UAdd"],
-    "factor": [f"ReplaceBinaryOperator_{pair}" for pair in ("Mul_Div", "Div_Mul")],
-    "comparison": [
+    "sign": ("ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceUnaryOperator_USub_UAdd"),
+    "factor": ("ReplaceBinaryOperator_Mul_Div", "ReplaceBinaryOperator_Div_Mul"),
+    "comparison": tuple(
         f"ReplaceComparisonOperator_{pair}"
         for pair in ("Lt_GtE", "GtE_Lt", "Gt_LtE", "LtE_Gt", "Eq_NotEq", "NotEq_Eq", "Is_IsNot", "IsNot_Is")
-    ],
-    "number": ["NumberReplacer"],
-    "and/or": ["ReplaceAndWithOr", "ReplaceOrWithAnd"],
-    "loop": ["ZeroIterationForLoop", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak"],
+    ),
+    "number": ("NumberReplacer",),
+    "and/or": ("ReplaceAndWithOr", "ReplaceOrWithAnd"),
+    "loop": ("ZeroIterationForLoop", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak"),
 }
 PASSED_OVER = {"raise_stmt", "assert_stmt", "fstring", "param", "decorator", "annassign", "lambdef"}
 COPIED = ("src", "tests", "benchmarks", "docs", "docs_build", "pyproject.toml", "README.md", "mkdocs.yml")
