@@ -44,12 +44,12 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
     names = [cell.strip().strip('"') for cell in split_cells(first, delimiter)]
     column = next((index for index, name in enumerate(names) if name.lower() in TIMES), -1)
     if column < 0 or len(names) < 2:
-        raise BadFile(path, f"begins with the columns {', '.join(one[:MOST_SIGNS] for one in names[:6])}", HINT)
+        raise BadFile(path, f"begins with the columns {', '.join(name[:MOST_SIGNS] for name in names[:6])}", HINT)
     values = quick_numbers(text[start:], delimiter, len(names))
-    found: list[str] = []
+    notes: list[str] = []
     if values is None:
-        values = parse_cells(text[start:], len(names), delimiter, found, path, HINT)
-    if found or not len(values) or not rising(values[:, column]).all():
-        raise BadFile(path, found[0] if found else "has times that do not rise", HINT)
+        values = parse_cells(text[start:], len(names), delimiter, notes, path, HINT)
+    if notes or not len(values) or not rising(values[:, column]).all():
+        raise BadFile(path, notes[0] if notes else "has times that do not rise", HINT)
     others = [index for index in range(len(names)) if index != column]
     return Series(values[:, column], tuple(names[other] for other in others), values[:, others])

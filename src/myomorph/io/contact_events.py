@@ -160,10 +160,12 @@ def _mark(path: Path, row: int, cells: Mapping[str, str], rate: float | None, st
 def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]:
     """Each touch with the leave that follows it at the same site."""
     touches, warnings = [], []
-    last = max((one.time for one in marks), default=0.0)
-    for site in dict.fromkeys(one.site for one in marks):
+    last = max((mark.time for mark in marks), default=0.0)
+    for site in dict.fromkeys(mark.site for mark in marks):
         begun: _Mark | None = None
-        for mark in sorted((one for one in marks if one.site == site), key=lambda one: (one.time, one.touches)):
+        for mark in sorted(
+            (other for other in marks if other.site == site), key=lambda other: (other.time, other.touches)
+        ):
             if mark.touches and begun is not None:
                 raise BadFile(path, f"line {mark.row}: '{site}' touches again, but never left since line {begun.row}")
             if not mark.touches and begun is None:
@@ -186,7 +188,7 @@ def _touch(begun: _Mark, stop: float) -> Touch:
 def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:
     ordered = sorted(touches, key=lambda touch: (touch.site, touch.start))
     return [
-        f"{path.name}: '{one.site}' touches from {one.start:g} to {one.stop:g} s and again from {other.start:g} s"
-        for one, other in pairwise(ordered)
-        if one.site == other.site and other.start < one.stop
+        f"{path.name}: '{touch.site}' touches from {touch.start:g} to {touch.stop:g} s and again from {other.start:g} s"
+        for touch, other in pairwise(ordered)
+        if touch.site == other.site and other.start < touch.stop
     ]

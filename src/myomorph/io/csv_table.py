@@ -43,16 +43,16 @@ def read_csv_table(path: Path) -> Table:
     time = values[:, 0] * unit
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
         raise BadFile(path, "its times do not rise from row to row", "sort the rows, and fill gaps in the first column")
-    found: list[str] = []
+    notes: list[str] = []
     kept = [index for index in range(1, len(names)) if names[index]]
-    titles = unique_names([names[k] for k in kept], "column", found)
-    return Table(time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(found), source=str(path))
+    titles = unique_names([names[index] for index in kept], "column", notes)
+    return Table(time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(notes), source=str(path))
 
 
 def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
     """What stands between cells, the names of the columns, and the number of their line."""
     for number, line in enumerate(lines[:50]):
-        mark = next((one for one in ";\t" if one in line), ",")
+        mark = next((delimiter for delimiter in ";\t" if delimiter in line), ",")
         names = [cell.strip().strip('"') for cell in line.split(mark)]
         if len(names) > 1 and _word(names[0]) in TIMES:
             return mark, names, number

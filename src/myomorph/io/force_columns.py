@@ -52,18 +52,18 @@ def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
     Knows OpenSim's names (`1_ground_force_vx`, `ground_force_r_px`, `ground_torque_x`, `calcn_r_force_vx`) and those
     that laboratories write (`Fx1`, `COPx1`, `Mx1`, `FP2_Fx`, `F1x`, `COP1_x [mm]`), in capital or small letters.
     """
-    found: dict[str, dict[str, dict[str, str]]] = {}
+    by_force: dict[str, dict[str, dict[str, str]]] = {}
     titles: dict[str, str] = {}
     for name in names:
         known = _known(name)
         if known is None:
             continue
         key, part, axis, title = known
-        found.setdefault(key, {}).setdefault(part, {}).setdefault(axis, name)
+        by_force.setdefault(key, {}).setdefault(part, {}).setdefault(axis, name)
         if part == "force":
             titles.setdefault(key, title)
     forces = []
-    for key, parts in found.items():
+    for key, parts in by_force.items():
         force, point = parts.get("force", {}), parts.get("point", {})
         torque = parts.get("torque", {})
         if len(force) < 3 or (len(point) < 2 and not torque):
@@ -119,24 +119,24 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
         names = tuple(bodies)
     else:
         chosen = force_columns(table.names)
-        names = tuple(one.name for one in chosen)
+        names = tuple(columns.name for columns in chosen)
     if not chosen:
-        some = ", ".join(f"'{one}'" for one in table.names[:6])
+        some = ", ".join(f"'{name}'" for name in table.names[:6])
         raise BadData(
             f"{source}: no columns of a force with a center of pressure or moments are found among {some}"
             f"{', ...' if len(table.names) > 6 else ''}; names that are known: {USUAL}"
         )
     notes = tuple(
         f"force '{name}' has no center of pressure: its moment was taken to be about the ground's origin"
-        for name, one in zip(names, chosen, strict=True)
-        if not one.point
+        for name, columns in zip(names, chosen, strict=True)
+        if not columns.point
     ) + tuple(
-        f"force '{name}' has a center of pressure without {'xyz'[one.point.index('')]}: taken as 0"
-        for name, one in zip(names, chosen, strict=True)
-        if "" in one.point
+        f"force '{name}' has a center of pressure without {'xyz'[columns.point.index('')]}: taken as 0"
+        for name, columns in zip(names, chosen, strict=True)
+        if "" in columns.point
     )
     parts = [
-        np.stack([_vectors(table, getattr(one, part)) for one in chosen], axis=1)
+        np.stack([_vectors(table, getattr(columns, part)) for columns in chosen], axis=1)
         for part in ("force", "point", "torque")
     ]
     owners = tuple(bodies.values()) if bodies else ("",) * len(names)
@@ -172,9 +172,9 @@ def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
     if force and point:
         return ForceColumns(prefix, force, point, free)
     known = force_columns(table.names)
-    begin = [one for one in known if one.name == prefix.strip("_. ")] or [
-        one for one in known if all(name.startswith(prefix) for name in one.force)
+    begin = [columns for columns in known if columns.name == prefix.strip("_. ")] or [
+        columns for columns in known if all(name.startswith(prefix) for name in columns.force)
     ]
     if len(begin) != 1:
-        raise UnknownName("force", prefix, [one.name for one in known] or table.names, source)
+        raise UnknownName("force", prefix, [columns.name for columns in known] or table.names, source)
     return begin[0]

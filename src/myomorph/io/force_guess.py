@@ -30,8 +30,8 @@ def guessed_names(values: Array) -> list[str] | None:
     which moments do.
     """
     time, rest = _time_first(values)
-    found = [names for names in (_read(rest, kinds) for kinds in KINDS) if names is not None]
-    return [*time, *found[0]] if len(found) == 1 else None
+    readings = [names for names in (_read(rest, kinds) for kinds in KINDS) if names is not None]
+    return [*time, *readings[0]] if len(readings) == 1 else None
 
 
 KINDS = (("F", "COP"), ("F", "M"), ("F", "COP", "M"), ("F", "M", "COP"))
@@ -57,7 +57,7 @@ def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:
     looked = 0
     for g in range(groups.shape[1]):
         loaded = size[:, g] > LOADED
-        if any(_is_force(groups[:, g, k], up) for k in range(1, len(kinds))):
+        if any(_is_force(groups[:, g, part], up) for part in range(1, len(kinds))):
             return None
         if loaded.sum() < 3:
             continue

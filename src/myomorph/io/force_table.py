@@ -66,11 +66,11 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
     points: list[tuple[float, float, float]] = []
     for text in origins.split(";") if origins.strip() else []:
         try:
-            x, y, z = (float(one) for one in text.split(","))
+            x, y, z = (float(number) for number in text.split(","))
         except ValueError:
             raise BadData(f"origin of moments '{text.strip()}': expected x,y,z in metres, forces between ';'") from None
         points.append((x, y, z))
-    return ForceLayout(tuple(one.strip() for one in names.split(",")) if names.strip() else (), rate, tuple(points))
+    return ForceLayout(tuple(name.strip() for name in names.split(",")) if names.strip() else (), rate, tuple(points))
 
 
 def read_forces(path: Path, bodies: Mapping[str, str] | None = None, layout: ForceLayout | None = None) -> Wrenches:
@@ -137,12 +137,12 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     """
     layout = layout or ForceLayout()
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip(" \t,;")]
-    mark = next((one for one in "\t;," if lines and one in lines[-1]), None)
+    mark = next((delimiter for delimiter in "\t;," if lines and delimiter in lines[-1]), None)
     start, values = _numbers(lines, mark, path)
     heading = [_cells(line, mark) for line in lines[:start]]
-    found: list[str] = []
+    notes: list[str] = []
     if len(lines) > start + len(values):
-        found.append(f"lines below row {len(values)} are not of the same table: left out")
+        notes.append(f"lines below row {len(values)} are not of the same table: left out")
     names = list(layout.names) or _names(heading, values.shape[1])
     if layout.names and len(layout.names) != values.shape[1]:
         raise BadFile(path, f"has {values.shape[1]} columns, and {len(layout.names)} names were given", HINT)
@@ -150,16 +150,16 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
         names = guessed_names(values) or []
         if not names:
             raise BadFile(path, f"has no line of names over its {values.shape[1]} columns", HINT)
-        found.append(
+        notes.append(
             f"no line of names: by their numbers its {len(names)} columns were taken as {', '.join(names)} "
             "(--force-columns states them)"
         )
     elif not layout.names:
-        found.append(f"columns by its heading: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}")
-    time = _times(names, values, layout.rate or _rate(heading), found, path)
+        notes.append(f"columns by its heading: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}")
+    time = _times(names, values, layout.rate or _rate(heading), notes, path)
     kept = [index for index, name in enumerate(names) if name not in ("", "-") and not _is_clock(name)]
-    titles = unique_names([names[k] for k in kept], "column", found)
-    return Table(time, titles, values[:, kept], warnings=tuple(found), source=str(path))
+    titles = unique_names([names[index] for index in kept], "column", notes)
+    return Table(time, titles, values[:, kept], warnings=tuple(notes), source=str(path))
 
 
 def _cells(line: str, mark: str | None) -> list[str]:
@@ -257,7 +257,7 @@ def _is_clock(name: str) -> bool:
     return plain.removesuffix("_s").removesuffix("_ms") in (*TIMES, *FRAMES, *SUB_FRAMES)
 
 
-def _times(names: Sequence[str], values: Array, rate: float, found: list[str], path: Path) -> Array:
+def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
     """Times of the rows [s]: of a column, else of frames or rows at the rate."""
     plain = [_plain(name).removesuffix("_s").removesuffix("_ms") for name in names]
     column = next((index for index, name in enumerate(plain) if name in TIMES), None)
@@ -271,7 +271,7 @@ def _times(names: Sequence[str], values: Array, rate: float, found: list[str], p
             each = 1.0 if sub is None else float(np.nanmax(values[:, sub])) + 1.0
             first = (values[0, frame] - 1.0) * each + (0.0 if sub is None else values[0, sub])
         time = np.array([(first + index) / rate for index in range(len(values))])
-        found.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
+        notes.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
     else:
         raise BadFile(path, "has neither a column of times nor a rate", "state its rate (--force-rate HZ)")
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
@@ -285,13 +285,13 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
     points, torques = wrenches.points.copy(), wrenches.torques.copy()
     stated = {column.name: column for column in force_columns(table.names)}
     for index, name in enumerate(wrenches.names):
-        own, size = stated.get(name), np.linalg.norm(wrenches.forces[:, index], axis=1)
+        unit, size = stated.get(name), np.linalg.norm(wrenches.forces[:, index], axis=1)
         loaded = np.isfinite(size) & (size > LOADED)
-        if own is None or not loaded.any():
+        if unit is None or not loaded.any():
             continue
         for columns, parts, over, words in (
-            (own.point, points, np.ones(int(loaded.sum())), "points taken as mm"),
-            (own.torque, torques, size[loaded], "moments taken as N mm"),
+            (unit.point, points, np.ones(int(loaded.sum())), "points taken as mm"),
+            (unit.torque, torques, size[loaded], "moments taken as N mm"),
         ):
             far = np.nanmedian(np.linalg.norm(parts[loaded, index], axis=1) / over) > FAR
             if far and not any(UNIT.search(column) for column in columns):
@@ -311,10 +311,11 @@ def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, flo
     if len(bare) != len(origins):
         raise BadData(
             f"{len(origins)} origins of moments for {len(bare)} forces without a center of pressure "
-            f"({', '.join(wrenches.names[k] for k in bare) or 'none'}): give one each (--force-origins 'x,y,z; x,y,z')"
+            f"({', '.join(wrenches.names[index] for index in bare) or 'none'}): give one each "
+            "(--force-origins 'x,y,z; x,y,z')"
         )
     points = wrenches.points.copy()
-    for k, origin in zip(bare, origins, strict=True):
-        points[:, k] = origin
+    for number, origin in zip(bare, origins, strict=True):
+        points[:, number] = origin
     notes = tuple(note for note in wrenches.notes if "has no center of pressure" not in note)
     return replace(wrenches, points=points, notes=notes)

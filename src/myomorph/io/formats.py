@@ -110,13 +110,13 @@ def read_trial(path: str | os.PathLike[str]) -> Trial:
     """
     kind = trial_format(path)
     if kind is None:
-        expected = ", ".join(ending for one in TRIALS for ending in one.endings)
+        expected = ", ".join(ending for kind in TRIALS for ending in kind.endings)
         raise BadFile(path, f"does not hold markers: its name ends in '{_ending(path)}'", f"expected {expected}")
     return kind.read(Path(path))
 
 
 def _format(path: str | os.PathLike[str], formats: tuple[Format, ...]) -> Format | None:
-    return next((one for one in formats if _ending(path) in one.endings), None)
+    return next((kind for kind in formats if _ending(path) in kind.endings), None)
 
 
 def _ending(path: str | os.PathLike[str]) -> str:

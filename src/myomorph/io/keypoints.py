@@ -86,12 +86,12 @@ def read_keypoints(
     path = Path(path)
     if units and units not in UNITS:
         raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
-    found: list[str] = []
-    tracks, own = _tracks(path, animal, found)
+    notes: list[str] = []
+    tracks, stored = _tracks(path, animal, notes)
     header = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
-    sources = [header, own]
+    sources = [header, stored]
     if not header.names or header.unit is None or header.rate is None:
-        sources.append(_beside(path, tracks.shape[1], found))
+        sources.append(_beside(path, tracks.shape[1], notes))
     header = _first_told(sources)
     if not header.names:
         raise BadFile(
@@ -102,16 +102,16 @@ def read_keypoints(
     if header.unit is None:
         raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
     if header.rate is None:
-        found.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+        notes.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
     elif not 0.0 < header.rate < 1e6:
         raise BadFile(path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second")
-    values = without_far_away(header.unit * tracks, found)
+    values = without_far_away(header.unit * tracks, notes)
     facts = {
         "unit of length": f"{header.unit:g} m",
         "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
     }
-    markers = Markers(np.arange(len(values)) / (header.rate or 1.0), unique_names(header.names, "point", found), values)
-    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
+    markers = Markers(np.arange(len(values)) / (header.rate or 1.0), unique_names(header.names, "point", notes), values)
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
 def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
@@ -124,7 +124,7 @@ def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
     return merged
 
 
-def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointNames]:
+def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
     """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of them."""
     # Brings h5py: loaded only where it is needed.
     import h5py
@@ -149,12 +149,12 @@ def _tracks(path: Path, animal: int, found: list[str]) -> tuple[Array, KeypointN
             if not 0 <= animal < shape[1]:
                 raise BadFile(path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0")
             if shape[1] > 1:
-                found.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
+                notes.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
             values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
-            own = _own_facts(file, tracks)
+            stored = _own_facts(file, tracks)
     except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError) as error:
         raise BadFile(path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT) from None
-    return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), own
+    return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), stored
 
 
 def _check_hdf5(path: Path) -> None:
@@ -194,25 +194,29 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
     return KeypointNames(texts, unit=UNITS.get(unit), rate=rate)
 
 
-def _beside(path: Path, points: int, found: list[str]) -> KeypointNames:
+def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
     """What the file of names beside a recording tells."""
-    own = next((one for one in (path.with_suffix(ending) for ending in ENDINGS) if one.is_file()), None)
-    if own is not None:
-        return read_keypoint_names(own)
+    named = next((file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None)
+    if named is not None:
+        return read_keypoint_names(named)
     fitting = []
-    for one in sorted(path.parent.iterdir()):
-        if one.suffix.lower() in ENDINGS and one.is_file() and one.stat().st_size <= LONGEST_TEXT:
+    for path_beside in sorted(path.parent.iterdir()):
+        if (
+            path_beside.suffix.lower() in ENDINGS
+            and path_beside.is_file()
+            and path_beside.stat().st_size <= LONGEST_TEXT
+        ):
             try:
-                header = read_keypoint_names(one)
+                header = read_keypoint_names(path_beside)
             except BadFile:
                 continue
             if len(header.names) == points:
-                fitting.append((one, header))
+                fitting.append((path_beside, header))
     if len(fitting) != 1:
         return KeypointNames()
     file, header = fitting[0]
     unit = "" if header.unit is None else f", in units of {header.unit:g} m"
-    found.append(f"names of the points are those of {file.name}{unit}")
+    notes.append(f"names of the points are those of {file.name}{unit}")
     return header
 
 
@@ -250,7 +254,7 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
         unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
         places = {_text(name): _three(offset) for name, offset in offsets.items()}
         return KeypointNames(
-            tuple(_text(one) for one in names),
+            tuple(_text(name) for name in names),
             FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
             FrozenMap(places),
             unit,
@@ -279,14 +283,14 @@ def _first(table: Mapping[str, Any], keys: Sequence[str]) -> Any:
     return next((table[key] for key in keys if key in table), None)
 
 
-def _text(given: Any) -> str:
+def _text(value: Any) -> str:
     """A name. A list or table, which may hold itself many times over, is none."""
-    if not isinstance(given, (str, int, float)):
-        raise TypeError(f"a name cannot be a {type(given).__name__}")
-    return str(given)
+    if not isinstance(value, (str, int, float)):
+        raise TypeError(f"a name cannot be a {type(value).__name__}")
+    return str(value)
 
 
-def _three(given: Any) -> tuple[float, float, float]:
+def _three(value: Any) -> tuple[float, float, float]:
     """Three numbers, as a list or as a text."""
-    x, y, z = (float(one) for one in (given.split() if isinstance(given, str) else given))
+    x, y, z = (float(number) for number in (value.split() if isinstance(value, str) else value))
     return x, y, z

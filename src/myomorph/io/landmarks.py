@@ -61,10 +61,10 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
             table.wrong(line, f"has no {'name' if body else 'body'}", "every landmark needs both")
             continue
         sides = [table.point(line, f"{side}_", f"'{name}' of '{body}'", side) for side in SIDES]
-        found = pairs.setdefault(body, {})
-        if name in found:
+        known = pairs.setdefault(body, {})
+        if name in known:
             table.wrong(line, f"names landmark '{name}' of '{body}' again", "each may stand there once")
-        found[name] = np.array(sides)
+        known[name] = np.array(sides)
     table.done()
     return {body: LandmarkPairs(tuple(pair), *np.stack(list(pair.values()), axis=1)) for body, pair in pairs.items()}
 
@@ -178,7 +178,7 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     rows = [(index + 1, row) for index, row in enumerate(text.split("\n")) if row.strip(" \t,;")]
     slicer = bool(rows) and rows[0][1].startswith(_IN_MILLIMETERS)
     header = _slicer_header(rows) if slicer else ""
-    rows = [(k, row) for k, row in rows if not row.lstrip().startswith("#")]
+    rows = [(line, row) for line, row in rows if not row.lstrip().startswith("#")]
     if not header:
         if not rows:
             raise BadFile(path, "has no header", hint)
@@ -192,13 +192,13 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     if twice:
         raise BadFile(path, f"has the column {quoted(twice)} twice", hint)
     lines = []
-    for k, row in rows:
+    for line, row in rows:
         cells = _cells(path, row, delimiter)
         if any(cells[len(names) :]):
             hint = "is a decimal comma in it? Write points, or separate cells by semicolons"
-            raise BadFile(path, f"line {k} has {len(cells)} cells, but the header {len(names)}", hint)
+            raise BadFile(path, f"line {line} has {len(cells)} cells, but the header {len(names)}", hint)
         cells += [""] * (len(names) - len(cells))
-        lines.append(_Line(k, dict(zip(names, cells, strict=False))))
+        lines.append(_Line(line, dict(zip(names, cells, strict=False))))
     return _Table(path, lines, dict(zip(names, factors, strict=True)))
 
 
@@ -274,7 +274,7 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
     result: dict[str, dict[str, Array]] = {}
     for name, value in inner.items():
         if isinstance(value, dict):
-            result[name] = {one: _place(path, one, place, factor, hint) for one, place in value.items()}
+            result[name] = {landmark: _place(path, landmark, place, factor, hint) for landmark, place in value.items()}
         else:
             result.setdefault("", {})[name] = _place(path, name, value, factor, hint)
     return result
@@ -301,7 +301,7 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
 
 
 def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Array:
-    numbers = value if isinstance(value, list) and all(type(one) in (int, float) for one in value) else []
+    numbers = value if isinstance(value, list) and all(type(number) in (int, float) for number in value) else []
     # Beyond this an integer has no float, and nothing is a place.
     if len(numbers) != 3 or not all(abs(number) < 1e12 for number in numbers):
         raise BadFile(path, f"landmark '{name}' is {str(value)[:40]}", f"expected three numbers: {hint}")

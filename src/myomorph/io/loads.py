@@ -67,8 +67,8 @@ def read_load_entries(
     for node in loads.items("objects"):
         if not node.is_applied:
             continue
-        own = node.text("", "data_source_name")
-        source = shared if shared not in UNASSIGNED else "" if own in UNASSIGNED else own
+        data_source = node.text("", "data_source_name")
+        source = shared if shared not in UNASSIGNED else "" if data_source in UNASSIGNED else data_source
         data = Path(motion_file) if motion_file is not None else _data_file(loads, source)
         entries.append(_old_entry(node, data) if node.kind == "PrescribedForce" else _entry(node, data))
     return tuple(entries)
@@ -78,9 +78,9 @@ def _data_file(loads: Node, name: str) -> Path:
     folder = loads.document.path.parent
     if not name:
         raise loads.bad("names no data file", "give the force table beside it")
-    given = folder / name.replace("\\", "/")
-    beside = folder / given.name
-    for choice in (given, beside):
+    path = folder / name.replace("\\", "/")
+    beside = folder / path.name
+    for choice in (path, beside):
         if choice.is_file():
             return choice
     raise loads.bad(f"its data file '{name}' does not exist", "give the force table beside it")
@@ -88,8 +88,8 @@ def _data_file(loads: Node, name: str) -> Path:
 
 def _entry(node: Node, data: Path) -> LoadEntry:
     force, point, torque = (
-        "" if (text := node.text("", f"{one}_identifier")) in UNASSIGNED else text
-        for one in ("force", "point", "torque")
+        "" if (text := node.text("", f"{what}_identifier")) in UNASSIGNED else text
+        for what in ("force", "point", "torque")
     )
     body = plain_name(node.text("", "applied_to_body"))
     if not body:
@@ -170,11 +170,11 @@ def read_external_loads(
 def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
     """The three columns of an identifier: identifier + x, y, z, or the only three that begin with it."""
     exact = [f"{identifier}{axis}" for axis in "xyz"]
-    found = exact if set(exact) <= set(table.names) else [one for one in table.names if one.startswith(identifier)]
-    if len(found) != 3:
-        where = f"{entry.data} (where force '{entry.name}' needs three columns that begin so, and {len(found)} do)"
+    columns = exact if set(exact) <= set(table.names) else [name for name in table.names if name.startswith(identifier)]
+    if len(columns) != 3:
+        where = f"{entry.data} (where force '{entry.name}' needs three columns that begin so, and {len(columns)} do)"
         raise UnknownName("column", f"{identifier}x", table.names, where)
-    return np.column_stack([table[name] for name in found])
+    return np.column_stack([table[name] for name in columns])
 
 
 def _in_ground(vectors: Array, body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> Array:
@@ -188,11 +188,11 @@ def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:
     """Points of application in ground; without an identifier OpenSim takes the body's origin."""
     if not entry.point:
         return _poses(entry.body, poses, table.time, entry)[1]
-    given = _columns(table, entry.point, entry)
+    columns = _columns(table, entry.point, entry)
     if entry.point_body == GROUND:
-        return given
+        return columns
     rotations, origins = _poses(entry.point_body, poses, table.time, entry)
-    return np.einsum("fij,fj->fi", rotations, given) + origins
+    return np.einsum("fij,fj->fi", rotations, columns) + origins
 
 
 def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> tuple[Array, Array]:

@@ -48,7 +48,7 @@ def read_surfaces(
     surfaces by `Mesh.file`, and warnings, one line each
     """
     wanted = [mesh.file for body in model.bodies for mesh in body.meshes if mesh.shape == "mesh" and mesh.file]
-    found: dict[str, Surface] = {}
+    surfaces: dict[str, Surface] = {}
     refused, missing, warnings = [], [], []
     for name in dict.fromkeys(wanted):
         if not _allowed(name, root is not None):
@@ -59,7 +59,7 @@ def read_surfaces(
             missing.append(name)
             continue
         try:
-            found[name] = read_mesh(path)
+            surfaces[name] = read_mesh(path)
         except MyomorphError as error:
             warnings.append(str(error))
     if refused:
@@ -69,7 +69,7 @@ def read_surfaces(
         warnings.append(
             f"{len(missing)} of {len(dict.fromkeys(wanted))} mesh files are not in {where}: {quoted(missing, 4)}"
         )
-    return found, tuple(warnings)
+    return surfaces, tuple(warnings)
 
 
 def find_mesh(name: str, folders: Iterable[str | Path], root: str | Path | None = None) -> Path | None:
@@ -80,8 +80,8 @@ def find_mesh(name: str, folders: Iterable[str | Path], root: str | Path | None 
     if not _allowed(name, root is not None):
         return None
     relative = PurePosixPath(name.replace("\\", "/"))
-    for given in folders:
-        folder = Path(given).resolve()
+    for directory in folders:
+        folder = Path(directory).resolve()
         border = Path(root).resolve() if root is not None else folder
         path = (folder / relative).resolve()
         if not path.is_relative_to(border):
@@ -89,10 +89,10 @@ def find_mesh(name: str, folders: Iterable[str | Path], root: str | Path | None 
         if path.is_file():
             return path
         if path.parent.is_dir():
-            for one in path.parent.iterdir():
-                inside = one.resolve().is_relative_to(border)
-                if one.name.lower() == path.name.lower() and inside and one.is_file():
-                    return one
+            for file in path.parent.iterdir():
+                inside = file.resolve().is_relative_to(border)
+                if file.name.lower() == path.name.lower() and inside and file.is_file():
+                    return file
     return None
 
 
@@ -227,22 +227,22 @@ def _fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Triangles of polygons given by the end of each one's corners."""
     starts = np.concatenate([[0], ends[:-1]])
     sides = ends - starts
-    found = []
+    triangles = []
     for index in range(1, int(sides.max()) - 1):
         first = starts[sides > index + 1]
-        found.append(np.stack([corners[first], corners[first + index], corners[first + index + 1]], axis=1))
-    return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
+        triangles.append(np.stack([corners[first], corners[first + index], corners[first + index + 1]], axis=1))
+    return np.concatenate(triangles) if triangles else np.zeros((0, 3), np.int64)
 
 
 def _strips(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Triangles of strips: every next corner makes one with the two before it."""
-    found = []
+    triangles = []
     for start, end in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
         strip = corners[start:end]
         three = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
         three[1::2] = three[1::2, ::-1]
-        found.append(three)
-    return np.concatenate(found) if found else np.zeros((0, 3), np.int64)
+        triangles.append(three)
+    return np.concatenate(triangles) if triangles else np.zeros((0, 3), np.int64)
 
 
 class _Arrays:
@@ -284,7 +284,7 @@ class _Arrays:
             head, body = base64.b64decode(data[:cut]), base64.b64decode(_only_base64(data[cut:]))
         sizes = np.frombuffer(head, self.header, 3 + blocks)[3:].astype(np.int64)
         ends = np.cumsum(sizes)
-        parts = [zlib.decompress(_exactly(body[end - one : end], one)) for end, one in zip(ends, sizes, strict=True)]
+        parts = [zlib.decompress(_exactly(body[end - size : end], size)) for end, size in zip(ends, sizes, strict=True)]
         return np.frombuffer(b"".join(parts), kind)
 
 
@@ -295,8 +295,8 @@ def _padded(size: int) -> int:
 
 def _only_base64(data: bytes) -> bytes:
     """The first run of base64 text: appended arrays stand one behind the other."""
-    found = re.match(rb"[A-Za-z0-9+/]*={0,2}", data)
-    return found[0] if found else b""
+    match = re.match(rb"[A-Za-z0-9+/]*={0,2}", data)
+    return match[0] if match else b""
 
 
 def _exactly(data: bytes, count: int) -> bytes:

@@ -44,7 +44,7 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     path = Path(path)
     _check(path)
     name, recording = _recording(path)
-    found: list[str] = []
+    notes: list[str] = []
     trajectories = _field(recording, "Trajectories")
     labelled = _field(trajectories, "Labeled")
     if labelled is None:
@@ -62,21 +62,21 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
         raise BadFile(path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT)
     announced = _number(recording, "Frames")
     if np.isfinite(announced) and announced != frames:
-        found.append(f"the file announces {announced:.0f} frames, but holds {frames}")
+        notes.append(f"the file announces {announced:.0f} frames, but holds {frames}")
     facts = {"maker": "Qualisys Track Manager", "recording": name, "unit of length": "mm", "point rate": f"{rate:g} Hz"}
     facts |= _fragment_facts(fragments, rate)
-    unread = [one for one in ("Analog", "Force", "EMG", "RigidBodies") if _field(recording, one) is not None]
+    unread = [part for part in ("Analog", "Force", "EMG", "RigidBodies") if _field(recording, part) is not None]
     if unread:
-        found.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+        notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
     if unidentified:
         labels = [*labels, *(f"{FRAGMENT}{index + 1}" for index in range(len(fragments)))]
         values = np.concatenate([values, fragments]) if len(values) else fragments
     start = _number(recording, "StartFrame")
     first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0
-    places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), found)
+    places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), notes)
     time = np.asarray((first + np.arange(frames)) / rate, np.float64)
-    markers = Markers(time, unique_names(labels, "marker", found), places)
-    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
+    markers = Markers(time, unique_names(labels, "marker", notes), places)
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
 def _check(path: Path) -> None:
@@ -145,7 +145,7 @@ def _number(structure: Any, name: str) -> float:
 
 def _texts(value: Any) -> list[str]:
     """Labels; a single one is no array."""
-    return [] if value is None else [str(one).strip() for one in np.atleast_1d(np.asarray(value, dtype=object))]
+    return [] if value is None else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
 
 
 def _positions(group: Any, path: Path, kind: str) -> Array:

@@ -60,7 +60,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     """
     path = Path(path)
     text = file_text(path, HINT)
-    facts, in_degrees, start, found = _header(text, path)
+    facts, in_degrees, start, notes = _header(text, path)
     names_line, start = line_from(text, start)
     body = text[start:]
     del text
@@ -68,23 +68,23 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     labels = [cell.strip().strip('"') for cell in split_cells(names_line, delimiter)]
     if not any(labels):
         raise BadFile(path, "there is no line of column names after 'endheader'", HINT)
-    found_values, names = _numbers(body, labels, delimiter, facts.get("DataType", "double").lower(), found, path)
-    time, values = _rows(found_values, names, found, path)
-    _check_counts(facts, values.shape, found)
+    found_values, names = _numbers(body, labels, delimiter, facts.get("DataType", "double").lower(), notes, path)
+    time, values = _rows(found_values, names, notes, path)
+    _check_counts(facts, values.shape, notes)
     return Table(
         time,
-        unique_names(names[1:], "column", found),
+        unique_names(names[1:], "column", notes),
         values,
         in_degrees=in_degrees,
         facts=FrozenMap(facts),
-        warnings=tuple(found),
+        warnings=tuple(notes),
         source=str(path),
     )
 
 
 def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]]:
     """Facts of the header, whether angles are in degrees, where it ends, and warnings."""
-    found: list[str] = []
+    notes: list[str] = []
     end = re.search(r'^[ \t"]*endheader[ \t",]*\r?$', text[: 1 << 20], re.IGNORECASE | re.MULTILINE)
     if end is not None:
         header, after = text[: end.start()], end.end()
@@ -93,7 +93,7 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
         if start is None:
             raise BadFile(path, "has neither a line 'endheader' nor a column 'time'", HINT)
         header, after = text[: start.start()], start.start()
-        found.append("the header has no line 'endheader': the line that begins with 'time' was taken for the columns")
+        notes.append("the header has no line 'endheader': the line that begins with 'time' was taken for the columns")
     facts: dict[str, str] = {}
     stated: bool | None = None
     for number, raw in enumerate(header.splitlines()[:HEADER_LINES]):
@@ -112,7 +112,7 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
             facts["name"] = line
     # OpenSim takes an old motion, without a version, as SIMM's own format: angles in degrees.
     old_motion = path.suffix.lower() == ".mot" and "version" not in facts
-    return facts, old_motion if stated is None else stated, after, found
+    return facts, old_motion if stated is None else stated, after, notes
 
 
 def _known_key(key: str) -> str:
@@ -123,7 +123,7 @@ def _known_key(key: str) -> str:
 
 
 def _numbers(
-    body: str, labels: list[str], delimiter: str | None, kind: str, found: list[str], path: Path
+    body: str, labels: list[str], delimiter: str | None, kind: str, notes: list[str], path: Path
 ) -> tuple[Array, list[str]]:
     """Values (rows, columns) with the index column, and the name of every column."""
     while len(labels) > 1 and not labels[-1]:
@@ -132,7 +132,7 @@ def _numbers(
     width = SUFFIXES.get(kind, 0)
     if width and "," in first and delimiter != ",":
         index, *columns = labels
-        labels = [index] + [f"{name}_{k + 1}" for name in columns for k in range(width)]
+        labels = [index] + [f"{name}_{part + 1}" for name in columns for part in range(width)]
         body, delimiter = body.replace(",", "\t"), "\t"
     named = [label for label in labels if label]
     quick = quick_numbers(body, delimiter, len(named))
@@ -147,34 +147,34 @@ def _numbers(
         if len(first.split()) == len(named):
             labels, delimiter = named, None
         elif len(cells) > len(labels) and len(cells) < len(labels) + 3:
-            found.append(f"{len(cells) - len(labels)} columns without a name were left out")
+            notes.append(f"{len(cells) - len(labels)} columns without a name were left out")
         else:
             raise BadFile(path, f"has {len(labels)} column names, but {len(cells)} numbers in its first row", HINT)
     names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
-    return parse_cells(body, len(names), delimiter, found, path, HINT), names
+    return parse_cells(body, len(names), delimiter, notes, path, HINT), names
 
 
-def _rows(table: Array, names: Sequence[str], found: list[str], path: Path) -> tuple[Array, Array]:
+def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> tuple[Array, Array]:
     """Time (rows,) and values (rows, columns - 1), without rows whose time does not increase."""
     if names[0].lower() not in ("time", "t", "times"):
-        found.append(f"the first column '{names[0]}' was taken for the time")
+        notes.append(f"the first column '{names[0]}' was taken for the time")
     if not len(table):
         raise BadFile(path, "has column names, but no row of numbers", "the recording may have stopped before it began")
     keep = rising(table[:, 0])
     if not keep.any():
         raise BadFile(path, "its first column holds no time that is a number", HINT)
     if not keep.all():
-        found.append(f"{np.count_nonzero(~keep)} rows were left out because their time does not increase")
+        notes.append(f"{np.count_nonzero(~keep)} rows were left out because their time does not increase")
     table = table[keep]
     values = table[:, 1:]
     if np.isinf(values).any():
         worst = names[1 + int(np.argmax(np.isinf(values).sum(axis=0)))]
-        found.append(f"{np.count_nonzero(np.isinf(values))} infinite values were made NaN (most in '{worst}')")
+        notes.append(f"{np.count_nonzero(np.isinf(values))} infinite values were made NaN (most in '{worst}')")
         values = np.where(np.isinf(values), np.nan, values)
     return table[:, 0], values
 
 
-def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], found: list[str]) -> None:
+def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], notes: list[str]) -> None:
     for keys, have, what in (
         (("nRows", "datarows"), shape[0], "rows"),
         (("nColumns", "datacolumns"), shape[1] + 1, "columns"),
@@ -182,7 +182,7 @@ def _check_counts(facts: Mapping[str, str], shape: tuple[int, ...], found: list[
         for key in keys:
             stated = facts.get(key, "").split()
             if stated and stated[0].isdigit() and int(stated[0]) != have:
-                found.append(f"the header says {stated[0]} {what}, the file has {have}")
+                notes.append(f"the header says {stated[0]} {what}, the file has {have}")
                 break
 
 

@@ -46,17 +46,17 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     """
     path = Path(path)
     text = file_text(path, HINT)
-    found: list[str] = []
-    facts, labels, start, delimiter = _header(text, path, found)
+    notes: list[str] = []
+    facts, labels, start, delimiter = _header(text, path, notes)
     labels = _labels(labels, facts)
-    table, columns = _table(text, start, len(labels), delimiter, path, found)
-    labels = _marker_names(labels, (columns - 2) // 3, found)
-    time, table = _clock(table, facts, path, found)
+    table, columns = _table(text, start, len(labels), delimiter, path, notes)
+    labels = _marker_names(labels, (columns - 2) // 3, notes)
+    time, table = _clock(table, facts, path, notes)
     values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
-    values = without_far_away(_hidden(values, labels, found) * _unit(facts, values, found), found)
-    _check(facts, len(time), len(labels), found)
-    markers = Markers(time, unique_names(labels, "marker", found), values)
-    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(found), source=str(path))
+    values = without_far_away(_hidden(values, labels, notes) * _unit(facts, values, notes), notes)
+    _check(facts, len(time), len(labels), notes)
+    markers = Markers(time, unique_names(labels, "marker", notes), values)
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
 def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
@@ -65,7 +65,7 @@ def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
     return facts, start
 
 
-def _header(text: str, path: Path, found: list[str]) -> tuple[dict[str, str], list[str], int, str | None]:
+def _header(text: str, path: Path, notes: list[str]) -> tuple[dict[str, str], list[str], int, str | None]:
     """Facts, cells of the line of names, where the numbers begin, and the delimiter of cells."""
     facts: dict[str, str] = {}
     start, line = 0, ""
@@ -81,7 +81,7 @@ def _header(text: str, path: Path, found: list[str]) -> tuple[dict[str, str], li
     else:
         raise BadFile(path, "has no line 'Frame#  Time  marker names'", HINT)
     if not facts:
-        found.append("the header has no line 'DataRate ...': units were guessed from the values")
+        notes.append("the header has no line 'DataRate ...': units were guessed from the values")
     delimiter = "\t" if "\t" in line else "," if "," in line else None
     cells = [cell.strip().strip('"') for cell in split_cells(line, delimiter)]
     if word == "time":
@@ -104,15 +104,15 @@ def _begins_with_number(line: str) -> bool:
 def _header_values(keys: str, values: str) -> dict[str, str]:
     """Header keys to values, by order and not by column: extra tabs are common."""
     names = keys.replace(",", " ").split() or list(FIELDS)
-    given = values.replace(",", " ").split()
-    facts = dict(zip(names, given, strict=False))
-    unit = next((text for text in given if text.lower() in METERS), None)
+    cells = values.replace(",", " ").split()
+    facts = dict(zip(names, cells, strict=False))
+    unit = next((text for text in cells if text.lower() in METERS), None)
     if unit is not None and facts.get("Units", "").lower() not in METERS:
         facts["Units"] = unit
     return facts
 
 
-def _table(text: str, start: int, named: int, delimiter: str | None, path: Path, found: list[str]) -> tuple[Array, int]:
+def _table(text: str, start: int, named: int, delimiter: str | None, path: Path, notes: list[str]) -> tuple[Array, int]:
     """Values (frames, columns) with frame number and time first, NaN where a cell is blank."""
     body = text[start:]
     columns = 2 + 3 * named
@@ -129,11 +129,11 @@ def _table(text: str, start: int, named: int, delimiter: str | None, path: Path,
     width = max(len(row) for row in rows)
     if not body.endswith("\n") and len(rows) > 1 and len(rows[-1]) < len(split_cells(lines[-2], delimiter)):
         rows.pop()
-        found.append("the last row ends too early and was left out: the file may have been cut off")
+        notes.append("the last row ends too early and was left out: the file may have been cut off")
     columns = max(columns, width) if named == 0 else columns
     columns = 2 + 3 * ((columns - 2) // 3)
     if width > columns and named:
-        found.append(f"{width - columns} columns behind the last marker were left out")
+        notes.append(f"{width - columns} columns behind the last marker were left out")
     table = np.full((len(rows), columns), np.nan)
     bad = np.zeros(len(rows), dtype=bool)
     for index, row in enumerate(rows):
@@ -142,7 +142,7 @@ def _table(text: str, start: int, named: int, delimiter: str | None, path: Path,
         except ValueError:
             bad[index] = True
     if bad.any():
-        found.append(f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers")
+        notes.append(f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers")
     if bad.all():
         raise BadFile(path, "has marker names, but no frame of numbers", HINT)
     return table[~bad], columns
@@ -159,15 +159,15 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     return [cells[3 * slot] for slot in range(places[-1] + 1)]
 
 
-def _marker_names(names: list[str], slots: int, found: list[str]) -> list[str]:
+def _marker_names(names: list[str], slots: int, notes: list[str]) -> list[str]:
     """Name of each marker of the table; a slot without a name becomes `unnamed_k`."""
     names = names + [""] * (slots - len(names))
     if "" in names:
-        found.append(f"{names.count('')} markers have no name")
+        notes.append(f"{names.count('')} markers have no name")
     return [name or f"unnamed_{slot + 1}" for slot, name in enumerate(names[:slots])]
 
 
-def _clock(table: Array, facts: Mapping[str, str], path: Path, found: list[str]) -> tuple[Array, Array]:
+def _clock(table: Array, facts: Mapping[str, str], path: Path, notes: list[str]) -> tuple[Array, Array]:
     """Time (frames,) and the rows that belong to it."""
     frame, time = table[:, 0], table[:, 1]
     try:
@@ -182,43 +182,43 @@ def _clock(table: Array, facts: Mapping[str, str], path: Path, found: list[str])
         zero = time[known][0] - (frame[known][0] - frame[0]) / rate if known.any() else 0.0
         counted = zero + (frame - frame[0]) / rate
         if not known.any() or np.all(np.abs(counted - time)[known] <= 1.0 / rate + 1e-3):
-            found.append("the time column repeats or is blank: time was counted from frame numbers and DataRate")
+            notes.append("the time column repeats or is blank: time was counted from frame numbers and DataRate")
             return counted, table
     if not keep.any():
         raise BadFile(path, "its time column holds no number", HINT)
-    found.append(f"{np.count_nonzero(~keep)} frames were left out because their time does not increase")
+    notes.append(f"{np.count_nonzero(~keep)} frames were left out because their time does not increase")
     return time[keep], table[keep]
 
 
-def _hidden(values: Array, names: list[str], found: list[str]) -> Array:
+def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
     """The same positions with NaN for infinite, partly blank and exactly zero ones."""
     values = np.where(np.isinf(values), np.nan, values)
     zero = np.all(values == 0.0, axis=2)
     if zero.any():
         worst = names[int(np.argmax(zero.sum(axis=0)))]
-        found.append(
+        notes.append(
             f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0) and were taken as hidden (most of '{worst}')"
         )
     hidden = zero | np.isnan(values).any(axis=2)
     return np.where(hidden[:, :, None], np.nan, values)
 
 
-def _unit(facts: dict[str, str], values: Array, found: list[str]) -> float:
+def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
     """Metres in one unit of the file."""
     stated = facts.get("Units", "").strip('"').lower()
     if stated in METERS:
         return METERS[stated]
     size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     guess = "mm" if size > 20.0 else "m"
-    found.append(f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}")
+    notes.append(f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}")
     return METERS[guess]
 
 
-def _check(facts: Mapping[str, str], frames: int, markers: int, found: list[str]) -> None:
+def _check(facts: Mapping[str, str], frames: int, markers: int, notes: list[str]) -> None:
     for key, have, what in (("NumFrames", frames, "frames"), ("NumMarkers", markers, "markers")):
         stated = facts.get(key, "")
         if stated.isdigit() and int(stated) != have:
-            found.append(f"the header says {stated} {what}, the file has {have}")
+            notes.append(f"the header says {stated} {what}, the file has {have}")
 
 
 def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm") -> None:

@@ -40,7 +40,7 @@ def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *,
         isinstance(want, str) or want == have for want, have in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        wanted = f"({', '.join(str(one) for one in shape)}{',' if len(shape) == 1 else ''})"
+        wanted = f"({', '.join(str(length) for length in shape)}{',' if len(shape) == 1 else ''})"
         raise BadData(f"expected {name} of shape {wanted}, but got {np.shape(values)}")
     if finite and not np.isfinite(array).all():
         raise BadData(f"expected finite {name}, but {int((~np.isfinite(array)).sum())} of {array.size} values are not")
@@ -72,11 +72,11 @@ def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
     BadData
         where they have no direction; `what` names them, `of` what they belong to
     """
-    given = frozen_array(values, (3,))
-    length = float(np.linalg.norm(given))
+    vector = frozen_array(values, (3,))
+    length = float(np.linalg.norm(vector))
     if not (np.isfinite(length) and length > 0.0):
-        raise BadData(f"{what} {given.tolist()} of {of}: expected a vector with a length")
-    return frozen_array(given / length)
+        raise BadData(f"{what} {vector.tolist()} of {of}: expected a vector with a length")
+    return frozen_array(vector / length)
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:
@@ -162,14 +162,14 @@ def _locked_array(value: np.ndarray) -> np.ndarray:
 
 
 def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
-    parts = [_locked(one) for one in value]
+    parts = [_locked(item) for item in value]
     if all(map(is_, parts, value)):
         return value
     return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
 
 
 def _locked_mapping(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
-    entries = {key: _locked(one) for key, one in value.items()}
+    entries = {key: _locked(item) for key, item in value.items()}
     return value if all(entry is value[key] for key, entry in entries.items()) else FrozenMap(entries)
 
 

@@ -125,7 +125,9 @@ class Contacts:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "intervals", tuple(sorted(self.intervals, key=lambda one: (one.start, one.site))))
+        object.__setattr__(
+            self, "intervals", tuple(sorted(self.intervals, key=lambda interval: (interval.start, interval.site)))
+        )
         for interval in self.intervals:
             check_name("contact site", interval.site, self.sites, "the contacts")
 
@@ -217,12 +219,12 @@ class ContactForces:
         loads, the second on `Site.against` with the opposite force.
         """
         parts: dict[tuple[str, str], list[tuple[int, float]]] = {}
-        for k, site in enumerate(self.sites):
+        for index, site in enumerate(self.sites):
             label = {"body": site.body, "group": site.group, "site": site.name}[by]
-            parts.setdefault((label, site.body), []).append((k, 1.0))
+            parts.setdefault((label, site.body), []).append((index, 1.0))
             if site.against != GROUND:
                 reaction = site.against if by == "body" else f"{label}_on_{site.against}"
-                parts.setdefault((reaction, site.against), []).append((k, -1.0))
+                parts.setdefault((reaction, site.against), []).append((index, -1.0))
         frames = len(self.time)
         values = np.zeros((3, frames, len(parts), 3))
         for j, members in enumerate(parts.values()):
@@ -234,20 +236,20 @@ class ContactForces:
         )
         return Wrenches(self.time, names, bodies, *values)
 
-    def _pressed(self, k: int) -> Array:
+    def _pressed(self, index: int) -> Array:
         """Force along the cone of a site (frames,); the whole force where its direction is not fixed in ground."""
-        cone = self.sites[k].cone
+        cone = self.sites[index].cone
         if cone.direction is None or cone.frame != GROUND:
-            return np.linalg.norm(self.forces[:, k], axis=1)
-        return np.abs(self.forces[:, k] @ cone.direction)
+            return np.linalg.norm(self.forces[:, index], axis=1)
+        return np.abs(self.forces[:, index] @ cone.direction)
 
     def _together(self, members: Sequence[tuple[int, float]]) -> tuple[Array, Array, Array]:
         """Force, point and free torque (frames, 3) of some sites, each with the sign it acts with."""
-        chosen = [k for k, _ in members]
-        sign = np.array([one for _, one in members])[:, None]
+        chosen = [index for index, _ in members]
+        sign = np.array([sign for _, sign in members])[:, None]
         forces, points = self.forces[:, chosen] * sign, self.points[:, chosen]
         torques = self.torques[:, chosen] * sign
-        size = np.stack([self._pressed(k) for k in chosen], axis=1)
+        size = np.stack([self._pressed(index) for index in chosen], axis=1)
         share = np.where(size.sum(axis=1, keepdims=True) > 0.0, size, 1.0)
         point = np.einsum("fk,fki->fi", share / share.sum(axis=1, keepdims=True), points)
         torque = (torques + np.cross(points - point[:, None], forces)).sum(axis=1)

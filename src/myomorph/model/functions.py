@@ -79,8 +79,8 @@ class SineProduct:
     def __call__(self, *x: ArrayLike) -> Array:
         """Value at the coordinates x_1, ..., x_n, any common shape."""
         total: Array = np.asarray(self.factor, dtype=np.float64)
-        for one, frequency, phase in zip(x, self.frequencies, self.phases, strict=True):
-            total = total * np.sin(frequency * np.asarray(one, dtype=np.float64) + phase)
+        for argument, frequency, phase in zip(x, self.frequencies, self.phases, strict=True):
+            total = total * np.sin(frequency * np.asarray(argument, dtype=np.float64) + phase)
         return total + self.offset
 
     def scaled(self, factor: float) -> SineProduct:

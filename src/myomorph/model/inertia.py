@@ -37,12 +37,12 @@ def inertial_parameters(model: Model) -> Array:
 
 def inertia_matrices(parameters: ArrayLike) -> Array:
     """(..., 3, 3) inertia about the bodies' origins of parameters (..., 10)."""
-    given = np.asarray(parameters, dtype=np.float64)
-    matrices = np.zeros((*given.shape[:-1], 3, 3))
-    for k, i in enumerate(_DIAGONAL):
-        matrices[..., k, k] = given[..., i]
+    values = np.asarray(parameters, dtype=np.float64)
+    matrices = np.zeros((*values.shape[:-1], 3, 3))
+    for column, i in enumerate(_DIAGONAL):
+        matrices[..., column, column] = values[..., i]
     for i, a, b in _OFF:
-        matrices[..., a, b] = matrices[..., b, a] = given[..., i]
+        matrices[..., a, b] = matrices[..., b, a] = values[..., i]
     return matrices
 
 
@@ -52,13 +52,13 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
     A body of some distribution of positive mass has a positive definite one (Wensing, Kim, Slotine
     2018, IEEE Robotics and Automation Letters 3(1):60).
     """
-    given = np.asarray(parameters, dtype=np.float64)
-    inertia = inertia_matrices(given)
+    values = np.asarray(parameters, dtype=np.float64)
+    inertia = inertia_matrices(values)
     half_trace = 0.5 * np.trace(inertia, axis1=-2, axis2=-1)
-    result = np.empty((*given.shape[:-1], 4, 4))
+    result = np.empty((*values.shape[:-1], 4, 4))
     result[..., :3, :3] = half_trace[..., None, None] * np.eye(3) - inertia
-    result[..., :3, 3] = result[..., 3, :3] = given[..., 1:4]
-    result[..., 3, 3] = given[..., 0]
+    result[..., :3, 3] = result[..., 3, :3] = values[..., 1:4]
+    result[..., 3, 3] = values[..., 0]
     return result
 
 
@@ -73,14 +73,14 @@ def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
     ------
     BadData : another shape, a number that is not finite, or a negative mass
     """
-    given = np.asarray(parameters, dtype=np.float64)
-    if given.shape != (len(model.bodies), 10) or not np.isfinite(given).all():
-        raise BadData(f"expected finite parameters ({len(model.bodies)}, 10), but got shape {given.shape}")
-    if (given[:, 0] < 0.0).any():
-        worst = int(np.argmin(given[:, 0]))
-        raise BadData(f"body '{model.body_names[worst]}' would weigh {given[worst, 0]:.4g} kg")
+    values = np.asarray(parameters, dtype=np.float64)
+    if values.shape != (len(model.bodies), 10) or not np.isfinite(values).all():
+        raise BadData(f"expected finite parameters ({len(model.bodies)}, 10), but got shape {values.shape}")
+    if (values[:, 0] < 0.0).any():
+        worst = int(np.argmin(values[:, 0]))
+        raise BadData(f"body '{model.body_names[worst]}' would weigh {values[worst, 0]:.4g} kg")
     bodies = []
-    for body, row, about_origin in zip(model.bodies, given, inertia_matrices(given), strict=True):
+    for body, row, about_origin in zip(model.bodies, values, inertia_matrices(values), strict=True):
         mass = float(row[0])
         center = row[1:4] / mass if mass > 0.0 else np.zeros(3)
         inertia = about_origin - mass * (center @ center * np.eye(3) - np.outer(center, center))
@@ -118,12 +118,14 @@ def free_object(
         where mass or size is not positive, or the inertia is none of a body
     """
     body = _body(name, mass, size, inertia, mass_center, mesh)
-    axes = [Axis("translation", np.eye(3)[i], linear(1.0), (one,)) for i, one in enumerate(SLIDES)]
-    axes += [Axis("rotation", np.eye(3)[i], linear(1.0), (one,)) for i, one in enumerate(TURNS)]
+    axes = [Axis("translation", np.eye(3)[i], linear(1.0), (coordinate,)) for i, coordinate in enumerate(SLIDES)]
+    axes += [Axis("rotation", np.eye(3)[i], linear(1.0), (coordinate,)) for i, coordinate in enumerate(TURNS)]
     names = (*SLIDES, *TURNS)
     still = Transform.identity()
     joint = Joint(f"ground_{name}", "CustomJoint", GROUND, name, still, still, tuple(axes), names)
-    coordinates = tuple(Coordinate(one, "translational" if one in SLIDES else "rotational") for one in names)
+    coordinates = tuple(
+        Coordinate(coordinate, "translational" if coordinate in SLIDES else "rotational") for coordinate in names
+    )
     return Model(name, (body,), (joint,), coordinates, np.asarray(gravity), markers=_markers(name, markers))
 
 

@@ -77,7 +77,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
         ground_meshes=first.ground_meshes,
         kept=_kept(renamed),
         source=first.source,
-        **{table: tuple(one for model in renamed for one in getattr(model, table)) for table in (*NAMED, "warnings")},
+        **{table: tuple(item for model in renamed for item in getattr(model, table)) for table in (*NAMED, "warnings")},
     )
 
 
@@ -92,8 +92,10 @@ def join_motions(parts: Mapping[str, Motion]) -> Motion:
     check_clocks(parts)
     motions = list(parts.values())
     rates = [
-        None if any(one is None for one in given) else np.hstack([one for one in given if one is not None])
-        for given in ([motion.velocities for motion in motions], [motion.accelerations for motion in motions])
+        None
+        if any(rates is None for rates in every_rate)
+        else np.hstack([rates for rates in every_rate if rates is not None])
+        for every_rate in ([motion.velocities for motion in motions], [motion.accelerations for motion in motions])
     ]
     values = np.hstack([motion.values for motion in motions])
     return Motion(motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1])
@@ -103,25 +105,25 @@ def join_markers(parts: Mapping[str, Markers]) -> Markers:
     """Markers of the parts as those of the joined model; raises `BadData` where their times differ."""
     check_clocks(parts)
     series = list(parts.values())
-    return Markers(series[0].time, joined_names(parts), np.concatenate([one.values for one in series], axis=1))
+    return Markers(series[0].time, joined_names(parts), np.concatenate([markers.values for markers in series], axis=1))
 
 
 def join_series(parts: Mapping[str, Series]) -> Series:
     """Columns of the parts (torques, activations) side by side; raises `BadData` where their times differ."""
     check_clocks(parts)
     series = list(parts.values())
-    return Series(series[0].time, joined_names(parts), np.concatenate([one.values for one in series], axis=1))
+    return Series(series[0].time, joined_names(parts), np.concatenate([table.values for table in series], axis=1))
 
 
 def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
     """External forces on the parts as those on the joined model; raises `BadData` where their times differ."""
     check_clocks(parts)
-    given = list(parts.values())
-    bodies = tuple(_prefixed(part, body) for part, one in parts.items() for body in one.bodies)
+    wrenches = list(parts.values())
+    bodies = tuple(_prefixed(part, body) for part, loads in parts.items() for body in loads.bodies)
     stacked = [
-        np.concatenate([getattr(one, what) for one in given], axis=1) for what in ("forces", "points", "torques")
+        np.concatenate([getattr(loads, what) for loads in wrenches], axis=1) for what in ("forces", "points", "torques")
     ]
-    return Wrenches(given[0].time, joined_names(parts), bodies, *stacked)
+    return Wrenches(wrenches[0].time, joined_names(parts), bodies, *stacked)
 
 
 def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[str, ...]:
@@ -139,17 +141,19 @@ def part_of(whole: Timed, part: str) -> Timed:
     UnknownName
         where no column is that part's
     """
-    own = [(index, short) for index, name in enumerate(whole.names) if (short := own_name(name, part)) is not None]
-    if not own:
+    columns_of_part = [
+        (index, short) for index, name in enumerate(whole.names) if (short := own_name(name, part)) is not None
+    ]
+    if not columns_of_part:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
         raise UnknownName("part", part, begins, "the columns' names begin with what it")
-    columns, names = [k for k, _ in own], tuple(name for _, name in own)
+    columns, names = [index for index, _ in columns_of_part], tuple(name for _, name in columns_of_part)
     if isinstance(whole, Series):
         changes: dict[str, Any] = {"names": names, "values": whole.values[:, columns]}
         if isinstance(whole, Motion):
             for rate in ("velocities", "accelerations"):
-                given = getattr(whole, rate)
-                changes[rate] = None if given is None else given[:, columns]
+                rates = getattr(whole, rate)
+                changes[rate] = None if rates is None else rates[:, columns]
         return replace(whole, **changes)
     bodies = tuple(own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns)
     vectors = [getattr(whole, what)[:, columns] for what in ("forces", "points", "torques")]
@@ -180,21 +184,21 @@ def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> st
     BadData
         where a part has no frames
     """
-    for name, one in parts.items():
-        if not len(one):
+    for name, series in parts.items():
+        if not len(series):
             raise BadData(f"'{name}' has no frames")
-    (first, one), *others = parts.items()
-    slack = 0.01 * float(np.median(np.diff(one.time))) if len(one) > 1 else 1e-6
+    (first, series), *others = parts.items()
+    slack = 0.01 * float(np.median(np.diff(series.time))) if len(series) > 1 else 1e-6
     for name, other in others:
-        if len(other) == len(one) and np.max(np.abs(other.time - one.time)) <= slack:
+        if len(other) == len(series) and np.max(np.abs(other.time - series.time)) <= slack:
             continue
-        if other.time[0] > one.time[-1] or one.time[0] > other.time[-1]:
+        if other.time[0] > series.time[-1] or series.time[0] > other.time[-1]:
             what = "they have no time in common"
-        elif len(other) == len(one):
+        elif len(other) == len(series):
             what = "their clocks differ"
         else:
             what = "they differ in rate or length"
-        return f"'{first}' has {_times(one.time)}, '{name}' {_times(other.time)}: {what}"
+        return f"'{first}' has {_times(series.time)}, '{name}' {_times(other.time)}: {what}"
     return ""
 
 
@@ -210,7 +214,7 @@ def _check_parts(parts: tuple[str, ...]) -> None:
             raise BadData(
                 f"'{part}' cannot name a part: expected a word of letters, digits and '_' that is no side of the body"
             )
-        longer = next((one for one in parts if one.startswith(f"{part}_")), "")
+        longer = next((other for other in parts if other.startswith(f"{part}_")), "")
         if longer:
             raise BadData(f"the part '{longer}' begins as the names of '{part}' will: give one of them another name")
 
@@ -225,50 +229,54 @@ def _renamed(model: Model, part: str) -> Model:
     return replace(renamed_model(model, lambda name: _prefixed(part, name)), warnings=warnings)
 
 
-def renamed_model(model: Model, own: Callable[[str], str]) -> Model:
+def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
     """The model with other names of its bodies, joints, coordinates, muscles and all that refers to them.
 
     Parameters
     ----------
-    own : new name of an old one; an old name may be that of parts of different kinds, which then go together
+    new_name : the new name of an old one; an old name may be that of parts of different kinds, which then go together
     """
 
-    def renamed(one: Any, texts: tuple[str, ...]) -> Any:
-        changes: dict[str, Any] = {text: own(getattr(one, text)) for text in ("name", *texts)}
+    def renamed(item: Any, texts: tuple[str, ...]) -> Any:
+        changes: dict[str, Any] = {text: new_name(getattr(item, text)) for text in ("name", *texts)}
         for names in ("coordinates", "independents", "groups"):
-            if hasattr(one, names):
-                changes[names] = tuple(own(each) for each in getattr(one, names))
-        if isinstance(one, Joint):
-            changes["axes"] = tuple(replace(axis, coordinates=tuple(map(own, axis.coordinates))) for axis in one.axes)
-        if isinstance(one, Muscle | Ligament):
-            changes["path"] = _path(one.path, own)
-        return replace(one, **changes)
+            if hasattr(item, names):
+                changes[names] = tuple(new_name(each) for each in getattr(item, names))
+        if isinstance(item, Joint):
+            changes["axes"] = tuple(replace(axis, coordinates=tuple(map(new_name, axis.coordinates))) for axis in item.axes)
+        if isinstance(item, Muscle | Ligament):
+            changes["path"] = _path(item.path, new_name)
+        return replace(item, **changes)
 
     tables: dict[str, Any] = {
-        table: tuple(renamed(one, texts) for one in getattr(model, table)) for table, texts in NAMED.items()
+        table: tuple(renamed(item, texts) for item in getattr(model, table)) for table, texts in NAMED.items()
     }
-    kept = tuple(_kept_part(one, model, own) for one in model.kept)
+    kept = tuple(_kept_part(item, model, new_name) for item in model.kept)
     return replace(model, kept=kept, **tables)
 
 
-def _path(path: Path, own: Callable[[str], str]) -> Path:
+def _path(path: Path, prefixed: Callable[[str], str]) -> Path:
     tendon = tuple(
-        replace(wrap, wrap_object=own(wrap.wrap_object), side_body=own(wrap.side_body))
+        replace(wrap, wrap_object=prefixed(wrap.wrap_object), side_body=prefixed(wrap.side_body))
         for wrap in path.wraps
         if isinstance(wrap, TendonWrap)
     )
-    other = tuple(replace(wrap, wrap_object=own(wrap.wrap_object)) for wrap in path.wraps if isinstance(wrap, PathWrap))
-    return Path(tuple(_point(point, own) for point in path.points), tendon or other, path.divisors)
+    other = tuple(
+        replace(wrap, wrap_object=prefixed(wrap.wrap_object)) for wrap in path.wraps if isinstance(wrap, PathWrap)
+    )
+    return Path(tuple(_point(point, prefixed) for point in path.points), tendon or other, path.divisors)
 
 
-def _point(point: PathPoint | MovingPathPoint, own: Callable[[str], str]) -> PathPoint | MovingPathPoint:
+def _point(point: PathPoint | MovingPathPoint, prefixed: Callable[[str], str]) -> PathPoint | MovingPathPoint:
     if isinstance(point, PathPoint):
-        return replace(point, name=own(point.name), body=own(point.body), coordinate=own(point.coordinate))
-    x, y, z = (own(coordinate) for coordinate in point.coordinates)
-    return replace(point, name=own(point.name), body=own(point.body), coordinates=(x, y, z))
+        return replace(
+            point, name=prefixed(point.name), body=prefixed(point.body), coordinate=prefixed(point.coordinate)
+        )
+    x, y, z = (prefixed(coordinate) for coordinate in point.coordinates)
+    return replace(point, name=prefixed(point.name), body=prefixed(point.body), coordinates=(x, y, z))
 
 
-def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
+def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept:
     """A part of a file with the names in it renamed: whole words of its texts, and the names of its elements."""
     if part.room == "Model":
         return part
@@ -276,18 +284,18 @@ def _kept_part(part: Kept, model: Model, own: Callable[[str], str]) -> Kept:
     words = re.compile(r"[^\s/<>\"'|]+")
 
     def text(match: re.Match[str]) -> str:
-        return words.sub(lambda word: own(word[0]) if word[0] in known else word[0], match[0])
+        return words.sub(lambda word: prefixed(word[0]) if word[0] in known else word[0], match[0])
 
     renamed = re.sub(r">[^<]+<", text, part.text)
     if part.name:
-        renamed = renamed.replace(f'name="{part.name}"', f'name="{own(part.name)}"', 1)
+        renamed = renamed.replace(f'name="{part.name}"', f'name="{prefixed(part.name)}"', 1)
     root, _, body = part.room.rpartition("/")
-    room = f"{root}/{own(body)}" if root else part.room
-    return replace(part, name=own(part.name), text=renamed, room=room)
+    room = f"{root}/{prefixed(body)}" if root else part.room
+    return replace(part, name=prefixed(part.name), text=renamed, room=room)
 
 
 def _all_names(model: Model) -> set[str]:
-    names = {one.name for table in (*NAMED, "kept") for one in getattr(model, table)}
+    names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
     ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
     return names | ends - {"", GROUND}
 
@@ -296,10 +304,10 @@ def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
     """What all parts keep; of what a file has once (credits, units) the first."""
     kepts: list[Kept] = []
     once: set[str] = set()
-    for one in (kept for model in models for kept in model.kept):
-        if one.room == "Model":
-            if one.kind in once:
+    for part in (kept for model in models for kept in model.kept):
+        if part.room == "Model":
+            if part.kind in once:
                 continue
-            once.add(one.kind)
-        kepts.append(one)
+            once.add(part.kind)
+        kepts.append(part)
     return tuple(kepts)

@@ -79,11 +79,11 @@ class Labelled:
             name: variable for name, variable in self.variables().items() if variable.dimensions[:1] == ("time",)
         }
         columns: dict[tuple[str, ...], np.ndarray] = {}
-        for name, one in over_time.items():
-            within = [labels[dimension] for dimension in one.dimensions[1:]]
+        for name, values in over_time.items():
+            within = [labels[dimension] for dimension in values.dimensions[1:]]
             for place in np.ndindex(*(len(part) for part in within)):
                 words = (str(part[i]) for part, i in zip(within, place, strict=True))
-                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = one.values[:, *place]
+                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = values.values[:, *place]
         depth = max((len(key) for key in columns), default=1)
         keys = [key + ("",) * (depth - len(key)) for key in columns]
         index = pandas.Index(np.asarray(labels["time"]), name="time")

@@ -51,8 +51,8 @@ def with_passive_dynamics(
         for a value that is negative or not finite, a coordinate that follows others, or a rest position
         without a stiffness
     """
-    for what, given in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
-        for name, value in given.items():
+    for what, values in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
+        for name, value in values.items():
             if not (np.isfinite(value) and value >= 0.0):
                 raise BadData(
                     f"{what} of '{name}' is {value:g}: a passive part cannot give energy, so expected 0 or more"
@@ -63,11 +63,11 @@ def with_passive_dynamics(
     added = [_spring(model, name, damping, stiffness, rest) for name in dict.fromkeys((*damping, *stiffness))]
     for name in viscosity:
         index_of("muscle", name, model.muscle_names)
-    names = {one.name for one in added} | {bushing.name for bushing in bushings}
+    names = {torque.name for torque in added} | {bushing.name for bushing in bushings}
     return replace(
         model,
         passive_torques=(*(torque for torque in model.passive_torques if torque.name not in names), *added),
-        kept=tuple(one for one in model.kept if one.name not in names),
+        kept=tuple(part for part in model.kept if part.name not in names),
         bushings=(*(bushing for bushing in model.bushings if bushing.name not in names), *bushings),
         muscles=tuple(
             replace(muscle, viscosity=viscosity.get(muscle.name, muscle.viscosity)) for muscle in model.muscles
@@ -81,9 +81,9 @@ def _spring(
     coordinate = model.coordinate(name)
     if name in model.dependent_coordinates:
         raise BadData(f"coordinate '{name}' follows {model.dependent_coordinates[name].independents}: damp those")
-    k = stiffness.get(name, 0.0)
+    slope = stiffness.get(name, 0.0)
     at = rest.get(name, coordinate.default)
-    return PassiveTorque(f"{PASSIVE}{name}", name, linear(-k, k * at), constant(damping.get(name, 0.0)))
+    return PassiveTorque(f"{PASSIVE}{name}", name, linear(-slope, slope * at), constant(damping.get(name, 0.0)))
 
 
 def strand_viscosity(viscosity: Mapping[str, float], strands: Mapping[str, Sequence[str]]) -> dict[str, float]:
@@ -101,11 +101,11 @@ def strand_viscosity(viscosity: Mapping[str, float], strands: Mapping[str, Seque
     """
     result: dict[str, float] = {}
     for muscle, value in viscosity.items():
-        own = strands.get(muscle, ())
-        if not own:
+        viscosities = strands.get(muscle, ())
+        if not viscosities:
             raise BadData(f"muscle '{muscle}' has no strands: there are strands of {', '.join(strands) or 'none'}")
-        for strand in own:
+        for strand in viscosities:
             if strand in result:
                 raise BadData(f"strand '{strand}' belongs to '{muscle}' and to another muscle")
-            result[strand] = value / len(own)
+            result[strand] = value / len(viscosities)
     return result

@@ -69,9 +69,9 @@ class Provenance:
             where the text is something else
         """
         try:
-            found = json.loads(text)
-            sources = tuple(Source(one["role"], one["name"], one["sha256"]) for one in found["sources"])
-            return Provenance(found["step"], sources, found["options"], found["version"], found["date"])
+            stored = json.loads(text)
+            sources = tuple(Source(source["role"], source["name"], source["sha256"]) for source in stored["sources"])
+            return Provenance(stored["step"], sources, stored["options"], stored["version"], stored["date"])
         except (KeyError, TypeError) as error:
             raise ValueError(f"not a provenance: {error}") from None
 

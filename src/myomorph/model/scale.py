@@ -102,7 +102,7 @@ def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], 
     """
     if not after.ligaments:
         return ()
-    strings = [replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments)) for one in (before, after)]
+    strings = [replace(model, muscles=tuple(each.as_muscle() for each in model.ligaments)) for model in (before, after)]
     ratios = _ratios(strings[0], strings[1], path_lengths)
     return tuple(
         replace(ligament, slack_length=ligament.slack_length * ratio)
@@ -118,11 +118,11 @@ def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLi
 
 def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
     sizes = {name: np.ones(3) for name in (GROUND, *model.body_names)}
-    for name, given in factors.items():
+    for name, axis_factors in factors.items():
         check_name("body", name, model.body_names)
-        factor = np.asarray(given, dtype=np.float64)
+        factor = np.asarray(axis_factors, dtype=np.float64)
         if factor.shape != (3,) or not np.all(np.isfinite(factor)) or np.any(factor <= 0.0):
-            raise BadData(f"expected three positive scale factors for body '{name}', but got {given!r}")
+            raise BadData(f"expected three positive scale factors for body '{name}', but got {axis_factors!r}")
         sizes[name] = factor
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"expected a positive mass, but got {mass}")

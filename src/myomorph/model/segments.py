@@ -46,7 +46,7 @@ class Segment:
     side: str = ""
 
 
-def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
+def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
     """The segment of every body of a human model, by the bodies' names.
 
     A body whose name tells nothing (a massless one between two joints) belongs with its parent; one on
@@ -54,31 +54,31 @@ def segments_of(model: Model, given: Mapping[str, Segment] | None = None) -> Map
 
     Parameters
     ----------
-    given : segments that go before the names
+    stated : segments that go before the names
 
     Raises
     ------
     UnknownName : a segment is given for a body that the model does not have
     BadData : no body's name tells a segment, or a given segment is none of `SEGMENTS`
     """
-    found: dict[str, Segment] = {}
-    for body, segment in (given or {}).items():
+    segments: dict[str, Segment] = {}
+    for body, segment in (stated or {}).items():
         check_name("body", body, model.body_names)
         check_name("segment", segment.name, SEGMENTS, "the table of segments")
-        found[body] = segment
+        segments[body] = segment
     parents = {joint.child: joint.parent for joint in model.joints}
     for body in model.body_names:
-        named = found.get(body) or _by_name(body)
-        if named is None and parents[body] in found:
-            named = found[parents[body]]
+        named = segments.get(body) or _by_name(body)
+        if named is None and parents[body] in segments:
+            named = segments[parents[body]]
         if named is not None:
-            found[body] = named
-    if not found:
+            segments[body] = named
+    if not segments:
         raise BadData(f"no body of model '{model.name}' is named like a segment of the human body: {model.body_names}")
     for body in reversed(model.body_names):
-        if body in found and parents[body] not in (GROUND, *found):
-            found[parents[body]] = found[body]
-    return FrozenMap({body: found.get(body, Segment("lower_trunk")) for body in model.body_names})
+        if body in segments and parents[body] not in (GROUND, *segments):
+            segments[parents[body]] = segments[body]
+    return FrozenMap({body: segments.get(body, Segment("lower_trunk")) for body in model.body_names})
 
 
 def feet_of(model: Model) -> tuple[str, ...]:

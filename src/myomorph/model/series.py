@@ -125,9 +125,9 @@ class Motion(Series):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("velocities", "accelerations"):
-            given = getattr(self, name)
-            if given is not None:
-                object.__setattr__(self, name, frozen_array(given, self.values.shape))
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, frozen_array(values, self.values.shape))
 
     def variables(self) -> dict[str, Variable]:
         """Values, and velocities and accelerations where they are known."""
@@ -177,7 +177,7 @@ class Wrenches(Labelled):
     def variables(self) -> dict[str, Variable]:
         """Forces, points of application and free torques."""
         named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
-        return {name: Variable(("time", "name", "axis"), one, unit) for name, (one, unit) in named.items()}
+        return {name: Variable(("time", "name", "axis"), values, unit) for name, (values, unit) in named.items()}
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], names of the forces, axes of ground."""
@@ -277,9 +277,9 @@ class PlateRecording:
         object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
         object.__setattr__(self, "channels", frozen_array(self.channels, (-1, -1)))
         for name, shape in (("calibration", (6, 6)), ("center_polynomial", (2, 6))):
-            given = getattr(self, name)
-            if given is not None:
-                object.__setattr__(self, name, frozen_array(given, shape))
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, frozen_array(values, shape))
 
 
 @read_only

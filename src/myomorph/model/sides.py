@@ -20,12 +20,12 @@ _OTHER_LETTER = {"R": "L", "L": "R", "r": "l", "l": "r"}
 def split_side(name: str) -> tuple[str, str]:
     """Name without its side, and the side: `("hip_flexion", "right")` for `hip_flexion_r`."""
     for pattern, base, side in ((_SUFFIX, 1, 2), (_PREFIX, 2, 1)):
-        found = pattern.match(name)
-        if found:
-            return found[base], "right" if found[side][0] in "rR" else "left"
-    found = _LETTER.match(name)
-    if found:
-        return (found[1] or "") + found[3], "right" if found[2] == "R" else "left"
+        match = pattern.match(name)
+        if match:
+            return match[base], "right" if match[side][0] in "rR" else "left"
+    match = _LETTER.match(name)
+    if match:
+        return (match[1] or "") + match[3], "right" if match[2] == "R" else "left"
     return name, ""
 
 
@@ -35,18 +35,18 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
     Names are those of bodies, joints, coordinates or markers: `femur_r` and `femur_l`, `RASI` and
     `LASI`, `Abd_R_L1` and `Abd_L_L1`.
     """
-    given = tuple(names)
-    sided = {split_side(name): name for name in given}
-    found: dict[str, str] = {}
-    for name in given:
+    all_names = tuple(names)
+    sided = {split_side(name): name for name in all_names}
+    counterparts: dict[str, str] = {}
+    for name in all_names:
         base, side = split_side(name)
         letters = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER]
         swapped = (name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :] for i in letters if _stands_apart(name, i))
         candidates = ([sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []) + list(swapped)
         match = next((candidate for candidate in candidates if candidate in sided.values()), "")
         if match:
-            found[name] = match
-    return FrozenMap(found)
+            counterparts[name] = match
+    return FrozenMap(counterparts)
 
 
 def other_side(name: str, *, capitals: bool = False) -> str:

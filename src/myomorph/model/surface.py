@@ -96,9 +96,9 @@ def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
         igl = from_extra("morph", "igl", "libigl")
 
         oriented, part = igl.bfs_orient(np.array(faces, dtype=np.int64))
-        for k in np.unique(part):
-            if _inward(vertices, oriented[part == k]):
-                oriented[part == k] = oriented[part == k][:, ::-1]
+        for number in np.unique(part):
+            if _inward(vertices, oriented[part == number]):
+                oriented[part == number] = oriented[part == number][:, ::-1]
         result = oriented if _conflicts(oriented) <= 0.5 * before else faces
     return np.ascontiguousarray(result[:, ::-1] if _inward(vertices, result) else result)
 

@@ -88,7 +88,9 @@ class _Displacement:
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the displaced places."""
         places, step = np.asarray(points, dtype=np.float64), TILT * self.known.length
-        columns = [(self.apply(places + one) - self.apply(places - one)) / (2.0 * step) for one in step * np.eye(3)]
+        columns = [
+            (self.apply(places + offset) - self.apply(places - offset)) / (2.0 * step) for offset in step * np.eye(3)
+        ]
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
@@ -112,8 +114,8 @@ class _Displacement:
 
     def carrier(self, body: str) -> Carrier:
         """The same of everything that is fixed to the body."""
-        given = self.known.features
-        features = FeaturePoints(given.names, given.target, self.apply(given.target))
+        known_features = self.known.features
+        features = FeaturePoints(known_features.names, known_features.target, self.apply(known_features.target))
         whole = procrustes(features.source, features.target, True)
         return Carrier(BoneMap(body, body, self, whole, "given", features=features), body)
 
@@ -132,11 +134,11 @@ def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[in
     if not known or not checks.arms:
         return checks
     random = np.random.default_rng(0)
-    squares = [np.zeros_like(one.target) for one in checks.arms]
+    squares = [np.zeros_like(arms.target) for arms in checks.arms]
     wraps = [item for item in morph.model.wrap_objects if item.body in known]
     centers, sizes = np.zeros(len(wraps)), np.zeros(len(wraps))
     for _ in range(DRAWS):
-        drawn = _drawn(morph, {body: _Displacement(one, random) for body, one in known.items()})
+        drawn = _drawn(morph, {body: _Displacement(bone, random) for body, bone in known.items()})
         for sums, arm, arms in zip(squares, checks.arms, target_arms(drawn, checks.arms), strict=True):
             sums += (arms - arm.target) ** 2
         moved = {item.name: item for item in drawn.wrap_objects}
@@ -175,17 +177,20 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
     model = morph.model
     shifts: dict[tuple[str, str], Array] = {}
     for body, move in moves.items():
-        own = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
-        if own:
-            places, within = np.array([point.target for point in own]), np.array([point.within for point in own])
-            moved = zip(own, move.slid(places, within) - places, strict=True)
+        members = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
+        if members:
+            places, within = (
+                np.array([point.target for point in members]),
+                np.array([point.within for point in members]),
+            )
+            moved = zip(members, move.slid(places, within) - places, strict=True)
             shifts |= {(point.owner, point.name): by for point, by in moved}
     still = {
         body: Carrier(BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body)
         for body in (GROUND, *model.body_names)
         if body not in moves
     }
-    carriers = still | {body: one.carrier(body) for body, one in moves.items()}
+    carriers = still | {body: move.carrier(body) for body, move in moves.items()}
     mapped = {joint.name for joint in morph.joints if joint.method == "mapped"}
     skeleton = transferred_joints(model, carriers, CenterFinder(carriers, False, False)).skeleton if mapped else model
     return replace(

@@ -42,8 +42,8 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     BadData
         where none of them exists
     """
-    built = [one for one in setup.analyses if one.kind in ANALYSES]
-    others = tuple(dict.fromkeys(one.kind for one in setup.analyses if one.kind not in ANALYSES))
+    built = [analysis for analysis in setup.analyses if analysis.kind in ANALYSES]
+    others = tuple(dict.fromkeys(analysis.kind for analysis in setup.analyses if analysis.kind not in ANALYSES))
     if not built:
         asked = ", ".join(others) or "none"
         raise BadData(f"{source}: asks for {asked}, but the analyses that exist are {listing(asked, tuple(ANALYSES))}")
@@ -59,18 +59,18 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     controls: dict[Path, Table] = {}
     name = setup.name or source.stem
     for analysis in built:
-        found, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
+        results, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
         lines.append(text)
         warnings += odd
-        for end, table in found.items():
-            tables[setup.results / f"{'_'.join(one for one in (name, analysis.name, end) if one)}.sto"] = table
+        for end, table in results.items():
+            tables[setup.results / f"{'_'.join(part for part in (name, analysis.name, end) if part)}.sto"] = table
         if analysis.kind == "StaticOptimization":
-            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = found["activation"]
-    if any(one.kind in WITH_FORCES for one in built) and here.wrenches is not None:
+            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = results["activation"]
+    if any(analysis.kind in WITH_FORCES for analysis in built) and here.wrenches is not None:
         warnings = [*here.wrenches.notes, *warnings]
-    named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(one.forces for one in built))
+    named = (setup.coordinates, setup.states, setup.loads, *setup.actuators, *(analysis.forces for analysis in built))
     check_outputs((*tables, *controls), (source, model_path, *named))
-    writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, one) for path, one in tables.items()}
+    writers: dict[Path, Callable[[Path], object]] = {path: partial(write_sto, table) for path, table in tables.items()}
     writers |= {path: partial(write_controls, control) for path, control in controls.items()}
     return ToolResult("AnalyzeTool", tuple(lines), write_outputs(writers), tuple(dict.fromkeys(warnings)))
 
@@ -80,11 +80,11 @@ def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     reading.has_mass(here.model, "static optimization")
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     settings, actuators = analysis.static_optimization, here.actuators
-    found, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
-    forces = found["force"]
+    tables, text = static_optimization(here.model, here.motion, torques, settings, actuators, analysis.name)
+    forces = tables["force"]
     names, values, notes = force_columns(here, Series(forces.time, forces.names, forces.values))
-    found["force"] = replace(forces, names=names, values=values)
-    return found, text, tuple(f"{analysis.name}: {note}" for note in notes)
+    tables["force"] = replace(forces, names=names, values=values)
+    return tables, text, tuple(f"{analysis.name}: {note}" for note in notes)
 
 
 ANALYSES: dict[str, Callable[[Analyzed, Analysis], Result]] = {

@@ -55,27 +55,27 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
     if moving:
         about, left_out = listed(analysis, "moment_arm_coordinate_list", "coordinate", model.coordinate_names)
         notes += left_out
-    columns = [model.muscle_names.index(one) for one in names]
-    found: dict[str, Array] = {"Length": here.paths.lengths[:, columns]}
+    columns = [model.muscle_names.index(name) for name in names]
+    quantities: dict[str, Array] = {"Length": here.paths.lengths[:, columns]}
     if here.without_fibers:
         classes = ", ".join(here.without_fibers)
         notes.append(f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built")
     else:
-        found |= _fibers(here, columns)
+        quantities |= _fibers(here, columns)
         notes += here.unbalanced
     pulls = None if here.without_fibers else here.fibers.tendon_force[:, columns]
     for name, arms in _moment_arms(here, columns, about):
-        found[f"MomentArm_{name}"] = arms
+        quantities[f"MomentArm_{name}"] = arms
         if pulls is not None:
-            found[f"Moment_{name}"] = arms * pulls
-    tables = {name: here.table(names, values, name) for name, values in found.items()}
+            quantities[f"Moment_{name}"] = arms * pulls
+    tables = {name: here.table(names, values, name) for name, values in quantities.items()}
     text = f"muscle analysis: {len(here.motion)} frames, {len(names)} muscles, {len(about)} coordinates"
     return tables, text, tuple(notes)
 
 
 def _fibers(here: Analyzed, columns: list[int]) -> dict[str, Array]:
     fibers = here.fibers
-    result = {name: getattr(fibers, own)[:, columns] for name, own in FIBERS.items()}
+    result = {name: getattr(fibers, attribute)[:, columns] for name, attribute in FIBERS.items()}
     optimal = np.array([here.model.muscles[column].optimal_fiber_length for column in columns])
     cosine = np.cos(result["PennationAngle"])
     result["NormalizedFiberLength"] = result["FiberLength"] / optimal
@@ -90,7 +90,7 @@ def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> 
         return
     model, frames = here.model, len(here.motion)
     arms = np.empty((len(about), frames, len(columns)))
-    wanted = [model.coordinate_names.index(one) for one in about]
+    wanted = [model.coordinate_names.index(name) for name in about]
     block = max(1, MAX_ENTRIES // (len(model.muscles) * len(model.coordinates)))
     for start in range(0, frames, block):
         part = slice(start, start + block)
@@ -109,8 +109,8 @@ def listed(analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]) -> t
     asked = tuple(analysis.options.get(tag, "").split())
     if not asked or asked[0].lower() == "all":
         return names, []
-    notes = [f"{analysis.name}: {kind} '{one}' is not in the model: left out" for one in asked if one not in names]
-    return tuple(one for one in asked if one in names), notes
+    notes = [f"{analysis.name}: {kind} '{name}' is not in the model: left out" for name in asked if name not in names]
+    return tuple(name for name in asked if name in names), notes
 
 
 def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
@@ -134,7 +134,7 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     moved, numbers = _moved(here)
     index = np.array([numbers[name] for name in bodies], np.int64)
     centers = np.array([model.body(name).mass_center for name in bodies]).reshape(-1, 3)
-    own = analysis.flag("express_results_in_body_local_frame", False)
+    in_body = analysis.flag("express_results_in_body_local_frame", False)
     factor = 180.0 / np.pi if in_degrees(analysis) else 1.0
     turns = moved.rotations[:, index]
     angles = (euler_angles(turns), moved.angular_velocities[:, index], moved.angular_accelerations[:, index])
@@ -142,16 +142,16 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     titles = (("pos", "Positions"), ("vel", "Velocities"), ("acc", "Accelerations"))
     whole = _center_of_mass(model, moved, numbers) if WHOLE in names else None
     columns = tuple(f"{body}_{axis}" for body in bodies for axis in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
-    for k, (kind, title) in enumerate(titles):
-        places, turning = moved.of_points(index, centers)[k], angles[k]
-        if own and kind != "pos":
-            places, turning = (np.einsum("fbji,fbj->fbi", turns, one) for one in (places, turning))
+    for order, (kind, title) in enumerate(titles):
+        places, turning = moved.of_points(index, centers)[order], angles[order]
+        if in_body and kind != "pos":
+            places, turning = (np.einsum("fbji,fbj->fbi", turns, vectors) for vectors in (places, turning))
         values = np.concatenate([places, factor * turning], axis=2).reshape(len(here.motion), -1)
         labels = columns
         if whole is not None:
-            values = np.hstack([values, whole[k]])
+            values = np.hstack([values, whole[order]])
             labels = (*columns, *(f"{WHOLE}_{axis}" for axis in "XYZ"))
-        name = f"{kind}_bodyLocal" if own and kind != "pos" else f"{kind}_global"
+        name = f"{kind}_bodyLocal" if in_body and kind != "pos" else f"{kind}_global"
         tables[name] = here.table(labels, values, title, in_degrees(analysis))
     text = f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies"
     return tables, text, tuple(notes)
@@ -177,21 +177,21 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
             raise UnknownName("body", name, tuple(numbers), f"for {analysis.name} the model")
     text = analysis.options.get("point", "0 0 0")
     try:
-        place = np.array([float(one) for one in text.split()])
+        place = np.array([float(number) for number in text.split()])
     except ValueError:
         place = np.zeros(0)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise BadData(f"{analysis.name}: point is '{text}': expected three numbers")
-    found = [of_point[:, 0] for of_point in moved.of_points(np.array([numbers[body]]), place[None])]
+    derivatives = [of_point[:, 0] for of_point in moved.of_points(np.array([numbers[body]]), place[None])]
     if other != "none":
         turn, origin = moved.rotations[:, numbers[other]], moved.origins[:, numbers[other]]
-        found[0] = found[0] - origin
-        found = [np.einsum("fji,fj->fi", turn, one) for one in found]
+        derivatives[0] = derivatives[0] - origin
+        derivatives = [np.einsum("fji,fj->fi", turn, vectors) for vectors in derivatives]
     point = analysis.options.get("point_name", "") or "NONAME"
     titles = {"pos": "PointPosition", "vel": "PointVelocity", "acc": "PointAcceleration"}
     tables = {
         f"{point}_{kind}": here.table(("state_0", "state_1", "state_2"), values, title)
-        for (kind, title), values in zip(titles.items(), found, strict=True)
+        for (kind, title), values in zip(titles.items(), derivatives, strict=True)
     }
     return tables, f"point kinematics: {len(here.motion)} frames, point '{point}' of {body}", ()
 
@@ -236,5 +236,5 @@ def _center_of_mass(model: Model, moved: BodyMotion, numbers: dict[str, int]) ->
     """Position, velocity and acceleration (frames, 3) of the model's center of mass."""
     index = np.array([numbers[name] for name in model.body_names], np.int64)
     mass = np.array([body.mass for body in model.bodies])
-    found = moved.of_points(index, np.array([body.mass_center for body in model.bodies]))
-    return tuple(np.einsum("b,fbi->fi", mass, one) / mass.sum() for one in found)
+    derivatives = moved.of_points(index, np.array([body.mass_center for body in model.bodies]))
+    return tuple(np.einsum("b,fbi->fi", mass, vectors) / mass.sum() for vectors in derivatives)

@@ -38,9 +38,9 @@ def actuation(here: Analyzed, analysis: Analysis) -> Result:
     speeds = _speeds(here, forces.names)
     # OpenSim's speed of a muscle is that of its lengthening.
     signs = np.array([-1.0 if name in here.model.muscle_names else 1.0 for name in forces.names])
-    found = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
+    quantities = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
     titles = {"force": "ActuatorForces", "speed": "ActuatorSpeeds", "power": "ActuatorPowers"}
-    tables = {name: here.table(forces.names, values, titles[name]) for name, values in found.items()}
+    tables = {name: here.table(forces.names, values, titles[name]) for name, values in quantities.items()}
     return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", ()
 
 
@@ -107,20 +107,22 @@ def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...
     model, frames = here.model, len(here.motion)
     c, rates, _ = here.arrays
     pulling = [] if forces is None else [name for name in forces.names if name in model.muscle_names]
-    found: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
-    limits = {one.name.removesuffix("_upper").removesuffix("_lower") for one in model.passive_torques if _limit(one)}
+    columns: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
+    limits = {
+        torque.name.removesuffix("_upper").removesuffix("_lower") for torque in model.passive_torques if _limit(torque)
+    }
     for torque in model.passive_torques:
         j = model.coordinate_names.index(torque.coordinate)
         name = torque.name.removesuffix("_upper").removesuffix("_lower") if _limit(torque) else f"{torque.name}_Force"
-        found[name] = found.get(name, np.zeros(frames)) + torque.total(c[:, j], rates[:, j])
+        columns[name] = columns.get(name, np.zeros(frames)) + torque.total(c[:, j], rates[:, j])
     if forces is not None:
-        found |= {name: forces[name] for name in forces.names if name not in pulling}
-    found |= _external(here)
+        columns |= {name: forces[name] for name in forces.names if name not in pulling}
+    columns |= _external(here)
     notes = [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
     if model.bushings:
         notes.append(f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out")
-    values = np.stack(list(found.values()), axis=1) if found else np.zeros((frames, 0))
-    return tuple(found), values, tuple(notes)
+    values = np.stack(list(columns.values()), axis=1) if columns else np.zeros((frames, 0))
+    return tuple(columns), values, tuple(notes)
 
 
 def _limit(passive_torque: PassiveTorque) -> bool:
@@ -135,11 +137,11 @@ def _external(here: Analyzed) -> dict[str, Array]:
     tree = here.tree
     poses = forward_kinematics(tree, tree.coordinates_of(here.motion))
     result: dict[str, Array] = {}
-    for k, (name, body) in enumerate(zip(loads.names, loads.bodies, strict=True)):
+    for index, (name, body) in enumerate(zip(loads.names, loads.bodies, strict=True)):
         b = tree.body_index[body]
-        apart = loads.points[:, k] - poses.origins[:, b]
+        apart = loads.points[:, index] - poses.origins[:, b]
         point = np.einsum("fji,fj->fi", poses.rotations[:, b], apart)
-        for letter, vector in (("F", loads.forces[:, k]), ("p", point), ("T", loads.torques[:, k])):
+        for letter, vector in (("F", loads.forces[:, index]), ("p", point), ("T", loads.torques[:, index])):
             result |= {f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")}
     return result
 
@@ -151,9 +153,9 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
     columns: dict[str, Array] = {}
     for joint in model.joints:
         for name in joint.coordinates:
-            k = model.coordinate_names.index(name)
-            columns[f"/jointset/{joint.name}/{name}/value"] = arrays[0][:, k]
-            columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, k]
+            column = model.coordinate_names.index(name)
+            columns[f"/jointset/{joint.name}/{name}/value"] = arrays[0][:, column]
+            columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, column]
     notes: tuple[str, ...] = ()
     if here.without_fibers:
         notes = (
@@ -207,23 +209,23 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
     sides = _of_each(analysis, "apply_on_bodies", "child", names, kept, str.lower)
     frames = _of_each(analysis, "express_in_frame", "ground", names, kept)
     forces, notes = _forces(here, analysis.forces)
-    found = joint_reactions(
+    reactions = joint_reactions(
         model,
         motion,
         forces,
         here.wrenches,
-        [names[k] for k in kept],
+        [names[index] for index in kept],
         sides,  # type: ignore[arg-type]
         frames,
         actuators=actuators,
         accelerations="forces",
     )
-    text = f"joint reactions: {len(found)} frames, {len(found.joints)} joints"
-    if np.isfinite(found.forces).any():
-        sizes = np.linalg.norm(found.forces, axis=2)
+    text = f"joint reactions: {len(reactions)} frames, {len(reactions.joints)} joints"
+    if np.isfinite(reactions.forces).any():
+        sizes = np.linalg.norm(reactions.forces, axis=2)
         worst = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
-        text += f", largest force {sizes[worst]:.0f} N ({found.joints[worst[1]]})"
-    return {"ReactionLoads": found.table()}, text, (*warnings, *notes)
+        text += f", largest force {sizes[worst]:.0f} N ({reactions.joints[worst[1]]})"
+    return {"ReactionLoads": reactions.table()}, text, (*warnings, *notes)
 
 
 def _of_each(
@@ -235,16 +237,16 @@ def _of_each(
     spelt: Callable[[str], str] = str,
 ) -> list[str]:
     """The word of a list for each joint that is kept: one for all, or one a joint as they are listed."""
-    given = [spelt(one) for one in analysis.options.get(tag, "").split()] or [default]
-    if len(given) not in (1, len(names)):
-        raise BadData(f"{analysis.name}: {tag} names {len(given)} for {len(names)} joints: expected 1 or as many")
-    return [given[k] if len(given) > 1 else given[0] for k in kept]
+    words = [spelt(word) for word in analysis.options.get(tag, "").split()] or [default]
+    if len(words) not in (1, len(names)):
+        raise BadData(f"{analysis.name}: {tag} names {len(words)} for {len(names)} joints: expected 1 or as many")
+    return [words[index] if len(words) > 1 else words[0] for index in kept]
 
 
 def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
     """Forces of all muscles and actuators at the motion's times, between rows of the file along straight lines."""
     model, time, actuators = here.model, here.motion.time, here.actuators
-    given = {actuator.name for actuator in actuators}
+    added = {actuator.name for actuator in actuators}
     helpers = [actuator.name for actuator in (*model.actuators, *actuators) if actuator.enabled]
     names = tuple(dict.fromkeys([muscle.name for muscle in model.muscles if muscle.enabled] + helpers))
     if path is None:
@@ -255,7 +257,7 @@ def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str
         values = np.empty((len(time), len(names)))
         for index, name in enumerate(names):
             if name not in table.names:
-                where = "the forces_file" + (" (force_set_files added it)" if name in given else "")
+                where = "the forces_file" + (" (force_set_files added it)" if name in added else "")
                 raise UnknownName("actuator", name, table.names, where)
             values[:, index] = np.interp(time, table.time, table[name])
         if time[0] < table.time[0] - 1e-6 or time[-1] > table.time[-1] + 1e-6:

@@ -105,10 +105,10 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     lines = f"{len(torques)} frames, {len(torques.names)} coordinates, {wrench_count(wrenches)} external forces"
     residual = dynamics_line(model, motion, torques, wrenches)
     lines += f"; {residual}" if residual else ""
-    found = () if wrenches is None else wrenches.notes
+    notes = () if wrenches is None else wrenches.notes
     written = write_outputs(table_writers({target: torque_table(torques, model)}))
-    own = (f"{model_path.name}: {text}" for text in model.warnings)
-    return ToolResult("InverseDynamicsTool", (lines,), written, (*found, *setup.warnings, *own, *warnings))
+    of_model = (f"{model_path.name}: {text}" for text in model.warnings)
+    return ToolResult("InverseDynamicsTool", (lines,), written, (*notes, *setup.warnings, *of_model, *warnings))
 
 
 def table_writers(tables: dict[Path | None, Table]) -> Writers:
@@ -174,8 +174,8 @@ def location_table(model: Model, fit: KinematicsFit) -> Table:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(fit.motion))
     marked = [model.marker(name) for name in fit.marker_names]
-    bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
-    points = poses.points(bodies, np.array([one.location for one in marked]))
+    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
+    points = poses.points(bodies, np.array([marker.location for marker in marked]))
     names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
     facts = FrozenMap({"name": "Model Marker Locations from IK"})
     return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

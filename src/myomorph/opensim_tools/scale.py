@@ -102,7 +102,7 @@ def scaled(
                 raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
             trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
             measured = [measure(model, trial, measurement) for measurement in setup.measurements]
-            notes += [f"{setup.markers.name}: {note}" for one in measured for note in one.notes]
+            notes += [f"{setup.markers.name}: {note}" for measurement in measured for note in measurement.notes]
             factors = with_measured(measured, factors)
     unknown = [body for body in factors if body not in model.body_names and body != "ground"]
     notes += [f"scale factors of '{body}' are not used: the model has no such body" for body in unknown]
@@ -166,7 +166,7 @@ def _factors_line(factors: dict[str, Array], model: Model) -> str:
 
 
 def _markers_line(placement: Placement) -> str:
-    rms, worst = (100.0 * float(one[0]) for one in (placement.fit.rms, placement.fit.largest))
+    rms, worst = (100.0 * float(values[0]) for values in (placement.fit.rms, placement.fit.largest))
     text = f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest {worst:.2f} cm"
     return text + (f"; {len(placement.removed)} that were not recorded removed" if placement.removed else "")
 

@@ -144,7 +144,7 @@ class Analyzed:
     def forces(self) -> Series | None:
         """Forces of muscles and actuators that are switched on; without controls actuators do nothing."""
         helpers = [actuator.name for actuator in (*self.model.actuators, *self.actuators) if actuator.enabled]
-        muscles = [index for index, one in enumerate(self.model.muscles) if one.enabled]
+        muscles = [index for index, muscle in enumerate(self.model.muscles) if muscle.enabled]
         if not helpers and not muscles:
             return None
         pulls = self.fibers.tendon_force[:, muscles] if muscles else np.zeros((len(self.motion), 0))
@@ -242,7 +242,7 @@ def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:
     values = motion.values[rows]
     if motion.names == everything.names:
         values[~kept] = everything.values[~kept]
-    rates = (None if one is None else one[rows] for one in (motion.velocities, motion.accelerations))
+    rates = (None if rate is None else rate[rows] for rate in (motion.velocities, motion.accelerations))
     velocities, accelerations = rates
     return replace(motion, time=everything.time, values=values, velocities=velocities, accelerations=accelerations)
 

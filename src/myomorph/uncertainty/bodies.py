@@ -51,9 +51,9 @@ class Draw:
         scale = getattr(self.sources, source)
         if not scale:
             return np.zeros(size)
-        own = self.found.of(source, item or name)
-        if own is not None:
-            scale, name = own.size, own.shared or name
+        item_size = self.found.of(source, item or name)
+        if item_size is not None:
+            scale, name = item_size.size, item_size.shared or name
         return np.asarray(scale * self.normals.of(self.number, source, name, size))
 
     def factor(self, source: str, name: str) -> float:

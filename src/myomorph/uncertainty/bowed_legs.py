@@ -47,10 +47,10 @@ def _leg(model: Model, knee: Joint) -> Leg | None:
     if down is None or poses is None or hip is None:
         return None
     index = compile_tree(model).body_index
-    thigh, shank = (poses.rotations[0, index[one]] for one in (knee.parent, knee.child))
+    thigh, shank = (poses.rotations[0, index[body]] for body in (knee.parent, knee.child))
     axis = np.cross(down, hinge_axis(model, knee, poses, down))
     below = [joint.parent_frame.translation for joint in model.joints if joint.parent == knee.child]
-    ankle = max(below, key=lambda one: float((one - knee.child_frame.translation) @ down))
+    ankle = max(below, key=lambda point: float((point - knee.child_frame.translation) @ down))
     return Leg(knee.parent, knee.child, thigh.T @ shank @ axis, axis, hip.child_frame.translation, ankle)
 
 

@@ -34,8 +34,8 @@ def drawn_strengths(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
     values = np.array(ready.values)
     for group in dict.fromkeys(site.group for site in sites):
         begin, end = draw.of("contact_time", group, 2)
-        own = [index for index, one in enumerate(sites) if one.group == group]
-        values[:, own] = _moved(ready.time, values[:, own], float(begin), float(end))
+        members = [index for index, site in enumerate(sites) if site.group == group]
+        values[:, members] = _moved(ready.time, values[:, members], float(begin), float(end))
     return replace(ready, values=values)
 
 

@@ -70,11 +70,11 @@ class FoundSizes:
 
     def with_step(self, step: str, sizes: Iterable[ItemSize]) -> FoundSizes:
         """The same with what a later step found, which replaces all that earlier ones said of its sources."""
-        found: dict[str, dict[str, ItemSize]] = {}
+        by_source: dict[str, dict[str, ItemSize]] = {}
         for size in sizes:
-            found.setdefault(size.source, {})[size.item] = size
-        items = {**self.items, **{source: FrozenMap(own) for source, own in found.items()}}
-        return FoundSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(found, step)}))
+            by_source.setdefault(size.source, {})[size.item] = size
+        items = {**self.items, **{source: FrozenMap(by_item) for source, by_item in by_source.items()}}
+        return FoundSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(by_source, step)}))
 
     def beside(self, sources: Sources) -> FoundSizes:
         """Without sources whose size a user stated: one that is not the usual."""
@@ -92,11 +92,11 @@ def source_sizes(sources: Sources, found_sizes: FoundSizes) -> tuple[SourceSize,
     rows = []
     for group, names in GROUPS.items():
         for name in names:
-            own = np.array([one.size for one in found_sizes.items.get(name, {}).values()])
+            sizes = np.array([item.size for item in found_sizes.items.get(name, {}).values()])
             size, origin = float(getattr(sources, name)), _origin(sources, name)
-            if len(own) and origin == USUAL:
-                least, middle, greatest = (float(one) for one in np.quantile(own, (0.0, 0.5, 1.0)))
-                rows.append(SourceSize(group, name, middle, found_sizes.origins[name], len(own), least, greatest))
+            if len(sizes) and origin == USUAL:
+                least, middle, greatest = (float(size) for size in np.quantile(sizes, (0.0, 0.5, 1.0)))
+                rows.append(SourceSize(group, name, middle, found_sizes.origins[name], len(sizes), least, greatest))
             else:
                 rows.append(SourceSize(group, name, size, origin, 0, size, size))
     return tuple(rows)

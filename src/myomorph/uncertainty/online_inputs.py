@@ -44,8 +44,8 @@ class OnlineInputs:
         ----------
         loads : (3, bodies, 6) filtered wrenches and their first two derivatives
         """
-        given = loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
-        moments, forces = given[..., :3], given[..., 3:]
+        shifted = loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
+        moments, forces = shifted[..., :3], shifted[..., 3:]
         lift = forces @ self._up
         acts = np.abs(lift) > CARRIES
         points = np.where(acts[..., None], np.cross(self._up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)

@@ -89,14 +89,14 @@ class MarkerErrors:
         rate: float,
         thinned: float,
     ):
-        given = tuple(model.marker_names if names is None else names)
-        empty = Markers(np.zeros(1), given, np.full((1, len(given), 3), np.nan))
+        known = tuple(model.marker_names if names is None else names)
+        empty = Markers(np.zeros(1), known, np.full((1, len(known), 3), np.nan))
         options = InverseKinematicsOptions()
         self._names, weights = tracked_markers(model, empty, options)
-        self._columns = [given.index(name) for name in self._names]
+        self._columns = [known.index(name) for name in self._names]
         self._posed, self._model, self._draw = names is None, model, draws[0]
         self._slopes = SlopeFinder(model, self._names, weights, options)
-        self._places = [_Places(one, self._names) for one in (compile_tree(model), *drawn)]
+        self._places = [_Places(tree, self._names) for tree in (compile_tree(model), *drawn)]
         bodies = [model.marker(name).body for name in self._names]
         hold = list(dict.fromkeys(bodies))
         self._of = [hold.index(body) for body in bodies]
@@ -179,8 +179,8 @@ class _Places:
     def __init__(self, tree: Tree, names: Sequence[str]):
         self._tree = tree
         marked = [tree.model.marker(name) for name in names]
-        self._bodies = np.array([self._tree.body_number(one.body) for one in marked], np.int64)
-        self._locations = np.array([one.location for one in marked])
+        self._bodies = np.array([self._tree.body_number(marker.body) for marker in marked], np.int64)
+        self._locations = np.array([marker.location for marker in marked])
 
     def at(self, pose: Array) -> Array:
         """(markers, 3) in ground [m]."""

@@ -125,19 +125,19 @@ class SlopeFinder:
 
     def _block(self, coordinates: Array, seen: np.ndarray) -> Array:
         arrays, free = self._arrays, self._arrays.free
-        frames, width, own = len(coordinates), 3 * len(self.names), np.array(coordinates)
+        frames, width, values = len(coordinates), 3 * len(self.names), np.array(coordinates)
         # All poses, and behind them each with one coordinate after the other moved, in one go.
         steps = STEP * arrays.unit[free]
-        shifted = np.tile(own, (len(free) + 1, 1)).reshape(len(free) + 1, frames, -1)
-        for k, j in enumerate(free):
-            shifted[k + 1, :, j] += steps[k]
-        flat = shifted.reshape(-1, own.shape[1])
+        shifted = np.tile(values, (len(free) + 1, 1)).reshape(len(free) + 1, frames, -1)
+        for index, j in enumerate(free):
+            shifted[index + 1, :, j] += steps[index]
+        flat = shifted.reshape(-1, values.shape[1])
         couple_frames(self._tree.arrays, flat)
         places = _places(self._tree, self.names, flat).reshape(len(free) + 1, frames, width)
         shifted = flat.reshape(shifted.shape)
         J = np.moveaxis((places[1:] - places[0]) / steps[:, None, None], 0, 2)
         C = np.moveaxis((shifted[1:] - shifted[0]) / steps[:, None, None], 0, 2)
-        J *= _movable(own[:, free], arrays.lower, arrays.upper)[:, None]
+        J *= _movable(values[:, free], arrays.lower, arrays.upper)[:, None]
         share = np.repeat(seen * self._weights, 3, axis=1)
         share /= np.maximum(share.sum(axis=1, keepdims=True) / 3.0, 1e-12)
         weighted = J * share[:, :, None]
@@ -156,5 +156,5 @@ def _movable(values: Array, lower: Array, upper: Array) -> Array:
 def _places(tree: Tree, names: tuple[str, ...], coordinates: Array) -> Array:
     """(frames, markers, 3) of a model's markers, in ground [m]."""
     marked = [tree.model.marker(name) for name in names]
-    bodies = np.array([tree.body_number(one.body) for one in marked], np.int64)
-    return forward_kinematics(tree, coordinates).points(bodies, np.array([one.location for one in marked]))
+    bodies = np.array([tree.body_number(marker.body) for marker in marked], np.int64)
+    return forward_kinematics(tree, coordinates).points(bodies, np.array([marker.location for marker in marked]))

@@ -39,10 +39,10 @@ def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict
     for marker in model.markers:
         part = segments.get(marker.body)
         size = getattr(draw.sources, SKIN.get(part.name if part else "", "skin_trunk"))
-        own = np.sqrt(1.0 - TOGETHER) * size
+        separate = np.sqrt(1.0 - TOGETHER) * size
         # Residuals are distances in space; nothing is added where the source is left out.
         seen = residuals.get(marker.name, 0.0) / np.sqrt(3.0)
-        result[marker.name] = (np.sqrt(TOGETHER) * size, max(own, seen) if size else 0.0)
+        result[marker.name] = (np.sqrt(TOGETHER) * size, max(separate, seen) if size else 0.0)
     return result
 
 
@@ -58,15 +58,15 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
     bodies = {marker.name: marker.body for marker in model.markers}
     values, noise = np.array(markers.values), draw.sources.marker_noise
     known = [index for index, name in enumerate(markers.names) if name in sizes]
-    names = [markers.names[k] for k in known]
+    names = [markers.names[index] for index in known]
     if noise:
         values[:, known] += noise * draw.normals.processes(draw.number, "noise", names, frames, 0.0)
     if any(sizes[name][1] for name in names):
-        together, own = np.array([sizes[name] for name in names]).T[..., None]
+        together, separate = np.array([sizes[name] for name in names]).T[..., None]
         hold = list(dict.fromkeys(bodies[name] for name in names))
         shared = draw.normals.processes(draw.number, "skin", hold, frames, width)
         values[:, known] += together * shared[:, [hold.index(bodies[name]) for name in names]]
-        values[:, known] += own * draw.normals.processes(draw.number, "skin of marker", names, frames, width)
+        values[:, known] += separate * draw.normals.processes(draw.number, "skin of marker", names, frames, width)
     return replace(markers, values=values)
 
 
@@ -116,7 +116,7 @@ def shifted(wrenches: Wrenches, late: float) -> Wrenches:
         # Beside a sample without a center of pressure the nearer one counts.
         return np.asarray(np.where(np.isfinite(mixed), mixed, near))
 
-    forces, points, torques = (between(one) for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    forces, points, torques = (between(values) for values in (wrenches.forces, wrenches.points, wrenches.torques))
     return replace(wrenches, forces=forces, points=points, torques=torques)
 
 

@@ -39,19 +39,19 @@ class Spread:
     high: Array
     deviation: Array
 
-    def over(self, time: Array, own: Array, nominal: Array) -> Spread:
+    def over(self, time: Array, drawn: Array, nominal: Array) -> Spread:
         """The spread at other times, its limits as far from the values without errors as between its own frames.
 
         Parameters
         ----------
         time : (samples,) [s]
-        own, nominal : values without errors at the spread's times and at the others
+        drawn, nominal : values without errors at the spread's times and at the others
         """
         if len(time) == len(self.time):
             return self
         low, high, deviation = (
             np.column_stack([np.interp(time, self.time, column) for column in values.T])
-            for values in (self.low - own, self.high - own, self.deviation)
+            for values in (self.low - drawn, self.high - drawn, self.deviation)
         )
         return Spread(time, self.names, nominal + low, nominal + high, deviation)
 
@@ -100,8 +100,8 @@ class Uncertainty:
         wider = ", ".join(
             f"{name.replace('_', ' ')} {factor:g}" for name, factor in self.factors.items() if factor != 1.0
         )
-        found = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
-        return f"{found}, widened by factors ({wider})" if wider else found
+        text = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
+        return f"{text}, widened by factors ({wider})" if wider else text
 
 
 class Draws:

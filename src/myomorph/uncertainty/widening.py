@@ -39,7 +39,7 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
         return spread
     middle, half = 0.5 * (spread.low + spread.high), 0.5 * factor * (spread.high - spread.low)
     low, high = middle - half, middle + half
-    positive = [name in NOT_NEGATIVE or one.endswith(("_f", "_force")) for one in spread.names]
+    positive = [name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names]
     low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
     if name == "activations":
         high = np.minimum(high, np.maximum(spread.high, 1.0))

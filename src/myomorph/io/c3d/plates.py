@@ -15,7 +15,7 @@ FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1000.0,
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 
 
-def plate_recordings(raw: RawC3d, meters: float, found: list[str]) -> tuple[PlateRecording, ...]:
+def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[PlateRecording, ...]:
     """Force plates of the file; one that is described in part only is left out with a warning."""
     group = "FORCE_PLATFORM" if "FORCE_PLATFORM" in raw.groups else "FORCE_PLATEFORM"
     used, kinds = raw.numbers(group, "USED"), raw.numbers(group, "TYPE")
@@ -23,43 +23,43 @@ def plate_recordings(raw: RawC3d, meters: float, found: list[str]) -> tuple[Plat
     if count <= 0:
         return ()
     if not raw.analog.size:
-        found.append(f"the file describes {count} force plates, but holds no analog samples")
+        notes.append(f"the file describes {count} force plates, but holds no analog samples")
         return ()
     plates = []
     for index in range(count):
-        plate = _plate(raw, group, index, int(kinds[index]), meters, found)
+        plate = _plate(raw, group, index, int(kinds[index]), meters, notes)
         if plate is not None:
             plates.append(plate)
     return tuple(plates)
 
 
-def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, found: list[str]) -> PlateRecording | None:
+def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes: list[str]) -> PlateRecording | None:
     name = f"plate_{index + 1}"
     corners = raw.numbers(group, "CORNERS")[12 * index : 12 * index + 12]
     origin = raw.numbers(group, "ORIGIN")[3 * index : 3 * index + 3]
     columns = _columns(raw, group, index, kind)
     if len(corners) < 12 or len(origin) < 3:
-        found.append(f"force plate {index + 1} was left out: the file holds no corners or no origin for it")
+        notes.append(f"force plate {index + 1} was left out: the file holds no corners or no origin for it")
         return None
     if columns is None:
-        found.append(f"force plate {index + 1} was left out: its channels are not among the analog channels")
+        notes.append(f"force plate {index + 1} was left out: its channels are not among the analog channels")
         return None
     corners = corners.reshape(4, 3) * meters
     if (
         not np.isfinite(corners).all()
         or np.linalg.norm(np.cross(corners[0] - corners[1], corners[0] - corners[3])) == 0
     ):
-        found.append(f"force plate {index + 1} was left out: its corners span no surface")
+        notes.append(f"force plate {index + 1} was left out: its corners span no surface")
         return None
     labels, units = raw.texts("ANALOG", "LABELS"), raw.texts("ANALOG", "UNITS")
     samples = np.where(np.isfinite(raw.analog[:, columns]), raw.analog[:, columns], np.nan)
     calibration = _calibration(raw, group, index, meters) if kind == 4 else None
     if kind == 4 and calibration is None:
-        found.append(f"force plate {index + 1} is of type 4 without a calibration matrix: taken as calibrated")
+        notes.append(f"force plate {index + 1} is of type 4 without a calibration matrix: taken as calibrated")
         kind = 2
     if kind in (1, 2, 3):
         texts = [units[column] if column < len(units) else "" for column in columns]
-        samples = samples * _factors(kind, texts, meters, name, found)
+        samples = samples * _factors(kind, texts, meters, name, notes)
     polynomial = raw.numbers(group, "FPCOPPOLY")[12 * index : 12 * index + 12]
     return PlateRecording(
         name=name,
@@ -97,7 +97,7 @@ def _calibration(raw: RawC3d, group: str, index: int, meters: float) -> Array | 
     return matrix
 
 
-def _factors(kind: int, units: list[str], meters: float, name: str, found: list[str]) -> Array:
+def _factors(kind: int, units: list[str], meters: float, name: str, notes: list[str]) -> Array:
     """Factor of each channel to N, N m or m."""
     forces = 8 if kind == 3 else 3
     factors = np.ones(len(units))
@@ -114,7 +114,7 @@ def _factors(kind: int, units: list[str], meters: float, name: str, found: list[
             length = next((LENGTH_UNITS[letters[cut:]] for cut in (1, 6, 7) if letters[cut:] in LENGTH_UNITS), meters)
             factors[column] = length
     if unknown:
-        found.append(f"the channels of {name} are in '{', '.join(sorted(unknown))}': taken as newtons")
+        notes.append(f"the channels of {name} are in '{', '.join(sorted(unknown))}': taken as newtons")
     return factors
 
 

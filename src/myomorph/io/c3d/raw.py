@@ -67,7 +67,9 @@ class RawC3d:
     def numbers(self, group: str, name: str) -> Array:
         """Numbers of a parameter, flat in the file's order, and of its continuations; empty if absent."""
         values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
-        return np.concatenate([np.zeros(0), *(np.asarray(one, dtype=np.float64).ravel(order="F") for one in values)])
+        return np.concatenate(
+            [np.zeros(0), *(np.asarray(value, dtype=np.float64).ravel(order="F") for value in values)]
+        )
 
     def _continued(self, group: str, name: str) -> Iterator[Value]:
         """Values of a parameter and of its continuations, up to the first that is absent."""
@@ -335,7 +337,9 @@ def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
     scale, offset = np.ones(channels), np.zeros(channels)
     stated = raw.numbers("ANALOG", "SCALE")[:channels]
     scale[: len(stated)] = stated
-    stated = next((one for one in map(partial(raw.numbers, "ANALOG"), ("OFFSET", "OFFSETS")) if len(one)), np.zeros(0))
+    stated = next(
+        (offsets for offsets in map(partial(raw.numbers, "ANALOG"), ("OFFSET", "OFFSETS")) if len(offsets)), np.zeros(0)
+    )
     stated = stated[:channels]
     if unsigned:
         stated = np.where(stated < 0, stated + 65536, stated)

@@ -48,28 +48,28 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     raw = read_raw_c3d(path)
     if not 0.0 < raw.point_rate < 1e6:
         raise BadFile(path, f"states a frame rate of {raw.point_rate:g} Hz", HINT)
-    found = list(raw.remarks)
+    notes = list(raw.remarks)
     facts = _facts(raw)
-    meters = _meters(raw, found)
+    meters = _meters(raw, notes)
     start = (max(raw.first_frame, 1) - 1) / raw.point_rate
     time = start + np.arange(len(raw.points)) / raw.point_rate
-    markers, others = _points(raw, time, meters, facts, found)
-    analog = _analog(raw, start, found)
-    plates = plate_recordings(raw, meters, found)
+    markers, others = _points(raw, time, meters, facts, notes)
+    analog = _analog(raw, start, notes)
+    plates = plate_recordings(raw, meters, notes)
     return Trial(
         markers=markers,
         plate_recordings=plates,
         plate_time=analog.time if analog is not None else np.zeros(0),
         analog=analog,
-        events=_events(raw, found),
+        events=_events(raw, notes),
         other_points=others,
         facts=FrozenMap(facts),
-        warnings=tuple(found),
+        warnings=tuple(notes),
         source=str(path),
     )
 
 
-def _meters(raw: RawC3d, found: list[str]) -> float:
+def _meters(raw: RawC3d, notes: list[str]) -> float:
     """Metres in the file's unit of length."""
     text = (raw.texts("POINT", "UNITS") or ("",))[0].lower()
     units = {"mm": 1e-3, "mil": 1e-3, "cm": 1e-2, "cen": 1e-2, "dm": 0.1, "m": 1.0, "in": 0.0254}
@@ -78,40 +78,40 @@ def _meters(raw: RawC3d, found: list[str]) -> float:
             return factor
     size = float(np.nanmedian(np.abs(raw.points))) if np.isfinite(raw.points).any() else 0.0
     unit, factor = ("mm", 1e-3) if size > 20.0 else ("m", 1.0)
-    found.append(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
+    notes.append(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
     return factor
 
 
 def _points(
-    raw: RawC3d, time: Array, meters: float, facts: dict[str, str], found: list[str]
+    raw: RawC3d, time: Array, meters: float, facts: dict[str, str], notes: list[str]
 ) -> tuple[Markers | None, Series | None]:
     """Markers [m] and computed quantities [the file's units] of the points."""
     count = raw.points.shape[1]
     if not count or not len(time):
         return None, None
     labels = _filled(raw.texts("POINT", "LABELS"), count)
-    labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), found)
+    labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), notes)
     computed = _quantities(raw)
     qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
     plain = [UNLABELLED.match(label) or (qualisys and re.match(r"U\d+$", label)) for label in labels]
     quantity = [label in computed or bool(QUANTITY_NAME.search(label)) for label in labels]
     if all(plain):
-        found.append(f"no point has a label: the {count} points were named unnamed_1, ...")
+        notes.append(f"no point has a label: the {count} points were named unnamed_1, ...")
         labels, plain = [f"unnamed_{index + 1}" for index in range(count)], [None] * count
     names = _without_prefix(labels, facts)
     real = [index for index in range(count) if not plain[index] and not quantity[index]]
     other = [index for index in range(count) if quantity[index] and not plain[index]]
     if any(plain):
-        facts["unlabelled points"] = str(sum(1 for one in plain if one))
+        facts["unlabelled points"] = str(sum(1 for is_plain in plain if is_plain))
     values = raw.points[:, real] * meters
     values = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
     # Programs differ in how they mark a hidden point; an exact zero in all three is never a place.
     values = np.where(np.all(values == 0.0, axis=2, keepdims=True), np.nan, values)
-    values = without_far_away(values, found)
-    markers = Markers(time, unique_names([names[one] for one in real], "marker", found), values) if real else None
+    values = without_far_away(values, notes)
+    markers = Markers(time, unique_names([names[index] for index in real], "marker", notes), values) if real else None
     others = None
     if other:
-        others = Series(time, unique_names([names[one] for one in other], "quantity", []), raw.points[:, other])
+        others = Series(time, unique_names([names[index] for index in other], "quantity", []), raw.points[:, other])
     return markers, others
 
 
@@ -120,14 +120,14 @@ def _filled(texts: Sequence[str], count: int) -> list[str]:
     return [*texts[:count], *[""] * (count - len(texts))]
 
 
-def _full_labels(labels: list[str], descriptions: Sequence[str], found: list[str]) -> list[str]:
+def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str]) -> list[str]:
     """The descriptions in place of labels that old programs cut to four letters, so that they repeat."""
     if len(set(labels)) == len(labels) or max(map(len, labels)) > 4 or len(descriptions) < len(labels):
         return labels
     full = list(descriptions[: len(labels)])
     if not all(full) or len(set(full)) < len(full):
         return labels
-    found.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
+    notes.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
     return full
 
 
@@ -146,10 +146,10 @@ def _without_prefix(labels: Sequence[str], facts: dict[str, str]) -> list[str]:
     if prefixes:
         facts["label prefixes"] = ", ".join(prefixes)
     times = Counter(short)
-    return [one if times[one] == 1 else label for one, label in zip(short, labels, strict=True)]
+    return [short_label if times[short_label] == 1 else label for short_label, label in zip(short, labels, strict=True)]
 
 
-def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
+def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
     """Analog channels in the units the file names."""
     samples, channels = raw.analog.shape
     if not samples or not channels:
@@ -159,11 +159,11 @@ def _analog(raw: RawC3d, start: float, found: list[str]) -> Analog | None:
     names = [label or f"channel_{index + 1}" for index, label in enumerate(labels)]
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     if np.isnan(values).any():
-        found.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
-    return Analog(start + np.arange(samples) / rate, unique_names(names, "channel", found), values, units=tuple(units))
+        notes.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
+    return Analog(start + np.arange(samples) / rate, unique_names(names, "channel", notes), values, units=tuple(units))
 
 
-def _events(raw: RawC3d, found: list[str]) -> tuple[Event, ...]:
+def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
     """Events with their side, in order of time."""
     labels, sides = raw.texts("EVENT", "LABELS"), raw.texts("EVENT", "CONTEXTS")
     times = raw.numbers("EVENT", "TIMES")
@@ -174,7 +174,7 @@ def _events(raw: RawC3d, found: list[str]) -> tuple[Event, ...]:
         side = sides[index] if index < len(sides) else ""
         moment = 60.0 * times[2 * index] + times[2 * index + 1]
         if not labels[index].isprintable() or not np.isfinite(moment) or abs(moment) > 1e6:
-            found.append(f"event {index + 1} is broken and was left out")
+            notes.append(f"event {index + 1} is broken and was left out")
             continue
         events.append(Event(float(moment), labels[index], side if side in ("Left", "Right") else ""))
     if not events:

@@ -195,8 +195,8 @@ def _groups(
             "USED": np.array([len(plates)], np.int16),
             "TYPE": np.array([kind for _, kind, _ in plates], np.int16),
             "ZERO": np.array([1, 0], np.int16),
-            "CORNERS": MILLI * np.stack([one.corners.T for one, _, _ in plates], axis=2),
-            "ORIGIN": MILLI * np.stack([one.origin for one, _, _ in plates], axis=1),
+            "CORNERS": MILLI * np.stack([plate.corners.T for plate, _, _ in plates], axis=2),
+            "ORIGIN": MILLI * np.stack([plate.origin for plate, _, _ in plates], axis=1),
             "CHANNEL": np.array([numbers + [0] * (wide - len(numbers)) for _, _, numbers in plates], np.int16).T,
         }
     if trial.events:
@@ -244,8 +244,8 @@ def _body(value: object) -> bytes:
     """Type, dimensions and data of a parameter."""
     if isinstance(value, tuple):
         texts = [text.encode("latin-1", "replace")[:127] for text in value]
-        width = max([len(one) for one in texts] + [1])
-        data = b"".join(one.ljust(width) for one in texts)
+        width = max([len(text) for text in texts] + [1])
+        data = b"".join(text.ljust(width) for text in texts)
         return struct.pack("<bBBB", -1, 2, width, len(texts)) + data
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"

@@ -102,18 +102,20 @@ def geom_mesh(m: Any, names: MjcfNames, i: int, source: str) -> Mesh | None:
         return None
     pose = pose_of(m.geom_pos[i], m.geom_quat[i])
     if m.geom_type[i] == mujoco.mjtGeom.mjGEOM_MESH:
-        k = m.geom_dataid[i]
-        file = mesh_file(m, k, source)
+        number = m.geom_dataid[i]
+        file = mesh_file(m, number, source)
         if not file:
             return None
-        return Mesh(file, pose @ pose_of(m.mesh_pos[k], m.mesh_quat[k]).inverse(), np.array(m.mesh_scale[k]))
+        return Mesh(
+            file, pose @ pose_of(m.mesh_pos[number], m.mesh_quat[number]).inverse(), np.array(m.mesh_scale[number])
+        )
     shape = _SHAPES.get(m.geom_type[i])
     return None if shape is None else Mesh("", pose, np.array(m.geom_size[i]), shape)
 
 
-def mesh_file(m: Any, k: int, source: str) -> str:
-    """File of mesh `k`, relative to the folder of `source` where it has one; "" for a mesh made in the text."""
-    start = m.mesh_pathadr[k]
+def mesh_file(m: Any, number: int, source: str) -> str:
+    """File of mesh `number`, relative to the folder of `source` where it has one; "" for a mesh made in the text."""
+    start = m.mesh_pathadr[number]
     if start < 0:
         return ""
     file = bytes(m.paths[start:]).split(b"\0", 1)[0].decode("utf-8", "replace")
@@ -130,7 +132,7 @@ def left_out(m: Any, names: MjcfNames) -> list[Kept]:
     mocap = [names.bodies[i] for i in range(m.nbody) if m.body_mocapid[i] >= 0]
     antigravity = [names.bodies[i] for i in range(m.nbody) if m.body_gravcomp[i] != 0.0]
     balls = [names.joints[i] for i in range(m.njnt) if m.jnt_limited[i] and m.jnt_type[i] == mujoco.mjtJoint.mjJNT_BALL]
-    found = [
+    kinds = [
         ("mocap bodies", mocap, "they are fixed where the file puts them"),
         ("gravity compensation", antigravity, "gravity acts in full on these bodies"),
         ("limits of ball joints", balls, "the angle of these joints is not bounded"),
@@ -146,7 +148,7 @@ def left_out(m: Any, names: MjcfNames) -> list[Kept]:
         ("skins", [str(i) for i in range(m.nskin)], "they only draw"),
         ("contact pairs and plugins", [str(i) for i in range(m.npair + m.nplugin)], "they are not modelled"),
     ]
-    return [Kept(kind, _few(which), effect, "", "mujoco") for kind, which, effect in found if which]
+    return [Kept(kind, _few(which), effect, "", "mujoco") for kind, which, effect in kinds if which]
 
 
 def _rows(values: Any) -> list[Array]:
@@ -211,8 +213,8 @@ def _joint(m: Any, names: MjcfNames, b: int) -> tuple[Joint, list[Coordinate]]:
         coordinates += more_coordinates
     name = names.joints[first] if count == 1 else body
     kind = "+".join(kinds) or "weld"
-    own = tuple(coordinate.name for coordinate in coordinates)
-    return Joint(name, kind, parent, body, parent_frame, child_frame, tuple(axes), own), coordinates
+    own_coordinates = tuple(coordinate.name for coordinate in coordinates)
+    return Joint(name, kind, parent, body, parent_frame, child_frame, tuple(axes), own_coordinates), coordinates
 
 
 def _axes(m: Any, name: str, j: int, kind: str) -> tuple[list[Axis], list[Coordinate]]:
@@ -236,14 +238,14 @@ def _axes(m: Any, name: str, j: int, kind: str) -> tuple[list[Axis], list[Coordi
     axes, coordinates = [], []
     if kind == "free":
         for i, letter in enumerate("xyz"):
-            own = f"{name}_t{letter}"
-            coordinates.append(Coordinate(own, "translational", default=float(m.qpos0[adr + i])))
-            axes.append(Axis("translation", np.eye(3)[i], IDENTITY, (own,)))
+            coordinate_name = f"{name}_t{letter}"
+            coordinates.append(Coordinate(coordinate_name, "translational", default=float(m.qpos0[adr + i])))
+            axes.append(Axis("translation", np.eye(3)[i], IDENTITY, (coordinate_name,)))
         anchor = np.zeros(3)
     for i, letter in enumerate("xyz"):
-        own = f"{name}_r{letter}"
-        coordinates.append(Coordinate(own))
-        axes.append(Axis("rotation", np.eye(3)[i], IDENTITY, (own,), anchor))
+        coordinate_name = f"{name}_r{letter}"
+        coordinates.append(Coordinate(coordinate_name))
+        axes.append(Axis("rotation", np.eye(3)[i], IDENTITY, (coordinate_name,), anchor))
     return axes, coordinates
 
 
@@ -312,14 +314,14 @@ def _follows(leader: str, follower: str, couplers: dict[str, Coupler]) -> bool:
 
 
 def _loop(m: Any, names: MjcfNames, e: int, kind: str) -> Loop:
-    one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+    first, second = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     data = np.array(m.eq_data[e])
     if int(m.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE):
-        body_1, body_2 = int(m.site_bodyid[one]), int(m.site_bodyid[two])
-        pose_1 = pose_of(m.site_pos[one], m.site_quat[one])
-        pose_2 = pose_of(m.site_pos[two], m.site_quat[two])
+        body_1, body_2 = int(m.site_bodyid[first]), int(m.site_bodyid[second])
+        pose_1 = pose_of(m.site_pos[first], m.site_quat[first])
+        pose_2 = pose_of(m.site_pos[second], m.site_quat[second])
     else:
-        body_1, body_2 = one, two
+        body_1, body_2 = first, second
         if kind == "connect":
             pose_1, pose_2 = Transform(np.eye(3), data[:3]), Transform(np.eye(3), data[3:6])
         else:

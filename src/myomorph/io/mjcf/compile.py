@@ -216,8 +216,8 @@ def _drop_pictures(spec: Any) -> None:
     """Textures and skins only draw: without them a missing picture cannot stop a model."""
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
-    for one in [*spec.textures, *spec.skins]:
-        spec.delete(one)
+    for picture in [*spec.textures, *spec.skins]:
+        spec.delete(picture)
 
 
 def _place_meshes(spec: Any) -> None:
@@ -240,7 +240,7 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
                 if not body.explicitinertial and body.name not in weightless:
                     weightless.append(body.name)
                 spec.delete(geom)
-    for mesh in [one for one in spec.meshes if _name(one) in gone]:
+    for mesh in [candidate for candidate in spec.meshes if _name(candidate) in gone]:
         spec.delete(mesh)
     for height_field in [hfield for hfield in spec.hfields if _name(hfield) in fields]:
         spec.delete(height_field)

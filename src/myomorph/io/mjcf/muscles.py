@@ -86,7 +86,7 @@ def _path(m: Any, names: MjcfNames, tendon: int, gear: float, wraps: dict[int, W
                     VERSION,
                 )
             )
-    if all(one == 1.0 for one in divisors):
+    if all(divisor == 1.0 for divisor in divisors):
         divisors = []
     return Path(tuple(points), tuple(used), tuple(divisors))
 
@@ -108,14 +108,14 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
     L0 = (lengthrange1 - lengthrange0) / (range1 - range0), LT = lengthrange0 - range0 L0 [m]; the peak
     force is `force`, or `scale` / acc0 where that is negative [N].
     """
-    given = dict(zip(PARAMETERS, np.array(m.actuator_gainprm[i, :9], dtype=np.float64).tolist(), strict=True))
+    gains = dict(zip(PARAMETERS, np.array(m.actuator_gainprm[i, :9], dtype=np.float64).tolist(), strict=True))
     short, long = (float(x) for x in m.actuator_lengthrange[i])
-    fiber = (long - short) / max(SMALLEST, given["range1"] - given["range0"])
-    slack = short - given["range0"] * fiber
+    fiber = (long - short) / max(SMALLEST, gains["range1"] - gains["range0"])
+    slack = short - gains["range0"] * fiber
     acc0 = float(m.actuator_acc0[i])
-    force = given["force"] if given["force"] >= 0.0 else given["scale"] / max(SMALLEST, acc0)
+    force = gains["force"] if gains["force"] >= 0.0 else gains["scale"] / max(SMALLEST, acc0)
     parameters = {
-        **given,
+        **gains,
         "L0": fiber,
         "LT": slack,
         "F0": force,
@@ -133,7 +133,7 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
         max_isometric_force=force,
         optimal_fiber_length=fiber,
         tendon_slack_length=slack,
-        max_contraction_velocity=given["vmax"],
+        max_contraction_velocity=gains["vmax"],
         min_activation=max(0.0, float(m.actuator_ctrlrange[i, 0])) if limited else 0.0,
         max_activation=float(m.actuator_ctrlrange[i, 1]) if limited else 1.0,
         parameters=FrozenMap(parameters),

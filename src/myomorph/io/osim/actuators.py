@@ -146,16 +146,16 @@ def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> 
         An actuator names a coordinate or body that the model lacks.
     """
     node = read_document(path, ("ForceSet", "ActuatorSet"), "a set of actuators (ForceSet)")
-    found = []
-    for one in node.items("objects"):
-        if one.kind not in KINDS:
-            raise one.bad("is not an ideal actuator", f"expected {', '.join(KINDS)}")
-        actuator = read_actuator(one)
+    actuators = []
+    for item in node.items("objects"):
+        if item.kind not in KINDS:
+            raise item.bad("is not an ideal actuator", f"expected {', '.join(KINDS)}")
+        actuator = read_actuator(item)
         if actuator.enabled:
-            found.append(actuator if model is None else _looked_up(actuator, model))
-    if not found:
+            actuators.append(actuator if model is None else _looked_up(actuator, model))
+    if not actuators:
         raise BadFile(path, "holds no actuator that is switched on")
-    return tuple(found)
+    return tuple(actuators)
 
 
 def _looked_up(actuator: Actuator, model: Model) -> Actuator:
@@ -167,9 +167,9 @@ def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
     name = plain_name(text)
     if not name or name == GROUND or name in model.body_names:
         return name, Transform.identity()
-    frame = next((one for one in model.frames if one.name == name), None)
+    frame = next((candidate for candidate in model.frames if candidate.name == name), None)
     if frame is None:
-        raise UnknownName("body", name, (GROUND, *model.body_names, *(one.name for one in model.frames)), where)
+        raise UnknownName("body", name, (GROUND, *model.body_names, *(frame.name for frame in model.frames)), where)
     return frame.body, frame.pose
 
 

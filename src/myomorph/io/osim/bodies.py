@@ -43,8 +43,8 @@ def read_body(node: Node) -> Body:
 def _inertia(node: Node) -> Array:
     if node.document.version < 30500:
         parts = [
-            node.number(f"inertia_{one}", float(one in ("xx", "yy", "zz")))
-            for one in ("xx", "yy", "zz", "xy", "xz", "yz")
+            node.number(f"inertia_{axes}", float(axes in ("xx", "yy", "zz")))
+            for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
         ]
     else:
         parts = list(node.vector("inertia", (0.0,) * 6))
@@ -67,10 +67,10 @@ def _old_meshes(visible: Node) -> tuple[Mesh, ...]:
     outer = _placed(visible)
     meshes = []
     geometry = visible.child("GeometrySet")
-    for one in geometry.items("objects") if geometry is not None else []:
-        if one.kind == "DisplayGeometry":
-            scale = one.vector("scale_factors", ONES) * outer_scale
-            meshes.append(Mesh(one.text("", "geometry_file"), outer @ _placed(one), scale))
+    for item in geometry.items("objects") if geometry is not None else []:
+        if item.kind == "DisplayGeometry":
+            scale = item.vector("scale_factors", ONES) * outer_scale
+            meshes.append(Mesh(item.text("", "geometry_file"), outer @ _placed(item), scale))
     return tuple(meshes)
 
 
@@ -81,13 +81,13 @@ def _placed(node: Node) -> Transform:
 
 def _geometry(node: Node, pose: Transform) -> list[Mesh]:
     meshes = []
-    for one in node.items("attached_geometry") or node.items("geometry"):
-        if one.kind == "Mesh":
-            file = one.text("", "mesh_file")
+    for item in node.items("attached_geometry") or node.items("geometry"):
+        if item.kind == "Mesh":
+            file = item.text("", "mesh_file")
             if file:
-                meshes.append(Mesh(file, pose, one.vector("scale_factors", ONES)))
-        elif one.kind in PRIMITIVES:
-            meshes.append(Mesh("", pose, _half_sizes(one) * one.vector("scale_factors", ONES), PRIMITIVES[one.kind]))
+                meshes.append(Mesh(file, pose, item.vector("scale_factors", ONES)))
+        elif item.kind in PRIMITIVES:
+            meshes.append(Mesh("", pose, _half_sizes(item) * item.vector("scale_factors", ONES), PRIMITIVES[item.kind]))
     for inner in node.items("components"):
         offset = inner.kind in OFFSET_KINDS and inner.kind != "StationDefinedFrame"
         if offset and inner.socket("parent") in ("..", node.path, ""):
@@ -111,7 +111,7 @@ def read_wrap_objects(node: Node, frames: Frames) -> list[WrapObject]:
         body, pose = frames.place(node.path, node)
     elif node.kind == "Ground":
         body = GROUND
-    return [_wrap_object(one, body, pose) for one in node.items("WrapObjectSet")]
+    return [_wrap_object(item, body, pose) for item in node.items("WrapObjectSet")]
 
 
 def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
@@ -123,7 +123,7 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
         raise BadModel(f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built")
     kind, tags = WRAPS[node.kind]
     if kind == "ellipsoid":
-        size = tuple(float(one) for one in node.vector("dimensions", (0.05, 0.05, 0.05)))
+        size = tuple(float(radius) for radius in node.vector("dimensions", (0.05, 0.05, 0.05)))
     else:
         size = tuple(node.number(tag, default, infinite=tag == "length") for tag, default in tags.items())
     if min(size) < 0:
@@ -153,12 +153,12 @@ def write_body_parts(
     holders = {}
     for frame in frames:
         holders[frame.name] = write_offset_frame(components, frame.name, body_path(name), frame.pose)
-    own = []
+    still = []
     for mesh in meshes:
         if is_still(mesh.pose):
-            own.append(mesh)
+            still.append(mesh)
             continue
-        at = next((one.name for one in frames if _close(one.pose, mesh.pose)), "")
+        at = next((frame.name for frame in frames if _close(frame.pose, mesh.pose)), "")
         if not at:
             at = _free_name(f"{name}_geom_frame", holders)
             holders[at] = write_offset_frame(components, at, body_path(name), mesh.pose)
@@ -167,7 +167,7 @@ def write_body_parts(
     put_back(components, kept, f"/bodyset/{name}")
     if len(components):
         element.insert(0, components)
-    _write_meshes(element, own, name)
+    _write_meshes(element, still, name)
     objects = child(child(element, "WrapObjectSet", name="wrapobjectset"), "objects")
     for wrap in model.wrap_objects:
         if wrap.body == name:
@@ -194,16 +194,16 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
         kind = "Mesh" if mesh.file else next((name for name, shape in PRIMITIVES.items() if shape == mesh.shape), None)
         if kind is None:
             continue
-        one = child(holder, kind, name=f"{name}_geom_{len(holder) + 1}")
-        put(one, socket_frame="..")
+        geometry = child(holder, kind, name=f"{name}_geom_{len(holder) + 1}")
+        put(geometry, socket_frame="..")
         if mesh.file:
-            put(one, scale_factors=mesh.scale, mesh_file=mesh.file)
+            put(geometry, scale_factors=mesh.scale, mesh_file=mesh.file)
         elif kind == "Sphere":
-            put(one, radius=mesh.scale[0])
+            put(geometry, radius=mesh.scale[0])
         elif kind == "Cylinder":
-            put(one, radius=mesh.scale[0], half_height=mesh.scale[1])
+            put(geometry, radius=mesh.scale[0], half_height=mesh.scale[1])
         else:
-            put(one, **{"radii" if kind == "Ellipsoid" else "half_lengths": mesh.scale})
+            put(geometry, **{"radii" if kind == "Ellipsoid" else "half_lengths": mesh.scale})
 
 
 def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
@@ -211,5 +211,5 @@ def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
     element = child(parent, kind, name=wrap.name)
     put(element, active=wrap.active, xyz_body_rotation=euler(wrap.pose.rotation), translation=wrap.pose.translation)
     put(element, quadrant=wrap.quadrant or "all")
-    size = [one if np.isfinite(one) else 100.0 for one in wrap.size]
+    size = [length if np.isfinite(length) else 100.0 for length in wrap.size]
     put(element, **({"dimensions": size} if wrap.kind == "ellipsoid" else dict(zip(tags, size, strict=True))))

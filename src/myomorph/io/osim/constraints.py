@@ -84,7 +84,7 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
         One names a coordinate that the model does not have.
     """
     by_name = {coordinate.name: coordinate for coordinate in coordinates}
-    found: list[PassiveTorque] = []
+    passive_torques: list[PassiveTorque] = []
     for node in model.items("ForceSet"):
         if node.kind not in KINDS or not node.is_applied:
             continue
@@ -93,10 +93,10 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
         if node.kind == "SpringGeneralizedForce":
             stiffness, rest = node.number("stiffness", 0.0), node.number("rest_length", 0.0)
             spring = linear(-stiffness, stiffness * rest)
-            found.append(PassiveTorque(node.name, name, spring, constant(node.number("viscosity", 0.0))))
+            passive_torques.append(PassiveTorque(node.name, name, spring, constant(node.number("viscosity", 0.0))))
         else:
-            found += _limits(node, by_name[name])
-    return tuple(found)
+            passive_torques += _limits(node, by_name[name])
+    return tuple(passive_torques)
 
 
 def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
@@ -107,14 +107,14 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
     UnknownName
         One names a frame that the model does not have.
     """
-    found = []
+    bushings = []
     for node in model.items("ForceSet"):
         if node.kind != BUSHING or not node.is_applied:
             continue
         (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
         parts = {part: node.vector(part) for part in BUSHING_PARTS}
-        found.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
-    return tuple(found)
+        bushings.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
+    return tuple(bushings)
 
 
 def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:

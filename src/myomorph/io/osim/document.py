@@ -97,15 +97,15 @@ class Node:
 
     def child(self, *tags: str) -> Node | None:
         """First child of one of the tags as a node."""
-        found = self.find(*tags)
-        return None if found is None else self.node(found)
+        element = self.find(*tags)
+        return None if element is None else self.node(element)
 
     def inner(self, *tags: str) -> Node | None:
         """The object inside a property: `<function><Constant/></function>` gives the Constant."""
-        found = self.find(*tags)
-        if found is None:
+        holder = self.find(*tags)
+        if holder is None:
             return None
-        return next((self.node(element) for element in found if isinstance(element.tag, str)), None)
+        return next((self.node(element) for element in holder if isinstance(element.tag, str)), None)
 
     def node(self, element: etree._Element) -> Node:
         """A child element as a node, with its component path."""
@@ -114,12 +114,12 @@ class Node:
 
     def items(self, tag: str) -> list[Node]:
         """Objects of a set (`<tag><objects>...`) or of a list property (`<tag>...`)."""
-        found = self.find(tag)
-        if found is None:
+        owner_element = self.find(tag)
+        if owner_element is None:
             return []
-        inside = found.find("objects")
-        holder = found if inside is None else inside
-        path = self.path if inside is None else f"{self.path}/{(found.get('name') or tag).lower()}"
+        inside = owner_element.find("objects")
+        holder = owner_element if inside is None else inside
+        path = self.path if inside is None else f"{self.path}/{(owner_element.get('name') or tag).lower()}"
         owner = Node(self.element, self.document, path)
         return [owner.node(element) for element in holder if isinstance(element.tag, str)]
 
@@ -129,8 +129,8 @@ class Node:
 
     def text(self, default: str, *tags: str) -> str:
         """A property that is a text."""
-        found = self.find(*tags)
-        return default if found is None else (found.text or "").strip()
+        element = self.find(*tags)
+        return default if element is None else (element.text or "").strip()
 
     def flag(self, tag: str, default: bool) -> bool:
         """A property that is true or false."""
@@ -170,16 +170,16 @@ class Node:
 
     def numbers(self, tag: str, default: Array | None = None, infinite: bool = False) -> Array | None:
         """A property that is a list of numbers."""
-        found = self.find(tag)
-        if found is None:
+        element = self.find(tag)
+        if element is None:
             return default
-        parts = [part for part in NUMBER.split(found.text or "") if part]
+        parts = [part for part in NUMBER.split(element.text or "") if part]
         try:
             values = np.array([INFINITE.get(part.lower()) or float(part) for part in parts])
         except ValueError:
-            raise self.bad(f"'{tag}' is '{(found.text or '').strip()[:60]}'", "expected numbers", found) from None
+            raise self.bad(f"'{tag}' is '{(element.text or '').strip()[:60]}'", "expected numbers", element) from None
         if np.isnan(values).any() or not (infinite or np.isfinite(values).all()):
-            raise self.bad(f"'{tag}' is '{(found.text or '').strip()[:60]}'", "expected finite numbers", found)
+            raise self.bad(f"'{tag}' is '{(element.text or '').strip()[:60]}'", "expected finite numbers", element)
         return values
 
     def socket(self, name: str, *old: str) -> str:
@@ -193,11 +193,11 @@ class Node:
                 return (connector.findtext("connectee_name") or "").strip()
         return ""
 
-    def bad(self, given: str, expected: str = "", element: etree._Element | None = None) -> BadFile:
+    def bad(self, problem: str, expected: str = "", element: etree._Element | None = None) -> BadFile:
         """The error that says where in the file this object stands."""
         line = (self.element if element is None else element).sourceline
         where = f"{self.kind} '{self.name}'" if self.name else self.kind
-        return BadFile(self.document.path, f"line {line}: {where}: {given}", expected)
+        return BadFile(self.document.path, f"line {line}: {where}: {problem}", expected)
 
     def source(self) -> str:
         """The object as the file has it."""
@@ -261,7 +261,7 @@ def number(value: float) -> str:
 
 def numbers(values: ArrayLike) -> str:
     """Numbers with blanks between."""
-    return " ".join(number(one) for one in np.ravel(np.asarray(values, dtype=np.float64)))
+    return " ".join(number(value) for value in np.ravel(np.asarray(values, dtype=np.float64)))
 
 
 def legal(name: str) -> str:

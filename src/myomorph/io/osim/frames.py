@@ -39,13 +39,13 @@ class Frames:
             listed = (
                 node.items(element.tag) if element.get("name") is None or element.find("objects") is not None else []
             )
-            for one in listed or [node.node(element)]:
-                if one.kind in OFFSET_KINDS:
-                    self._offsets.setdefault(one.path, one)
-                elif one.kind in STATION_KINDS:
-                    self._stations.setdefault(one.path, one)
-                if len(one.element):
-                    self._collect(one)
+            for item in listed or [node.node(element)]:
+                if item.kind in OFFSET_KINDS:
+                    self._offsets.setdefault(item.path, item)
+                elif item.kind in STATION_KINDS:
+                    self._stations.setdefault(item.path, item)
+                if len(item.element):
+                    self._collect(item)
 
     def place(self, text: str, user: Node) -> tuple[str, Transform]:
         """Body and pose of the frame that `user` names.
@@ -75,12 +75,12 @@ class Frames:
         name = text.rstrip("/").rsplit("/", 1)[-1]
         if self._document.version < 30500:
             name = "".join(name.split())
-        named = [one for one in where if one.rsplit("/", 1)[-1] == name]
-        near = [one for one in named if one.startswith(f"{user.path}/")]
-        for choice in (near, [one for one in named if one.startswith(("/ground", "/bodyset/"))], named):
+        named = [path for path in where if path.rsplit("/", 1)[-1] == name]
+        near = [path for path in named if path.startswith(f"{user.path}/")]
+        for choice in (near, [path for path in named if path.startswith(("/ground", "/bodyset/"))], named):
             if choice:
                 return choice[0]
-        names = [one.rsplit("/", 1)[-1] for one in where]
+        names = [path.rsplit("/", 1)[-1] for path in where]
         owner = f"{user.kind} '{user.name}' of the model" if user.name else "the model"
         raise UnknownName(kind, text, names, f"{self._document.path}: {owner}")
 

@@ -50,7 +50,9 @@ def read_function(node: Node, user: Node) -> Function:
             raise node.bad("has no function inside")
         return read_function(inner, user).scaled(node.number("scale", 1.0))
     if kind == "Sine":
-        omega, phase = (np.array([node.number(*one)]) for one in (("omega", 1.0), ("phase", 0.0)))
+        omega, phase = (
+            np.array([node.number(*property_default)]) for property_default in (("omega", 1.0), ("phase", 0.0))
+        )
         return SineProduct(node.number("amplitude", 1.0), omega, phase, node.number("offset", 0.0))
     if kind == "StepFunction":
         return _step(node)
@@ -68,7 +70,7 @@ def read_function(node: Node, user: Node) -> Function:
 def _points(node: Node) -> tuple[Array, Array]:
     x, y = node.numbers("x"), node.numbers("y")
     if x is None or y is None or not len(x) or len(x) != len(y):
-        counts = [0 if one is None else len(one) for one in (x, y)]
+        counts = [0 if values is None else len(values) for values in (x, y)]
         raise node.bad(f"has {counts[0]} x and {counts[1]} y values", "expected as many of each, at least one")
     if np.any(np.diff(x) <= 0):
         raise node.bad("its x values do not increase")

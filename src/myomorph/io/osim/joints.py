@@ -70,21 +70,21 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
         raise BadModel(
             f"{node.document.path}: joint '{node.name}' is a {kind}, which is not built: {', '.join(KINDS)} are"
         )
-    given = _coordinates(node)
+    coordinates = _coordinates(node)
     if kind == "CustomJoint":
-        axes, given = _custom(node, given)
+        axes, coordinates = _custom(node, coordinates)
     else:
-        names = _named(node, given, CURVED.get(kind, len(SIMPLE.get(kind, ()))))
+        names = _named(node, coordinates, CURVED.get(kind, len(SIMPLE.get(kind, ()))))
         axes = _simple(kind, names) if kind in SIMPLE else _curved(node, names)
-        given = given or tuple(Coordinate(name, range=(-10.0, 10.0)) for name in names)
-        renamed = zip(given, names, strict=True)
-        given = tuple(replace(one, name=name, motion=_motion(axes, name)) for one, name in renamed)
+        coordinates = coordinates or tuple(Coordinate(name, range=(-10.0, 10.0)) for name in names)
+        renamed = zip(coordinates, names, strict=True)
+        coordinates = tuple(replace(coordinate, name=name, motion=_motion(axes, name)) for coordinate, name in renamed)
     (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(node, frames, old_child)
-    name, own = node.name or kind.lower(), tuple(one.name for one in given)
+    name, coordinate_names = node.name or kind.lower(), tuple(coordinate.name for coordinate in coordinates)
     joint = Joint(
-        name, kind, parent, child, parent_frame, child_frame, axes, own, parent_name, child_name
+        name, kind, parent, child, parent_frame, child_frame, axes, coordinate_names, parent_name, child_name
     )  # fmt: skip
-    return ReadJoint(joint, given)
+    return ReadJoint(joint, coordinates)
 
 
 def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
@@ -105,8 +105,8 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
         name = plain_name(text)
         name = "" if name == body else name
         if node.document.version < 30505:
-            given = (tag if node.find(tag) is not None else f"{tag}_in_child" for tag in old[end])
-            pose = pose @ node.pose(*given)
+            tags = (tag if node.find(tag) is not None else f"{tag}_in_child" for tag in old[end])
+            pose = pose @ node.pose(*tags)
             name = f"{name or body}_offset"
         ends.append((body, pose, name))
     parent, child = ends
@@ -116,8 +116,8 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
 
 
 def _coordinates(node: Node) -> tuple[Coordinate, ...]:
-    found = node.items("coordinates") or node.items("CoordinateSet")
-    return tuple(_coordinate(one) for one in found if one.kind == "Coordinate")
+    items = node.items("coordinates") or node.items("CoordinateSet")
+    return tuple(_coordinate(item) for item in items if item.kind == "Coordinate")
 
 
 def _coordinate(node: Node) -> Coordinate:
@@ -154,7 +154,9 @@ def free_joint(child: str) -> ReadJoint:
     axes = _simple("FreeJoint", names)
     still = Transform.identity()
     joint = Joint(name, "FreeJoint", GROUND, child, still, still, axes, tuple(names))
-    return ReadJoint(joint, tuple(Coordinate(one, _motion(axes, one), range=(-10.0, 10.0)) for one in names))
+    return ReadJoint(
+        joint, tuple(Coordinate(coordinate, _motion(axes, coordinate), range=(-10.0, 10.0)) for coordinate in names)
+    )
 
 
 def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list[str]:
@@ -190,21 +192,23 @@ def _custom(node: Node, coordinates: tuple[Coordinate, ...]) -> tuple[tuple[Axis
         names = transform.words("coordinates")
         axis, pure = _transform_axis(node, transform, name, usual[name], names)
         axes.append(axis)
-        for one in names:
+        for moved_by in names:
             if pure:
-                motions[one] = "rotational" if axis.kind == "rotation" else "translational"
-            motions.setdefault(one, "coupled")
+                motions[moved_by] = "rotational" if axis.kind == "rotation" else "translational"
+            motions.setdefault(moved_by, "coupled")
     for three in (axes[:3], axes[3:]):
         vectors = [axis.vector for axis in three]
         if min(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3])) for i in range(3)) < 1e-5:
             raise node.bad(f"two of its {three[0].kind} axes are parallel")
     known = [coordinate.name for coordinate in coordinates]
-    for one in motions:
-        check_name("coordinate", one, known, f"{node.document.path}: joint '{node.name}'")
-    unused = [one for one in known if one not in motions]
+    for moved_by in motions:
+        check_name("coordinate", moved_by, known, f"{node.document.path}: joint '{node.name}'")
+    unused = [coordinate for coordinate in known if coordinate not in motions]
     if unused:
         raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
-    ordered = tuple(replace(coordinates[known.index(one)], motion=motion) for one, motion in motions.items())
+    ordered = tuple(
+        replace(coordinates[known.index(coordinate)], motion=motion) for coordinate, motion in motions.items()
+    )
     return (*axes[3:], *axes[:3]), ordered
 
 
@@ -220,7 +224,11 @@ def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: lis
         raise joint.bad(f"its axis {name} has no direction")
     inner = axis.inner("function")
     if inner is None:
-        bare = [axis.node(one) for one in axis.element if str(one.tag) not in ("coordinates", "axis", "function")]
+        bare = [
+            axis.node(element)
+            for element in axis.element
+            if str(element.tag) not in ("coordinates", "axis", "function")
+        ]
         inner = bare[0] if bare else None
     if inner is not None:
         function = read_function(inner, joint)

@@ -58,25 +58,25 @@ def kept_force(node: Node) -> Kept:
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
     """Controllers, probes, contact geometry and further components, of the model and of its bodies."""
-    result = [keep(one, "Model", HARMLESS) for tag in WORDS if (one := model.child(tag)) is not None]
+    result = [keep(child, "Model", HARMLESS) for tag in WORDS if (child := model.child(tag)) is not None]
     for room, effect in ROOMS.items():
-        for one in model.items(room):
-            if one.kind in OFFSET_KINDS or one.kind.endswith("Joint"):
+        for child in model.items(room):
+            if child.kind in OFFSET_KINDS or child.kind.endswith("Joint"):
                 continue
-            result.append(keep(one, room, effect))
+            result.append(keep(child, room, effect))
     for body in bodies:
-        for one in body.items("components"):
-            if one.kind not in OFFSET_KINDS:
-                result.append(keep(one, f"/bodyset/{body.name}", HARMLESS))
+        for child in body.items("components"):
+            if child.kind not in OFFSET_KINDS:
+                result.append(keep(child, f"/bodyset/{body.name}", HARMLESS))
     return result
 
 
 def warnings_of(kept: Iterable[Kept]) -> list[str]:
     """One line for each class that is kept and matters."""
     names: dict[tuple[str, str], list[str]] = {}
-    for one in kept:
-        if one.effect != HARMLESS and not one.effect.startswith("switched off"):
-            names.setdefault((one.kind, one.effect), []).append(one.name)
+    for part in kept:
+        if part.effect != HARMLESS and not part.effect.startswith("switched off"):
+            names.setdefault((part.kind, part.effect), []).append(part.name)
     lines = []
     for (kind, effect), some in names.items():
         shown = ", ".join(f"'{name}'" for name in some[:3]) + (f" and {len(some) - 3} more" if len(some) > 3 else "")

@@ -40,9 +40,9 @@ def named_markers(marker_set: Node) -> list[Node]:
     inside = marker_set.element.find("objects")
     holder = marker_set.element if inside is None else inside
     result = [marker_set.node(element) for element in holder.findall("Marker")]
-    for one in result:
-        if not one.name:
-            raise one.bad("has no name")
+    for marker in result:
+        if not marker.name:
+            raise marker.bad("has no name")
     return result
 
 
@@ -89,9 +89,9 @@ def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) 
 def read_markers(node: Node, frames: Frames) -> list[Marker]:
     """The model's markers, on bodies."""
     markers = []
-    for one in node.items("MarkerSet"):
-        if one.kind != "Marker":
+    for item in node.items("MarkerSet"):
+        if item.kind != "Marker":
             continue
-        body, pose = frames.place(one.socket("parent_frame", "body"), one)
-        markers.append(Marker(one.name, body, pose.apply(one.vector("location")), one.flag("fixed", False)))
+        body, pose = frames.place(item.socket("parent_frame", "body"), item)
+        markers.append(Marker(item.name, body, pose.apply(item.vector("location")), item.flag("fixed", False)))
     return markers

@@ -65,15 +65,15 @@ def with_dampers(muscles: list[Muscle], forces: list[Node], paths: PathReader) -
     A damper is an ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the muscle's.
     """
     places = {muscle.name: i for i, muscle in enumerate(muscles)}
-    found, rest = list(muscles), []
+    damped, rest = list(muscles), []
     for force in forces:
         value = _viscosity(force)
         i = places.get(force.name.removesuffix(DAMPER), -1) if force.name.endswith(DAMPER) else -1
         if value is None or i < 0 or not _same(paths.read(force), muscles[i].path):
             rest.append(force)
         else:
-            found[i] = replace(found[i], viscosity=found[i].viscosity + value)
-    return found, rest
+            damped[i] = replace(damped[i], viscosity=damped[i].viscosity + value)
+    return damped, rest
 
 
 def _viscosity(force: Node) -> float | None:
@@ -135,8 +135,8 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
 
 def _free_curves(node: Node) -> dict[str, Function]:
     """Curves that older classes keep as functions of normalized length or velocity."""
-    found = {tag: node.inner(tag) for tag in FREE_CURVES}
-    return {tag: read_function(inner, node) for tag, inner in found.items() if inner is not None}
+    curves = {tag: node.inner(tag) for tag in FREE_CURVES}
+    return {tag: read_function(inner, node) for tag, inner in curves.items() if inner is not None}
 
 
 def _controls(node: Node) -> tuple[float, float]:
@@ -156,7 +156,11 @@ def _parameters(node: Node) -> dict[str, float]:
             continue
         default = node.document.defaults.get(owner.kind)
         tags = [
-            str(one.tag) for holder in (default, owner.element) if holder is not None for one in holder if not len(one)
+            str(element.tag)
+            for holder in (default, owner.element)
+            if holder is not None
+            for element in holder
+            if not len(element)
         ]
         for tag in dict.fromkeys(tags):
             if tag in NOT_PARAMETERS or tag.startswith(("socket_", "connector_")):

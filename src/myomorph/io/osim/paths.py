@@ -37,14 +37,14 @@ class PathReader:
         """The path of a muscle, of a path actuator or of another object that has one."""
         path = node.child("GeometryPath")
         if path is None:
-            other = next((str(one.tag) for one in node.element if str(one.tag).endswith("Path")), "")
+            other = next((str(element.tag) for element in node.element if str(element.tag).endswith("Path")), "")
             if other:
                 raise BadModel(f"{node.document.path}: {node.kind} '{node.name}' has a {other}, which is not built")
             path = node
-        points = [self._point(one) for one in path.items("PathPointSet") or path.items("MusclePointSet")]
+        points = [self._point(item) for item in path.items("PathPointSet") or path.items("MusclePointSet")]
         if len(points) < 2:
             raise node.bad(f"its path has {len(points)} points", "expected two or more")
-        wraps = [self._wrap(one, len(points)) for one in path.items("PathWrapSet") or path.items("MuscleWrapSet")]
+        wraps = [self._wrap(item, len(points)) for item in path.items("PathWrapSet") or path.items("MuscleWrapSet")]
         return Path(tuple(points), tuple(wraps))
 
     def _point(self, node: Node) -> PathPoint | MovingPathPoint:
@@ -86,7 +86,7 @@ class PathReader:
     def _wrap(self, node: Node, points: int) -> PathWrap:
         name = node.text("", "wrap_object")
         check_name("wrap object", name, self._wraps, f"{node.document.path}: the model")
-        first, last = (int(one) for one in node.vector("range", (-1.0, -1.0)))
+        first, last = (int(number) for number in node.vector("range", (-1.0, -1.0)))
         method = node.text("hybrid", "method").lower()
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
             raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
@@ -140,7 +140,7 @@ def _write_point(
         element = child(parent, "MovingPathPoint", name=name)
         put(element, socket_parent_frame=body_path(point.body))
         # OpenSim wants a coordinate for a constant function too.
-        some = next((one for one in point.coordinates if one), "")
+        some = next((coordinate for coordinate in point.coordinates if coordinate), "")
         for axis, function, coordinate in zip("xyz", point.functions, point.coordinates, strict=True):
             chosen = coordinate or some
             if chosen:
@@ -156,9 +156,10 @@ def _write_point(
 
 def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:
     """The ligaments among forces that are kept as the file has them."""
-    found = [force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None]
+    ligaments = [force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None]
     return tuple(
-        Ligament(one.name, one.kind, paths.read(one), one.number(SLACK[one.kind], float("nan"))) for one in found
+        Ligament(force.name, force.kind, paths.read(force), force.number(SLACK[force.kind], float("nan")))
+        for force in ligaments
     )
 
 
@@ -169,7 +170,9 @@ def put_ligament(part: Kept, element: etree._Element, ligaments: Iterable[Ligame
     ----------
     joints : the joint of each coordinate, as the document names it
     """
-    ligament = next((one for one in ligaments if (one.kind, one.name) == (part.kind, part.name)), None)
+    ligament = next(
+        (candidate for candidate in ligaments if (candidate.kind, candidate.name) == (part.kind, part.name)), None
+    )
     if ligament is None:
         return
     before = element.find("GeometryPath")

@@ -39,13 +39,13 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
     paths = PathReader(frames, coordinates, wraps)
     groups = _groups(model)
     muscles, actuators, others = [], [], []
-    for one in (*model.items("ForceSet"), *model.items("ActuatorSet")):
-        if is_muscle(one):
-            muscles.append(read_muscle(one, paths, groups.get(one.name, ())))
-        elif one.kind in KINDS:
-            actuators.append(_actuator(one, frames, coordinates))
+    for item in (*model.items("ForceSet"), *model.items("ActuatorSet")):
+        if is_muscle(item):
+            muscles.append(read_muscle(item, paths, groups.get(item.name, ())))
+        elif item.kind in KINDS:
+            actuators.append(_actuator(item, frames, coordinates))
         else:
-            others.append(one)
+            others.append(item)
     names = unique([muscle.name for muscle in muscles], "muscle", model.document)
     muscles = [replace(muscle, name=name) for muscle, name in zip(muscles, names, strict=True)]
     muscles, others = with_dampers(muscles, others, paths)
@@ -97,13 +97,13 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     frames = Frames(node)
     ground = node.child("Ground")
     bodies = []
-    for one in node.items("BodySet"):
-        if one.name == GROUND:
-            ground = ground or one
-        elif one.kind == "Body":
-            bodies.append(one)
+    for item in node.items("BodySet"):
+        if item.name == GROUND:
+            ground = ground or item
+        elif item.kind == "Body":
+            bodies.append(item)
     joints = _joints(node, bodies, frames)
-    tree = _tree(node, [read_body(one) for one in bodies], joints)
+    tree = _tree(node, [read_body(body_node) for body_node in bodies], joints)
     wraps, wrap_names = _wraps(node, ground, bodies, [body.name for body in tree.bodies], frames)
     names = tuple(coordinate.name for coordinate in tree.coordinates)
     forces = read_forces(node, frames, names, wrap_names)
@@ -149,19 +149,22 @@ def _ground_meshes(ground: Node | None) -> tuple[Mesh, ...]:
 
 
 def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
-    found = []
-    for one in (*node.items("JointSet"), *node.items("components")):
-        if one.kind.endswith("Joint"):
-            found.append(read_joint(one, frames))
+    joints = []
+    for item in (*node.items("JointSet"), *node.items("components")):
+        if item.kind.endswith("Joint"):
+            joints.append(read_joint(item, frames))
     if node.document.version < 30501:
         for body in bodies:
             inner = body.inner("Joint")
             if inner is not None:
-                found.append(
+                joints.append(
                     read_joint(Node(inner.element, node.document, f"/jointset/{inner.name}"), frames, body.name)
                 )
-    names = unique([one.joint.name for one in found], "joint", node.document)
-    return [replace(one, joint=replace(one.joint, name=name)) for one, name in zip(found, names, strict=True)]
+    names = unique([read_joint_.joint.name for read_joint_ in joints], "joint", node.document)
+    return [
+        replace(read_joint_, joint=replace(read_joint_.joint, name=name))
+        for read_joint_, name in zip(joints, names, strict=True)
+    ]
 
 
 @dataclass
@@ -185,7 +188,9 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
     tree = Tree([], [], [coordinate for joint in joints for coordinate in joint.coordinates], [])
     waiting = list(joints)
     while len(placed) <= len(bodies):
-        step = next((one for one in waiting if (one.joint.parent in placed) != (one.joint.child in placed)), None)
+        step = next(
+            (joint for joint in waiting if (joint.joint.parent in placed) != (joint.joint.child in placed)), None
+        )
         if step is None:
             step = _base(node, by_name, placed, waiting)
             tree.coordinates += step.coordinates
@@ -195,13 +200,13 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
         placed.add(joint.child)
         tree.joints.append(joint)
         tree.bodies.append(by_name[joint.child])
-    for one in waiting:
-        _cut(node, one.joint, tree)
+    for waiting_joint in waiting:
+        _cut(node, waiting_joint.joint, tree)
     return tree
 
 
 def _base(node: Node, bodies: dict[str, Body], placed: set[str], waiting: list[ReadJoint]) -> ReadJoint:
-    children = {one.joint.child for one in waiting}
+    children = {joint.joint.child for joint in waiting}
     loose = [name for name in bodies if name not in placed]
     base = next((name for name in loose if name not in children), loose[0])
     node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
@@ -226,18 +231,18 @@ def _wraps(
     """All wrap objects in tree order, and the one that each name in a path means: the file's first."""
     holders = [] if ground is None else [ground]
     for body in bodies:
-        holders += [body, *(one for one in body.items("components") if one.kind in OFFSET_KINDS)]
-    holders += [one for one in node.items("components") if one.kind in OFFSET_KINDS]
-    found = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
-    names = [one.name for one in found]
+        holders += [body, *(component for component in body.items("components") if component.kind in OFFSET_KINDS)]
+    holders += [component for component in node.items("components") if component.kind in OFFSET_KINDS]
+    wrap_objects = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
+    names = [wrap.name for wrap in wrap_objects]
     wraps: list[WrapObject] = []
     meant: dict[str, str] = {}
-    for wrap in found:
-        own = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
-        wraps.append(replace(wrap, name=own))
-        meant.setdefault(wrap.name, own)
+    for wrap in wrap_objects:
+        unique_name = wrap.name if names.count(wrap.name) == 1 else f"{wrap.body}/{wrap.name}"
+        wraps.append(replace(wrap, name=unique_name))
+        meant.setdefault(wrap.name, unique_name)
     order = {name: i for i, name in enumerate((GROUND, *tree))}
-    return tuple(sorted(wraps, key=lambda one: order[one.body])), meant
+    return tuple(sorted(wraps, key=lambda wrap: order[wrap.body])), meant
 
 
 def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:

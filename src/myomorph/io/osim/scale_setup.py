@@ -119,11 +119,11 @@ def scale_setup(node: Node) -> ScaleSetup:
 
 def _scaler(node: Node) -> ScalerSetup:
     order = tuple(node.words("scaling_order"))
-    for one in order:
-        if one not in ORDERS:
-            raise node.bad(f"'scaling_order' names '{one}'", f"expected {' or '.join(ORDERS)}")
-    measurements = [_measurement(one) for one in node.items("MeasurementSet") if one.flag("apply", True)]
-    factors = dict(_factors(one) for one in node.items("ScaleSet") if one.flag("apply", True))
+    for word in order:
+        if word not in ORDERS:
+            raise node.bad(f"'scaling_order' names '{word}'", f"expected {' or '.join(ORDERS)}")
+    measurements = [_measurement(item) for item in node.items("MeasurementSet") if item.flag("apply", True)]
+    factors = dict(_factors(item) for item in node.items("ScaleSet") if item.flag("apply", True))
     return ScalerSetup(
         order,
         tuple(measurements),

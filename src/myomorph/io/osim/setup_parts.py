@@ -83,12 +83,12 @@ def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
 
 def tasks_of(node: Node) -> IkTasks:
     """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such set."""
-    found = _task_set(node)
-    if found is None:
+    task_set = _task_set(node)
+    if task_set is None:
         return IkTasks(FrozenMap({}))
     weights: dict[str, float] = {}
     aims = []
-    for element in found.iter("IKMarkerTask", "IKCoordinateTask"):
+    for element in task_set.iter("IKMarkerTask", "IKCoordinateTask"):
         task = node.node(element)
         if not task.name:
             raise task.bad("has no name", "expected the name of a marker or coordinate")
@@ -159,5 +159,5 @@ def unknown_parts(node: Node, read: Iterable[str]) -> tuple[str, ...]:
 
 def _says_something(element: etree._Element) -> bool:
     if len(element):
-        return any(len(one) for one in element.iter("objects"))
+        return any(len(objects) for objects in element.iter("objects"))
     return (element.text or "").strip() not in (*UNASSIGNED, "-1", "false")

@@ -194,7 +194,7 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
 
 def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
     trial = next(node.element.iter("IKTrial"), None)
-    one = node if trial is None else _merged(node, trial)
+    settings = node if trial is None else _merged(node, trial)
     weight = node.number("constraint_weight", np.inf, infinite=True)
     warnings = unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
     if np.isfinite(weight):
@@ -203,11 +203,11 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
     return InverseKinematicsSetup(
         node.name,
         path_of(node, "model_file"),
-        path_of(one, "marker_file"),
-        path_of(one, "coordinate_file"),
+        path_of(settings, "marker_file"),
+        path_of(settings, "coordinate_file"),
         tasks_of(node),
-        _range(one),
-        output_of(one, "output_motion_file"),
+        _range(settings),
+        output_of(settings, "output_motion_file"),
         _results(node),
         node.number("accuracy", 1e-5),
         weight,
@@ -240,8 +240,8 @@ def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
 
 
 def _analyze(node: Node) -> AnalyzeSetup:
-    found = node.find("AnalysisSet", "Analyses")
-    analyses = [] if found is None else [node.node(element) for element in found.findall("objects/*")]
+    analysis_set = node.find("AnalysisSet", "Analyses")
+    analyses = [] if analysis_set is None else [node.node(element) for element in analysis_set.findall("objects/*")]
     files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in UNASSIGNED]
     return AnalyzeSetup(
         node.name,
@@ -271,7 +271,7 @@ def _analysis(node: Node) -> Analysis:
             node.flag("use_muscle_physiology", True),
             node.flag("use_model_force_set", True),
         )
-    options = {str(one.tag): (one.text or "").strip() for one in node.element if not len(one)}
+    options = {str(element.tag): (element.text or "").strip() for element in node.element if not len(element)}
     forces = path_of(node, "forces_file")
     return Analysis(node.kind, node.name or node.kind, int(step), static, FrozenMap(options), forces)
 

@@ -136,7 +136,7 @@ def _write_groups(parent: etree._Element, model: Model) -> None:
     groups = child(parent, "groups")
     waiting = list(members)
     while waiting:
-        name = next((one for one in waiting if not sooner[one] & set(waiting)), waiting[0])
+        name = next((group for group in waiting if not sooner[group] & set(waiting)), waiting[0])
         waiting.remove(name)
         written_group = child(groups, "ObjectGroup")
         written_group.set("name", name)

@@ -95,7 +95,11 @@ def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
     still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
     vectors = [axis.vector for axis in axes]
     while len(axes) < 3:
-        free = next(one for one in np.eye(3) if all(np.linalg.norm(np.cross(one, other)) > 0.5 for other in vectors))
+        free = next(
+            direction
+            for direction in np.eye(3)
+            if all(np.linalg.norm(np.cross(direction, other)) > 0.5 for other in vectors)
+        )
         axes.append(Axis("rotation" if kind == "rotation" else "translation", free, still))
         vectors.append(free)
     least = min(float(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3]))) for i in range(3))
@@ -132,8 +136,8 @@ def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
             still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
             axis = replace(axis, function=still, coordinates=())
         trial = [*groups[-1], axis] if groups else [axis]
-        anchors = {tuple(one.origin) for one in trial if one.kind == "rotation"}
-        flat = tuple(replace(one, origin=np.zeros(3)) for one in trial)
+        anchors = {tuple(axis.origin) for axis in trial if axis.kind == "rotation"}
+        flat = tuple(replace(axis, origin=np.zeros(3)) for axis in trial)
         if groups and len(anchors) <= 1 and _custom_axes(flat) is not None:
             groups[-1] = trial
         else:
@@ -168,14 +172,14 @@ def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coo
     """A joint object with its frames, coordinates and axes."""
     element = child(parent, joint.kind, name=joint.name)
     frames = etree.Element("frames")
-    for end, body, pose, given in (
+    for end, body, pose, frame_name in (
         ("parent", joint.parent, joint.parent_frame, joint.parent_frame_name),
         ("child", joint.child, joint.child_frame, joint.child_frame_name),
     ):
-        if not given and is_still(pose):
+        if not frame_name and is_still(pose):
             child(element, f"socket_{end}_frame", body_path(body))
             continue
-        name = given if given and given not in (body, GROUND) else f"{body}_offset"
+        name = frame_name if frame_name and frame_name not in (body, GROUND) else f"{body}_offset"
         if len(frames) and legal(name) == frames[0].get("name"):
             name = f"{name}_child"
         child(element, f"socket_{end}_frame", legal(name))
@@ -220,7 +224,7 @@ def _write_spatial(
         if not names and idle:
             names = (idle.pop(0),)
         element = child(spatial, "TransformAxis", name=name)
-        put(element, coordinates=" ".join(legal(one) for one in names), axis=axis.vector)
+        put(element, coordinates=" ".join(legal(coordinate) for coordinate in names), axis=axis.vector)
         holder = child(element, "function")
         if is_unit_line(axis.function) and coordinates[names[0]].motion == "coupled":
             # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one is not.

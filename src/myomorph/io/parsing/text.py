@@ -93,7 +93,7 @@ def number(cell: str) -> float:
         return float(low.replace("d", "e") if "d" in low else low.replace(",", "."))
 
 
-def parse_cells(body: str, columns: int, delimiter: str | None, found: list[str], path: Path, hint: str) -> Array:
+def parse_cells(body: str, columns: int, delimiter: str | None, notes: list[str], path: Path, hint: str) -> Array:
     """Values (rows, columns) read cell by cell: blanks are NaN, rows that are too short are left out."""
     rows: list[list[float]] = []
     short = odd = 0
@@ -111,9 +111,9 @@ def parse_cells(body: str, columns: int, delimiter: str | None, found: list[str]
         except ValueError:
             odd += 1
     if short:
-        found.append(f"{short} rows were left out because they end too early")
+        notes.append(f"{short} rows were left out because they end too early")
     if odd:
-        found.append(f"{odd} rows were left out because they hold text instead of numbers")
+        notes.append(f"{odd} rows were left out because they hold text instead of numbers")
     if not rows:
         raise BadFile(path, "has column names, but no row of numbers", hint)
     return np.array(rows, dtype=np.float64)
@@ -146,19 +146,19 @@ def rising(time: Array) -> np.ndarray:
     return finite & (time > before)
 
 
-def without_far_away(positions: Array, found: list[str]) -> Array:
-    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `found` lists."""
+def without_far_away(positions: Array, notes: list[str]) -> Array:
+    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `notes` lists."""
     far = np.abs(positions).max(axis=-1) > FARTHEST
     if far.any():
-        found.append(
+        notes.append(
             f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km and were taken as hidden"
         )
         positions = np.where(far[..., None], np.nan, positions)
     return positions
 
 
-def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str, ...]:
-    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which `found` lists."""
+def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str, ...]:
+    """Names of which none occurs twice: a later one gets `_2`, `_3`, ..., which `notes` lists."""
     taken = set(names)
     seen: set[str] = set()
     unique: list[str] = []
@@ -174,10 +174,10 @@ def unique_names(names: Sequence[str], kind: str, found: list[str]) -> tuple[str
         seen.add(name)
         unique.append(name)
     if len(renamed) == 1:
-        found.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
+        notes.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
     elif renamed:
         twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
-        found.append(
+        notes.append(
             f"{len(renamed)} names of a {kind} occur again ({twice}): later ones were named like '{renamed[0][1]}'"
         )
     return tuple(unique)

@@ -64,7 +64,7 @@ def _tidied(content: bytes) -> bytes:
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
     text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)
-    text = COMMENT.sub(lambda found: "\n" * found.group().count("\n"), NOT_XML.sub(" ", text))
+    text = COMMENT.sub(lambda comment: "\n" * comment.group().count("\n"), NOT_XML.sub(" ", text))
     if "<OpenSimDocument" not in text:
         text = re.sub(r"</OpenSimDocument>\s*$", "", text)
     return AMPERSAND.sub("&amp;", text).encode("utf-8")
@@ -89,7 +89,7 @@ def _beside(path: Path) -> str:
     folder = path.parent
     if not folder.is_dir():
         return f"the folder '{folder}' does not exist"
-    names = sorted(one.name for one in folder.iterdir() if one.suffix.lower() == path.suffix.lower())
+    names = sorted(file.name for file in folder.iterdir() if file.suffix.lower() == path.suffix.lower())
     return f"its folder has {quoted(names)}" if names else f"its folder has no '{path.suffix}' file"
 
 

@@ -72,7 +72,7 @@ def check_morph(
     sizes = muscle_sizes(morph.source, morph.bones)
     longest = max((solid.length for solid in theirs.values()), default=np.inf)
     sliding = {coordinate.name for coordinate in morph.model.coordinates if coordinate.motion == "translational"}
-    found = [
+    warnings = [
         *bone_warnings(deep, longest, options, sliding),
         *arm_warnings(morph.source, arms, sizes, options),
         *order_warnings(arms, order, options),
@@ -82,10 +82,9 @@ def check_morph(
         *joint_warnings(morph, longest, options),
     ]
     advance(1.0)
-    return MorphChecks(
-        tuple(sorted(deep, key=lambda one: -one.increase)), arms, FrozenMap(order), folded,
-        tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), -one.size, one.name))), options, tuple(notes),
-    )  # fmt: skip
+    deep.sort(key=lambda penetration: -penetration.increase)
+    warnings.sort(key=lambda warning: (KINDS.index(warning.kind), -warning.size, warning.name))
+    return MorphChecks(tuple(deep), arms, FrozenMap(order), folded, tuple(warnings), options, tuple(notes))
 
 
 KINDS = ("bone", "sign", "jump", "fold", "arm", "surface", "fiber", "joint", "order")
@@ -97,7 +96,7 @@ def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
     for bone in morph.bones.values():
         ours = bone.source
         known = [map_.source for map_ in bone_maps if map_.target_body == bone.target_body and map_.source is not None]
-        if ours is None or not any(np.array_equal(ours.faces, one.faces) for one in known):
+        if ours is None or not any(np.array_equal(ours.faces, surface.faces) for surface in known):
             bone_maps.append(bone)
     return tuple(bone_maps)
 
@@ -155,7 +154,7 @@ def _penetrations(
         depth = after.get((muscle, body), NOWHERE)
         # Of several source bones that became one, the deepest counts.
         was = {our: before.get((muscle, our), NOWHERE).depth for our in ours if bodies[our] == body}
-        grown = max(morph.bones[one].whole.scale * deep for one, deep in was.items())
+        grown = max(morph.bones[our].whole.scale * deep for our, deep in was.items())
         name = poses.moved[depth.pose]
         value = float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(name)]) if name else 0.0
         increase, length = depth.depth - grown, merged[body].length
@@ -174,10 +173,10 @@ def _rank_correlation(moment_arms: MomentArms) -> float:
 
 def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
     """Muscle points at which the map of their bone does not keep orientation."""
-    found = []
+    folded = []
     for body, bone in morph.bones.items():
-        own = [point for point in morph.points if point.body == body]
-        if own:
-            turned = inverted(bone.map, np.array([one.source for one in own]))
-            found += [(one.owner, one.name, body) for one, bad in zip(own, turned, strict=True) if bad]
-    return tuple(found)
+        points = [point for point in morph.points if point.body == body]
+        if points:
+            turned = inverted(bone.map, np.array([point.source for point in points]))
+            folded += [(point.owner, point.name, body) for point, bad in zip(points, turned, strict=True) if bad]
+    return tuple(folded)

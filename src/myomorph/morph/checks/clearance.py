@@ -67,8 +67,8 @@ class Clearance:
     def without(self, muscles: Collection[str], ground: Ground) -> Clearance:
         """The same, but for these muscles and the wrap objects they run around."""
         wraps = wraps_of(*map(self.start.muscle, muscles))
-        found = _put_back(self.model, self.start, {*muscles, *wraps})
-        return Clearance(self.start, found, ground.excess(found, found.muscle_names), self.before)
+        model = _put_back(self.model, self.start, {*muscles, *wraps})
+        return Clearance(self.start, model, ground.excess(model, model.muscle_names), self.before)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -105,19 +105,19 @@ def cleared(
     ground = Ground.of(donor, target, known.values(), pairs, CheckOptions())
     if ground is None:
         return target, tuple(points), ()
-    found = clear_paths(target, ground)
-    odd = _new_oddities(donor, found, pairs, muscle_sizes(donor, known))
+    clearance = clear_paths(target, ground)
+    odd = _new_oddities(donor, clearance, pairs, muscle_sizes(donor, known))
     if odd:
-        found = found.without(odd, ground)
-    shifts = found.shifts
-    places = {(muscle.name, at.name): at.location for muscle in found.model.muscles for at in _fixed(muscle.path)}
+        clearance = clearance.without(odd, ground)
+    shifts = clearance.shifts
+    places = {(muscle.name, at.name): at.location for muscle in clearance.model.muscles for at in _fixed(muscle.path)}
     moved = (
         replace(point, target=places[point.owner, point.name], cleared=shifts[point.owner, point.name])
         if (point.owner, point.name) in shifts
         else point
         for point in points
     )
-    return found.model, tuple(moved), (*found.notes, *_beyond_interval(points, shifts))
+    return clearance.model, tuple(moved), (*clearance.notes, *_beyond_interval(points, shifts))
 
 
 def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[str, str], float]) -> list[str]:
@@ -129,7 +129,7 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
     if far:
         named = [
             f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
-            for owner, name in sorted(far, key=lambda one: known[one] - far[one])
+            for owner, name in sorted(far, key=lambda name: known[name] - far[name])
         ]
         lines.append(
             f"{len(far)} via points were brought out of bone further than their place is uncertain by: {_first(named)}"
@@ -142,8 +142,8 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
     return lines
 
 
-def _negative(one: tuple[tuple[str, str], float]) -> float:
-    return -one[1]
+def _negative(item: tuple[tuple[str, str], float]) -> float:
+    return -item[1]
 
 
 def _first(named: Sequence[str]) -> str:
@@ -163,47 +163,47 @@ def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Cleara
     ----------
     weight : of the change of lengths and moment arms beside the displacement; 0 moves points the least
     """
-    found = target
+    model = target
     before = left = ground.excess(target, target.muscle_names)
     watched = watched_with(target, before)
     steps: dict[str, float] = {}
     for _ in range(ROUNDS):
-        moved = moved_once(found, target, ground, steps, watched, weight) if left else None
+        moved = moved_once(model, target, ground, steps, watched, weight) if left else None
         if moved is None:
             break
         after = ground.excess(moved, watched)
-        found, worse = without_worse(found, moved, left, after)
+        model, worse = without_worse(model, moved, left, after)
         steps |= {name: 0.4 * steps.get(name, 1.0) for name in worse}
-        left = ground.excess(found, watched) if worse else after
-    vain = {name for name, _ in _shifts(target, found) if left.get(name, 0.0) > IN_VAIN * before.get(name, 0.0)}
+        left = ground.excess(model, watched) if worse else after
+    vain = {name for name, _ in _shifts(target, model) if left.get(name, 0.0) > IN_VAIN * before.get(name, 0.0)}
     if vain:
-        found = _put_back(found, target, vain)
-        left = ground.excess(found, watched)
-    return Clearance(target, *_taken_back(target, found, ground, left, watched), before)
+        model = _put_back(model, target, vain)
+        left = ground.excess(model, watched)
+    return Clearance(target, *_taken_back(target, model, ground, left, watched), before)
 
 
 def _taken_back(
-    start: Model, found: Model, ground: Ground, left: Mapping[str, float], watched: Sequence[str]
+    start: Model, end: Model, ground: Ground, left: Mapping[str, float], watched: Sequence[str]
 ) -> tuple[Model, Mapping[str, float]]:
     """Every move as small as no path gets deeper than it is, by halving; and how much too deep paths are then."""
-    grown = _growth(start, found)
-    units = {*grown, *(name for name, _ in _shifts(start, found))}
+    grown = _growth(start, end)
+    units = {*grown, *(name for name, _ in _shifts(start, end))}
     if not units:
-        return found, left
+        return end, left
     least, most = dict.fromkeys(units, 0.0), dict.fromkeys(units, 1.0)
 
     def concerned(now: Mapping[str, float]) -> set[str]:
         """Moves beside paths that are deeper."""
-        deeper = [found.muscle(name) for name in now if now[name] > left.get(name, 0.0) + SAME]
-        return units & (wraps_of(*deeper) | {one.name for one in deeper})
+        deeper = [end.muscle(name) for name in now if now[name] > left.get(name, 0.0) + SAME]
+        return units & (wraps_of(*deeper) | {muscle.name for muscle in deeper})
 
     for _ in range(HALVINGS):
         tried = {name: 0.5 * (least[name] + most[name]) for name in units}
-        too_far = concerned(ground.excess(_between(start, found, tried), watched))
+        too_far = concerned(ground.excess(_between(start, end, tried), watched))
         least |= {name: tried[name] for name in too_far}
         most |= {name: tried[name] for name in units - too_far}
     while True:
-        model = _between(start, found, most)
+        model = _between(start, end, most)
         now = ground.excess(model, watched)
         again = {name for name in concerned(now) if most[name] < 1.0}
         if not again:
@@ -262,9 +262,9 @@ def _new_oddities(
 ) -> frozenset[str]:
     """Muscles whose moment arms turned to another sign than the source's, or jump, because paths were moved."""
     grown = cleared.grown.keys()
-    around = {one.name for one in cleared.model.muscles if grown & wraps_of(one)}
+    around = {muscle.name for muscle in cleared.model.muscles if grown & wraps_of(muscle)}
     moved = around | {muscle for muscle, _ in cleared.shifts}
-    few = replace(source, muscles=tuple(one for one in source.muscles if one.name in moved))
+    few = replace(source, muscles=tuple(muscle for muscle in source.muscles if muscle.name in moved))
 
     def odd(model: Model) -> frozenset[tuple[str, str]]:
         same = replace(model, muscles=tuple(model.muscle(muscle.name) for muscle in few.muscles))

@@ -67,7 +67,7 @@ def paired_postures(
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
     rng = np.random.default_rng(0)
-    found = [_standing(model, values) for model, values in zip((source, target), defaults, strict=True)]
+    standing = [_standing(model, values) for model, values in zip((source, target), defaults, strict=True)]
     for name, (theirs, factor, _) in pairs.items():
         ours = source.coordinate(name)
         shares = rng.integers(0, LEVELS, COUNT) / (LEVELS - 1.0)
@@ -75,10 +75,10 @@ def paired_postures(
             continue
         low, high = _window(ours)
         taken = low + shares * (high - low)
-        found[0][1:, source.coordinate_names.index(name)] = taken
+        standing[0][1:, source.coordinate_names.index(name)] = taken
         other = target.coordinate(theirs)
-        found[1][1:, target.coordinate_names.index(theirs)] = _alike(taken, ours, other, factor > 0.0)
-    return Postures(*found)
+        standing[1][1:, target.coordinate_names.index(theirs)] = _alike(taken, ours, other, factor > 0.0)
+    return Postures(*standing)
 
 
 def _standing(model: Model, values: Mapping[str, float]) -> Array:
@@ -199,14 +199,14 @@ def swept(model: Model) -> tuple[Coordinate, ...]:
     if not model.muscles:
         return ()
     moving = set(compile_paths(model).arm_coordinate.tolist())
-    found = []
+    coordinates = []
     for i, coordinate in enumerate(model.coordinates):
         bounded = np.isfinite(coordinate.range).all() and coordinate.range[1] - coordinate.range[0] > 0.0
         if coordinate.motion == "rotational":
             bounded = bounded and coordinate.range[1] - coordinate.range[0] <= WIDEST
         if i in moving and bounded and not coordinate.locked and coordinate.name not in model.dependent_coordinates:
-            found.append(coordinate)
-    return tuple(found)
+            coordinates.append(coordinate)
+    return tuple(coordinates)
 
 
 def compared_coordinates(
@@ -228,8 +228,8 @@ def compared_coordinates(
     for pair in pairs:
         for model, name in ((source, pair.source), (target, pair.target)):
             index_of("coordinate", name, model.coordinate_names, f"model '{model.name}'")
-    ours, theirs = ({one.name for one in swept(model)} for model in (source, target))
-    return tuple(one for one in pairs if one.source in ours and one.target in theirs and one.factor != 0.0)
+    ours, theirs = ({coordinate.name for coordinate in swept(model)} for model in (source, target))
+    return tuple(pair for pair in pairs if pair.source in ours and pair.target in theirs and pair.factor != 0.0)
 
 
 def compare_moment_arms(
@@ -242,13 +242,13 @@ def compare_moment_arms(
     pairs : coordinates to compare, as `compared_coordinates` finds them
     samples : poses along a range
     """
-    found = []
+    arms = []
     for pair in pairs:
         moved = _moved(source, pair.source) | _moved(target, pair.target)
         muscles = tuple(name for name in source.muscle_names if name in moved and name in set(target.muscle_names))
         if muscles:
-            found.append(_compared(source, target, pair, muscles, samples))
-    return tuple(found)
+            arms.append(_compared(source, target, pair, muscles, samples))
+    return tuple(arms)
 
 
 def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple[str, ...], samples: int) -> MomentArms:
@@ -267,21 +267,21 @@ def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple
 def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
     """Moment arms (samples, muscles) of each table's `target` in another model of the same coordinates and muscles."""
     paths = compile_paths(model)
-    counts = [len(one.target_values) for one in arms]
+    counts = [len(moment_arms.target_values) for moment_arms in arms]
     coordinates = np.repeat(paths.tree.defaults[None], sum(counts), axis=0)
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-    columns = [model.coordinate_names.index(one.pair.target) for one in arms]
+    columns = [model.coordinate_names.index(moment_arms.pair.target) for moment_arms in arms]
     for here, j, arm in zip(rows, columns, arms, strict=True):
         coordinates[here, j] = arm.target_values
     evaluated = paths.evaluate(coordinates)[2]
     result = []
     for here, j, arm in zip(rows, columns, arms, strict=True):
-        number = {model.muscle_names.index(muscle): k for k, muscle in enumerate(arm.muscles)}
+        number = {model.muscle_names.index(muscle): column for column, muscle in enumerate(arm.muscles)}
         table = np.zeros((len(here), len(arm.muscles)))
-        for own in np.flatnonzero(paths.arm_coordinate == j):
-            muscle = int(paths.arm_muscle[own])
+        for entry in np.flatnonzero(paths.arm_coordinate == j):
+            muscle = int(paths.arm_muscle[entry])
             if muscle in number:
-                table[:, number[muscle]] = arm.pair.sign * evaluated[here, own]
+                table[:, number[muscle]] = arm.pair.sign * evaluated[here, entry]
         result.append(table)
     return result
 
@@ -289,8 +289,8 @@ def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
 def _moved(model: Model, coordinate: str) -> set[str]:
     """Muscles that a coordinate moves."""
     paths = compile_paths(model)
-    own = paths.arm_muscle[paths.arm_coordinate == model.coordinate_names.index(coordinate)]
-    return {model.muscle_names[k] for k in own}
+    muscles = paths.arm_muscle[paths.arm_coordinate == model.coordinate_names.index(coordinate)]
+    return {model.muscle_names[index] for index in muscles}
 
 
 def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:
@@ -301,14 +301,14 @@ def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[
     few = replace(model, muscles=tuple(model.muscle(name) for name in muscles))
     paths = compile_paths(few)
     j = model.coordinate_names.index(coordinate)
-    own = np.flatnonzero(paths.arm_coordinate == j)
-    column, default = paths.arm_muscle[own], paths.tree.defaults
+    entries = np.flatnonzero(paths.arm_coordinate == j)
+    column, default = paths.arm_muscle[entries], paths.tree.defaults
 
     def arms(values: Array) -> Array:
         coordinates = np.repeat(default[None], len(values), axis=0)
         coordinates[:, j] = values
         result = np.zeros((len(values), len(muscles)))
-        result[:, column] = paths.evaluate(coordinates)[2][:, own]
+        result[:, column] = paths.evaluate(coordinates)[2][:, entries]
         return result
 
     return arms

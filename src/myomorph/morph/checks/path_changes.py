@@ -36,9 +36,9 @@ class PathChange:
 def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
     """Those poses (n, coordinates) whose coordinate moves a muscle, the default pose among them."""
     paths = compile_paths(model)
-    own = paths.arm_coordinate[paths.arm_muscle == model.muscle_names.index(muscle.name)]
-    names = {"", *(model.coordinate_names[j] for j in own)}
-    return np.asarray(poses.coordinates[[one in names for one in poses.moved]])
+    coordinates = paths.arm_coordinate[paths.arm_muscle == model.muscle_names.index(muscle.name)]
+    names = {"", *(model.coordinate_names[j] for j in coordinates)}
+    return np.asarray(poses.coordinates[[name in names for name in poses.moved]])
 
 
 def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathChange]:
@@ -49,7 +49,8 @@ def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathCha
         if old.path is not new.path or wraps_of(old) & odd:
             where = moved_poses(before, old, poses)
             (l0, a0), (l1, a1) = (
-                _lengths_and_arms(replace(model, muscles=(one,)), where) for model, one in ((before, old), (after, new))
+                _lengths_and_arms(replace(model, muscles=(muscle,)), where)
+                for model, muscle in ((before, old), (after, new))
             )
             arms = np.sqrt(np.mean(np.sum((a1 - a0)[0] ** 2, axis=1)))
             result[old.name] = PathChange(float(np.sqrt(np.mean((l1 - l0) ** 2))), float(arms))
@@ -70,15 +71,17 @@ def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Arr
     for axis in range(3):
         for sign in (1.0, -1.0):
             place = point.location + sign * step * np.eye(3)[axis]
-            own = (*points[:number], replace(point, location=place), *points[number + 1 :])
-            shifted.append(replace(muscle, name=f"{muscle.name} {len(shifted)}", path=replace(muscle.path, points=own)))
+            changed = (*points[:number], replace(point, location=place), *points[number + 1 :])
+            shifted.append(
+                replace(muscle, name=f"{muscle.name} {len(shifted)}", path=replace(muscle.path, points=changed))
+            )
     rows = _rows(*_lengths_and_arms(replace(model, muscles=tuple(shifted)), where))
     return np.asarray((rows[0::2] - rows[1::2]).T / (2.0 * step))
 
 
 def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
     """(n,) the same with the radius of a wrap object, of all muscles that run around it."""
-    found = [np.zeros(0)]
+    effects = [np.zeros(0)]
     for muscle in model.muscles:
         if wrap.name in wraps_of(muscle):
             where = moved_poses(model, muscle, poses)
@@ -89,15 +92,17 @@ def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
                 muscles=(muscle,),
                 wrap_objects=tuple(larger if item.name == wrap.name else item for item in model.wrap_objects),
             )
-            both = [_rows(*_lengths_and_arms(one, where))[0] for one in (replace(model, muscles=(muscle,)), grown)]
-            found.append((both[1] - both[0]) / step)
-    return np.concatenate(found)
+            both = [
+                _rows(*_lengths_and_arms(variant, where))[0] for variant in (replace(model, muscles=(muscle,)), grown)
+            ]
+            effects.append((both[1] - both[0]) / step)
+    return np.concatenate(effects)
 
 
 def grown_sizes(wrap: WrapObject, by: float) -> tuple[float, ...]:
     """Sizes of a wrap object that is so much larger [m]; a cylinder keeps its length."""
     grows = 1 if wrap.kind == "cylinder" else len(wrap.size)
-    return tuple(one + by if index < grows else one for index, one in enumerate(wrap.size))
+    return tuple(size + by if index < grows else size for index, size in enumerate(wrap.size))
 
 
 def _step(model: Model, muscle: Muscle, where: Array) -> float:
@@ -116,8 +121,8 @@ def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
         ]
     )
     chosen = turning[paths.arm_coordinate]
-    found = [arms[:, (paths.arm_muscle == index) & chosen] for index in range(len(model.muscles))]
-    return lengths.T, np.array(found)
+    of_muscles = [arms[:, (paths.arm_muscle == index) & chosen] for index in range(len(model.muscles))]
+    return lengths.T, np.array(of_muscles)
 
 
 def _rows(lengths: Array, arms: Array) -> Array:

@@ -50,10 +50,12 @@ def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, plac
     starts, along = nodes[:-1, :3], np.diff(nodes[:, :3], axis=0)
     share = np.einsum("ij,ij->i", place - starts, along) / np.maximum(np.einsum("ij,ij->i", along, along), SAME**2)
     share = np.clip(share, 0.0, 1.0)
-    k = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
-    arc = bool(nodes[k + 1, 3] > 0.0)
-    levers = (1.0, 1.0) if arc else (1.0 - float(share[k]), float(share[k]))
-    return [_end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((k, k + 1), levers, strict=True)]
+    index = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
+    arc = bool(nodes[index + 1, 3] > 0.0)
+    levers = (1.0, 1.0) if arc else (1.0 - float(share[index]), float(share[index]))
+    return [
+        _end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((index, index + 1), levers, strict=True)
+    ]
 
 
 def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float) -> PathEnd:
@@ -63,7 +65,7 @@ def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Arr
             inner = 0 < number < len(points) - 1
             return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
     around = [item for item in model.wrap_objects if item.name in wraps_of(muscle) and item.kind != "torus"]
-    touched = [(abs(_height(one, where[one.body], node)), one.name) for one in around]
+    touched = [(abs(_height(item, where[item.body], node)), item.name) for item in around]
     return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
 
 

@@ -57,21 +57,21 @@ def least_move(
     With E the changes of lengths and moment arms by the move d of a via point, and n the way out, the least of
     |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1 n), M = 1 + weight E^T E.
     """
-    found = []
+    moves = []
     for end in ends:
         way = over / end.lever
         if end.wrap:
             wrap = next(item for item in model.wrap_objects if item.name == end.wrap)
             effect = wrap_effect(model, wrap, poses) if weight else np.zeros(1)
-            found.append(Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect))))
+            moves.append(Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect))))
             continue
         normal = outward @ end.rotation
         effect = point_effect(model, muscle, end.point, poses) if weight else np.zeros((0, 3))
         stiffness = np.eye(3) + weight * effect.T @ effect
         least = np.linalg.solve(stiffness, normal)
         by = np.asarray(way * least / float(normal @ least), dtype=np.float64)
-        found.append(Move(end, by, float(by @ stiffness @ by)))
-    return min(found, key=lambda one: one.cost)
+        moves.append(Move(end, by, float(by @ stiffness @ by)))
+    return min(moves, key=lambda move: move.cost)
 
 
 def moved_once(
@@ -86,9 +86,9 @@ def moved_once(
             continue
         muscle = model.muscle(name)
         ends = [
-            one
-            for one in part_at(paths, model, muscle, poses.coordinates[place.pose], place.place)
-            if one.movable and one.lever >= LEVER and steps.get(one.wrap, 1.0) >= SMALLEST
+            path_end
+            for path_end in part_at(paths, model, muscle, poses.coordinates[place.pose], place.place)
+            if path_end.movable and path_end.lever >= LEVER and steps.get(path_end.wrap, 1.0) >= SMALLEST
         ]
         if not ends:
             continue
@@ -105,7 +105,7 @@ def moved_once(
     reach = {body: FURTHEST * solid.length for body, solid in ground.target.items()}
     return replace(
         model,
-        muscles=tuple(_pushed(one, start.muscle(one.name), pushes, reach) for one in model.muscles),
+        muscles=tuple(_pushed(item, start.muscle(item.name), pushes, reach) for item in model.muscles),
         wrap_objects=tuple(
             _swollen(item, first, swollen.get(item.name, 0.0))
             for item, first in zip(model.wrap_objects, start.wrap_objects, strict=True)

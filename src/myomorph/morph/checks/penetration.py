@@ -220,21 +220,21 @@ def path_depths(
     wanted = np.isin(model.muscle_names, model.muscle_names if muscles is None else list(muscles))
     moves = np.zeros((len(model.muscles), len(model.coordinates)), dtype=bool)
     moves[paths.arm_muscle, paths.arm_coordinate] = True
-    column = np.array([model.coordinate_names.index(one) if one else -1 for one in poses.moved], dtype=np.int64)
+    column = np.array([model.coordinate_names.index(name) if name else -1 for name in poses.moved], dtype=np.int64)
     looked = wanted[None] & ((column < 0)[:, None] | moves[:, column].T)
     points, muscle, pose = _samples(paths, poses.coordinates, looked, _step(bones))
     placed = forward_kinematics(tree, np.ascontiguousarray(poses.coordinates))
-    beside = [bones_beside(model, one) for one in model.muscles]
+    beside = [bones_beside(model, muscle) for muscle in model.muscles]
     result: dict[tuple[str, str], Depth] = {}
     for body, solid in bones.items():
-        near = np.flatnonzero(np.array([body in one for one in beside], dtype=bool)[muscle])
+        near = np.flatnonzero(np.array([body in bodies for bodies in beside], dtype=bool)[muscle])
         number = tree.body_index[body]
         away = points[near] - placed.origins[pose[near], number]
         local = np.einsum("nji,nj->ni", placed.rotations[pose[near], number], away)
         depths = solid.depths(local)
         for m in np.unique(muscle[near[depths > 0.0]]):
-            own = np.flatnonzero(muscle[near] == m)
-            deepest = own[np.argmax(depths[own])]
+            rows = np.flatnonzero(muscle[near] == m)
+            deepest = rows[np.argmax(depths[rows])]
             sample = near[deepest]
             outward = placed.rotations[pose[sample], number] @ solid.way_out(local[deepest])
             result[model.muscle_names[m], body] = Depth(

@@ -128,12 +128,16 @@ def bone_warnings(
     longest : bone of the target [m]
     sliding : coordinates that are reported in millimeters
     """
-    for one in deep:
-        if one.increase > options.deeper * longest:
-            value = _mm(one.value) if one.coordinate in sliding else _value(one.value)
-            where = f" at {one.coordinate} = {value}" if one.coordinate else " in the default pose"
-            text = f"runs {_mm(one.target)} deep through {one.body}{where}, source {_mm(one.source)}"
-            yield Warned("bone", one.muscle, f"{one.muscle}: {text}", one.increase / longest)
+    for penetration in deep:
+        if penetration.increase > options.deeper * longest:
+            value = _mm(penetration.value) if penetration.coordinate in sliding else _value(penetration.value)
+            where = f" at {penetration.coordinate} = {value}" if penetration.coordinate else " in the default pose"
+            depths = (
+                f"{_mm(penetration.target)} deep through {penetration.body}{where}, source {_mm(penetration.source)}"
+            )
+            yield Warned(
+                "bone", penetration.muscle, f"{penetration.muscle}: runs {depths}", penetration.increase / longest
+            )
 
 
 def arm_warnings(
@@ -146,13 +150,16 @@ def arm_warnings(
             yield from _one_arm(arm, index, sizes[muscle], options.arm * lengths[muscle], options)
 
 
-def _one_arm(moment_arms: MomentArms, k: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
+def _one_arm(moment_arms: MomentArms, index: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
     """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's size."""
-    source, target = moment_arms.source[:, k], moment_arms.target[:, k] / size
-    muscle, about = moment_arms.muscles[k], f"{moment_arms.muscles[k]}: moment arm about {moment_arms.pair.target}"
-    jump, before = moment_arms.target_jumps[k] / size, moment_arms.source_jumps[k]
+    source, target = moment_arms.source[:, index], moment_arms.target[:, index] / size
+    muscle, about = (
+        moment_arms.muscles[index],
+        f"{moment_arms.muscles[index]}: moment arm about {moment_arms.pair.target}",
+    )
+    jump, before = moment_arms.target_jumps[index] / size, moment_arms.source_jumps[index]
     if jump > before + least:
-        where = f"{_mm(moment_arms.target_jumps[k])} at {_value(moment_arms.target_jump_at[k])}"
+        where = f"{_mm(moment_arms.target_jumps[index])} at {_value(moment_arms.target_jump_at[index])}"
         yield Warned("jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", jump / least)
     peak, peak_target = float(np.abs(source).max()), float(np.abs(target).max())
     floor, floor_target = max(least, options.weak * peak), max(least, options.weak * peak_target)

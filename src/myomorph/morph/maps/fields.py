@@ -191,7 +191,9 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
         return np.column_stack([np.bincount(label, share * column, groups) / total for column in points.T])
 
     weights = None if features.weights is None else total
-    return FeaturePoints(tuple(features.names[k] for k in first), mean(features.source), mean(features.target), weights)
+    return FeaturePoints(
+        tuple(features.names[index] for index in first), mean(features.source), mean(features.target), weights
+    )
 
 
 AROUND = 3

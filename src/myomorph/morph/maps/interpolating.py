@@ -50,17 +50,17 @@ class RadialMap:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) carried over [m]."""
-        given = np.asarray(points, dtype=np.float64)
-        flat = given.reshape(-1, 3)
+        array = np.asarray(points, dtype=np.float64)
+        flat = array.reshape(-1, 3)
         moved = self.whole.apply(flat)
         for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
             moved[part] += _phi(cdist(flat[part], self.points), self.kernel) @ self.coefficients
-        return moved.reshape(given.shape)
+        return moved.reshape(array.shape)
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3); at a feature, where r has a corner, the mean of both sides."""
-        given = np.asarray(points, dtype=np.float64)
-        flat = given.reshape(-1, 3)
+        array = np.asarray(points, dtype=np.float64)
+        flat = array.reshape(-1, 3)
         result = self.whole.jacobian(flat)
         for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
             away = flat[part][:, None] - self.points
@@ -69,7 +69,7 @@ class RadialMap:
             if self.kernel == "r":
                 slope = np.divide(1.0, distance, out=np.zeros_like(distance), where=distance > 0)
             result[part] += np.matmul(self.coefficients.T, slope[:, :, None] * away)
-        return result.reshape(*given.shape[:-1], 3, 3)
+        return result.reshape(*array.shape[:-1], 3, 3)
 
 
 def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0) -> RadialMap:
@@ -114,8 +114,8 @@ class _System:
         full[:count, :count] = self.values + penalty * np.eye(count)
         full[:count, count:] = self.polynomials
         full[count:, :count] = self.polynomials.T
-        found = lu_solve(lu_factor(full, overwrite_a=True), np.vstack([rest, np.zeros((width, 3))]))
-        return found[:count], found[count:]
+        solution = lu_solve(lu_factor(full, overwrite_a=True), np.vstack([rest, np.zeros((width, 3))]))
+        return solution[:count], solution[count:]
 
     def penalty(self, rest: Array, smoothing: float, kernel: Kernel) -> float:
         """With the sign that keeps the problem definite: r is negative definite on what polynomials leave."""
@@ -185,12 +185,12 @@ class SubspaceMap:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) carried over [m]."""
-        given = np.asarray(points, dtype=np.float64)
-        flat = given.reshape(-1, 3)
+        array = np.asarray(points, dtype=np.float64)
+        flat = array.reshape(-1, 3)
         rest = np.empty_like(flat)
         for part in _chunks(len(flat), len(self.points)):
             rest[part] = self._blended(flat[part], self._squared(flat[part]))
-        return (self.whole.apply(flat) + rest).reshape(given.shape)
+        return (self.whole.apply(flat) + rest).reshape(array.shape)
 
     def foreseen(self) -> Array:
         """(n, 3) shifts of the features as all others have them."""
@@ -203,8 +203,8 @@ class SubspaceMap:
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3): the A_i by their weights, and what the weights' own change adds."""
-        given = np.asarray(points, dtype=np.float64)
-        flat = given.reshape(-1, 3)
+        array = np.asarray(points, dtype=np.float64)
+        flat = array.reshape(-1, 3)
         result, start, slopes = np.empty((len(flat), 3, 3)), self._start(), self.slopes.reshape(-1, 9)
         for part in _chunks(len(flat), len(self.points)):
             squared = self._squared(flat[part])
@@ -214,7 +214,7 @@ class SubspaceMap:
             sent *= np.divide(weights, squared, out=np.zeros_like(weights), where=squared > 0)[:, :, None]
             change = np.matmul(sent.transpose(0, 2, 1), flat[part][:, None] - self.points)
             result[part] = (weights @ slopes).reshape(-1, 3, 3) - self.exponent * change
-        return (self.whole.matrix + result).reshape(*given.shape[:-1], 3, 3)
+        return (self.whole.matrix + result).reshape(*array.shape[:-1], 3, 3)
 
     def _blended(self, points: Array, squared: Array) -> Array:
         """(m, 3) where features send points, beyond the whole bone's map."""

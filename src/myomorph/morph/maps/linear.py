@@ -125,8 +125,8 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
     BadData : as `procrustes`
     """
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    found = procrustes(source, target, scale)
-    residuals = np.linalg.norm(found.apply(source) - target, axis=1)
+    fit = procrustes(source, target, scale)
+    residuals = np.linalg.norm(fit.apply(source) - target, axis=1)
     left_out, of_others = np.full(len(names), np.nan), np.full(len(names), np.nan)
     notes: list[str] = []
     if len(names) > 3:
@@ -136,7 +136,7 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
             apart = np.linalg.norm(other.apply(source) - target, axis=1)
             left_out[index], of_others[index] = apart[index], float(np.sqrt(np.mean(apart[rest] ** 2)))
         notes = _warnings(names, source, target, scale, residuals, left_out, of_others)
-    return PointFit(found, frozen_array(residuals), frozen_array(left_out), tuple(notes))
+    return PointFit(fit, frozen_array(residuals), frozen_array(left_out), tuple(notes))
 
 
 def _warnings(

@@ -75,7 +75,7 @@ def mirrored(
     """
     side = other_side_of(model, axis, point, middle)
     copied = mirrored_parts(model, side)
-    kept = tuple(one for one in model.kept if one.room == "Model")
+    kept = tuple(part for part in model.kept if part.room == "Model")
     return _in_order_of(model, replace(copied, kept=kept, ligaments=()))
 
 
@@ -101,7 +101,7 @@ def mirrored_motion(
 
     return replace(
         motion,
-        names=tuple(names[k] for k in order),
+        names=tuple(names[index] for index in order),
         values=turned(motion.values),
         velocities=None if motion.velocities is None else turned(motion.velocities),
         accelerations=None if motion.accelerations is None else turned(motion.accelerations),
@@ -138,34 +138,34 @@ def with_other_side(
 
     def added(what: str, wanted: Callable[[Any], bool]) -> tuple[Any, ...]:
         old, new = getattr(model, what), getattr(copy, what)
-        names = {one.name for one in old}
-        renamed = [other.name not in (one.name, one.name + suffix) for one, other in zip(old, new, strict=True)]
+        names = {part.name for part in old}
+        renamed = [other.name not in (part.name, part.name + suffix) for part, other in zip(old, new, strict=True)]
         return tuple(
-            one for one, tells in zip(new, renamed, strict=True) if one.name not in names and (tells or wanted(one))
+            part for part, tells in zip(new, renamed, strict=True) if part.name not in names and (tells or wanted(part))
         )
 
-    def on_added(one: Any) -> bool:
-        return one.body in bodies
+    def on_added(part: Any) -> bool:
+        return part.body in bodies
 
-    def ties_added(one: Any) -> bool:
-        return one.body_1 in bodies or one.body_2 in bodies
+    def ties_added(part: Any) -> bool:
+        return part.body_1 in bodies or part.body_2 in bodies
 
-    joints = tuple(one for one in copy.joints if one.child in bodies)
-    own = {name for joint in joints for name in joint.coordinates}
-    muscles = added("muscles", lambda one: any(point.body in bodies for point in one.path.points))
+    joints = tuple(joint for joint in copy.joints if joint.child in bodies)
+    coordinates = {name for joint in joints for name in joint.coordinates}
+    muscles = added("muscles", lambda muscle: any(point.body in bodies for point in muscle.path.points))
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     more: dict[str, Any] = {
         "bodies": tuple(body for body in copy.bodies if body.name in bodies),
         "joints": joints,
-        "coordinates": tuple(coordinate for coordinate in copy.coordinates if coordinate.name in own),
+        "coordinates": tuple(coordinate for coordinate in copy.coordinates if coordinate.name in coordinates),
         "markers": added("markers", on_added),
         "muscles": muscles,
-        "wrap_objects": added("wrap_objects", lambda one: one.body in bodies or one.name in used),
-        "actuators": added("actuators", lambda one: one.coordinate in own or one.body in bodies),
-        "couplers": added("couplers", lambda one: one.dependent in own),
+        "wrap_objects": added("wrap_objects", lambda wrap: wrap.body in bodies or wrap.name in used),
+        "actuators": added("actuators", lambda actuator: actuator.coordinate in coordinates or actuator.body in bodies),
+        "couplers": added("couplers", lambda coupler: coupler.dependent in coordinates),
         "loops": added("loops", ties_added),
         "frames": added("frames", on_added),
-        "passive_torques": added("passive_torques", lambda one: one.coordinate in own),
+        "passive_torques": added("passive_torques", lambda torque: torque.coordinate in coordinates),
         "bushings": added("bushings", ties_added),
     }
     whole: dict[str, Any] = {what: getattr(model, what) + parts for what, parts in more.items()}
@@ -192,7 +192,7 @@ def _in_order_of(model: Model, other: Model) -> Model:
     """The other model with everything in the given one's order, where it has the same names."""
     ordered: dict[str, Any] = {}
     for what in PARTS:
-        place = {one.name: index for index, one in enumerate(getattr(model, what))}
+        place = {part.name: index for index, part in enumerate(getattr(model, what))}
         parts = getattr(other, what)
         if {part.name for part in parts} == set(place) and len(place) == len(parts):
             ordered[what] = tuple(sorted(parts, key=lambda part: place[part.name]))
@@ -299,9 +299,9 @@ def _unlike(body: str, twin: str, plane: Reflection, surfaces: Mapping[str, Surf
     """A note where the source's own two bones are no mirror images of each other in their bodies' frames."""
     if body not in surfaces or twin not in surfaces:
         return []
-    image, own = plane.points(surfaces[twin].vertices), surfaces[body].vertices
-    apart = float(np.sqrt(np.mean(cKDTree(own).query(image)[0] ** 2)))
-    length = float(np.ptp(own, axis=0).max())
+    image, vertices = plane.points(surfaces[twin].vertices), surfaces[body].vertices
+    apart = float(np.sqrt(np.mean(cKDTree(vertices).query(image)[0] ** 2)))
+    length = float(np.ptp(vertices, axis=0).max())
     if apart <= ALIKE * length:
         return []
     return [

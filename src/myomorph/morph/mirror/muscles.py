@@ -46,14 +46,14 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     if not new:
         raise BadModel(f"model '{model.name}': every muscle has its counterpart, or tells no side: nothing to mirror")
     known = {GROUND, *model.body_names}
-    missing = {point.body for one in new for point in one.path.points} - known
+    missing = {point.body for muscle in new for point in muscle.path.points} - known
     if missing:
         raise BadModel(f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}")
     seats = _seats(model, copy)
     wraps = {item.name: item for item in copy.wrap_objects}
-    used = {wrap.wrap_object for one in new for wrap in one.path.wraps}
-    own = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
-    both = sorted(used & own)
+    used = {wrap.wrap_object for muscle in new for wrap in muscle.path.wraps}
+    present = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
+    both = sorted(used & present)
     if both:
         raise BadModel(f"model '{model.name}': both sides go around {', '.join(both)}: name one for each side")
     placed = tuple(
@@ -64,13 +64,13 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
         for marker in copy.markers
         if marker.name not in model.marker_names
     )
-    found = replace(
+    result = replace(
         model,
-        muscles=(*model.muscles, *(_seated(one, seats) for one in new)),
+        muscles=(*model.muscles, *(_seated(muscle, seats) for muscle in new)),
         wrap_objects=(*(item for item in model.wrap_objects if item.name not in used), *placed),
         markers=(*model.markers, *markers),
     )
-    return found, (f"{len(new)} muscles are the mirror images of the other side's", *_unlike(model, seats, new))
+    return result, (f"{len(new)} muscles are the mirror images of the other side's", *_unlike(model, seats, new))
 
 
 def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
@@ -92,7 +92,7 @@ def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
 
 def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
     """From each body of the mirrored model to the model's own body of that name."""
-    ours, theirs = (standing_poses(one, dict.fromkeys(one.coordinate_names, 0.0)) for one in (model, copy))
+    ours, theirs = (standing_poses(posed, dict.fromkeys(posed.coordinate_names, 0.0)) for posed in (model, copy))
     return {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
 
 

@@ -38,12 +38,12 @@ HINGE_AXIS = 2
 
 def _renamed(part: Part, side: OtherSide, kind: str = "", /, **changes: Any) -> Part:
     """A part with all names that it has or uses on the other side, and with further changes."""
-    found: dict[str, Any] = {"name": side.named(kind, part.name)} if kind else {}
+    replaced: dict[str, Any] = {"name": side.named(kind, part.name)} if kind else {}
     for name in NAMED.keys() & {field.name for field in fields(part)}:
-        given = getattr(part, name)
-        names = tuple(side.named(NAMED[name], one) for one in ([given] if isinstance(given, str) else given))
-        found[name] = names[0] if isinstance(given, str) else names
-    return replace(part, **(found | changes))
+        value = getattr(part, name)
+        names = tuple(side.named(NAMED[name], text) for text in ([value] if isinstance(value, str) else value))
+        replaced[name] = names[0] if isinstance(value, str) else names
+    return replace(part, **(replaced | changes))
 
 
 def mirrored_parts(model: Model, side: OtherSide) -> Model:
@@ -159,8 +159,8 @@ def _turned(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def _coupler(coupler: Coupler, side: OtherSide) -> Coupler:
-    own = side.signs.get(coupler.dependent, 1.0)
-    function = backwards(coupler.function, side.of(coupler.independents), own)
+    sign = side.signs.get(coupler.dependent, 1.0)
+    function = backwards(coupler.function, side.of(coupler.independents), sign)
     return _renamed(coupler, side, "couplers", function=function)
 
 
@@ -204,25 +204,25 @@ def _point(point: PathPoint | MovingPathPoint, side: OtherSide) -> Any:
         raise BadModel(
             f"moving point '{point.name}' on body '{point.body}': the plane of symmetry is oblique in this body"
         )
-    k = plane.axis
+    index = plane.axis
     functions = [
-        backwards(function, side.of((name,)) if name else (1.0,), -1.0 if i == k else 1.0)
+        backwards(function, side.of((name,)) if name else (1.0,), -1.0 if i == index else 1.0)
         for i, (function, name) in enumerate(zip(point.functions, point.coordinates, strict=True))
     ]
-    functions[k] = raised(functions[k], 2.0 * plane.offset * float(plane.normal[k]))
+    functions[index] = raised(functions[index], 2.0 * plane.offset * float(plane.normal[index]))
     return replace(renamed, functions=tuple(functions))
 
 
 def _actuator(actuator: Actuator, side: OtherSide) -> Actuator:
     ground = side.planes[GROUND]
-    own, other = (side.planes.get(name, ground) for name in (actuator.body, actuator.other_body))
-    along = ground if actuator.direction_is_global else own
+    plane, other = (side.planes.get(name, ground) for name in (actuator.body, actuator.other_body))
+    along = ground if actuator.direction_is_global else plane
     turned = side.signs.get(actuator.coordinate, 1.0) < 0.0
     return _renamed(
         actuator,
         side,
         "actuators",
-        point=(ground if actuator.point_is_global else own).points(actuator.point),
+        point=(ground if actuator.point_is_global else plane).points(actuator.point),
         other_point=(ground if actuator.point_is_global else other).points(actuator.other_point),
         direction=along.turns(actuator.direction) if actuator.kind == "torque" else along.vectors(actuator.direction),
         min_control=-actuator.max_control if turned else actuator.min_control,

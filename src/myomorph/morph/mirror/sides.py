@@ -54,13 +54,13 @@ class Reflection:
 
     def points(self, points: ArrayLike) -> Array:
         """Points (..., 3) on the other side [m]."""
-        given = np.asarray(points, dtype=np.float64)
-        return given - 2.0 * (given @ self.normal - self.offset)[..., None] * self.normal
+        array = np.asarray(points, dtype=np.float64)
+        return array - 2.0 * (array @ self.normal - self.offset)[..., None] * self.normal
 
     def vectors(self, vectors: ArrayLike) -> Array:
         """Directions (..., 3), forces and velocities among them."""
-        given = np.asarray(vectors, dtype=np.float64)
-        return given - 2.0 * (given @ self.normal)[..., None] * self.normal
+        array = np.asarray(vectors, dtype=np.float64)
+        return array - 2.0 * (array @ self.normal)[..., None] * self.normal
 
     def turns(self, turns: ArrayLike) -> Array:
         """Axes of rotation (..., 3), moments among them: by the same angle they turn the other way."""
@@ -164,7 +164,7 @@ def other_side_of(
     ------
     BadModel : where right and left bodies do not face each other across the plane
     """
-    known = {name: np.eye(3)[k] for name, k in AXES.items()}
+    known = {name: np.eye(3)[index] for name, index in AXES.items()}
     normal = known.get(axis, np.zeros(3)) if isinstance(axis, str) else np.asarray(axis, dtype=np.float64)
     if normal.shape != (3,) or not np.linalg.norm(normal) > 0.0:
         raise BadModel(f"the axis across the plane of symmetry is {axis!r}: expected 'x', 'y', 'z' or a vector")
@@ -189,7 +189,7 @@ def _check_axis(model: Model, resting: Mapping[str, Transform], ground: Reflecti
     ]
     if not apart:
         return
-    along = [float(np.median([abs(one @ n) for one in apart])) for n in (ground.normal, *np.eye(3))]
+    along = [float(np.median([abs(difference @ n) for difference in apart])) for n in (ground.normal, *np.eye(3))]
     best = int(np.argmax(along[1:]))
     if along[0] < 0.5 * along[1 + best]:
         raise BadModel(
@@ -203,7 +203,7 @@ def _planes(
     resting: Mapping[str, Transform],
     ground: Reflection,
     extent: float,
-    given: Collection[str] | None,
+    stated: Collection[str] | None,
 ) -> tuple[dict[str, Reflection], set[str]]:
     joints = {joint.child: joint for joint in model.joints}
     sided = any(other_side(name) for name in (*model.body_names, *model.coordinate_names, *model.muscle_names))
@@ -212,11 +212,11 @@ def _planes(
         parent = joints[body.name].parent
         plane = ground.seen_from(resting[body.name])
         near = extent * ON_PLANE
-        if given is None:
+        if stated is None:
             lies = abs(plane.offset) <= near and (sided or abs(body.mass_center @ plane.normal - plane.offset) <= near)
             is_middle = parent in inside and not other_side(body.name) and lies
         else:
-            is_middle = body.name in given
+            is_middle = body.name in stated
         if is_middle:
             inside.add(body.name)
             planes[body.name], inner[body.name] = plane, plane.axis
@@ -260,7 +260,7 @@ def _names(
     }
     tables = {
         "bodies": model.body_names,
-        "joints": tuple(one.name for one in model.joints),
+        "joints": tuple(joint.name for joint in model.joints),
         "coordinates": model.coordinate_names,
         "markers": model.marker_names,
         "muscles": model.muscle_names,
@@ -284,12 +284,12 @@ def _names(
 def _counterparts(names: tuple[str, ...], capitals: Collection[str]) -> dict[str, str]:
     """Names on the other side; `soleus` and `soleus_l` are a pair where there is no `soleus_r`."""
     known = mirror_names(names)
-    found = {name: other_side(name, capitals=name in capitals) for name in names}
-    for name, other in found.items():
+    counterparts = {name: other_side(name, capitals=name in capitals) for name in names}
+    for name, other in counterparts.items():
         back = known.get(name, "")
-        if other not in found and back and found[back] in ("", name) and known.get(back) == name:
-            found[name] = back
+        if other not in counterparts and back and counterparts[back] in ("", name) and known.get(back) == name:
+            counterparts[name] = back
         base = next((name.removesuffix(end) for end in ("_r", "_l") if name.endswith(end)), name)
-        if base != name and other not in found and found.get(base) == "":
-            found[name], found[base] = base, name
-    return {name: other for name, other in found.items() if other and found.get(other, name) == name}
+        if base != name and other not in counterparts and counterparts.get(base) == "":
+            counterparts[name], counterparts[base] = base, name
+    return {name: other for name, other in counterparts.items() if other and counterparts.get(other, name) == name}

@@ -111,11 +111,11 @@ def affine_ways(ours: Shape, goal: Shape, mirrored: bool = False) -> list[Way]:
     mirrored : only maps that turn right into left
     """
     sign = np.diag([1.0, 1.0, -1.0 if mirrored else 1.0])
-    (middle, root), (goal_middle, goal_root) = (_root_moments(one) for one in (ours, goal))
-    given, theirs = _normal(ours.samples(MANY), middle, root), _normal(goal.samples(TARGET), goal_middle, goal_root)
-    given = Samples(given.points @ sign, given.normals @ sign, given.rim)
+    (middle, root), (goal_middle, goal_root) = (_root_moments(shape) for shape in (ours, goal))
+    mine, theirs = _normal(ours.samples(MANY), middle, root), _normal(goal.samples(TARGET), goal_middle, goal_root)
+    mine = Samples(mine.points @ sign, mine.normals @ sign, mine.rim)
     back, ways = sign @ np.linalg.inv(root), []
-    for rotation in _rotations(given, theirs, lambda turned: _unlikely(goal_root @ turned @ back)):
+    for rotation in _rotations(mine, theirs, lambda turned: _unlikely(goal_root @ turned @ back)):
         matrix = goal_root @ rotation @ back
         ways.append(lay_affinely(ours, goal, AffineMap(matrix, goal_middle - matrix @ middle)))
     return sorted(ways, key=lambda way: way.cost)
@@ -146,7 +146,7 @@ def _rotations(samples: Samples, theirs: Samples, unlikely: Callable[[Array], Ar
 
     def found(rotations: Array, step: int) -> tuple[Array, np.ndarray, Array]:
         moved = samples.points[::step] @ rotations.swapaxes(1, 2)
-        away, index = (one.reshape(moved.shape[:2]) for one in tree.query(moved.reshape(-1, 3)))
+        away, index = (values.reshape(moved.shape[:2]) for values in tree.query(moved.reshape(-1, 3)))
         facing = np.sum((samples.normals[::step] @ rotations.swapaxes(1, 2)) * theirs.normals[index], axis=2)
         return (np.minimum(away, FURTHEST) ** 2 + NORMAL * (1.0 - facing)).mean(axis=1), index, facing
 
@@ -167,9 +167,9 @@ def _rotations(samples: Samples, theirs: Samples, unlikely: Callable[[Array], Ar
 def _distinct(rotations: Array, cost: Array, same: float, count: int) -> list[int]:
     """Numbers of the best rotations that differ from better ones."""
     chosen: list[int] = []
-    for k in np.argsort(cost).tolist():
-        if all(np.trace(rotations[k].T @ rotations[j]) < same for j in chosen):
-            chosen.append(k)
+    for number in np.argsort(cost).tolist():
+        if all(np.trace(rotations[number].T @ rotations[j]) < same for j in chosen):
+            chosen.append(number)
         if len(chosen) == count:
             break
     return chosen
@@ -193,14 +193,14 @@ def lay_affinely(ours: Shape, goal: Shape, start: AffineMap, landmarks: FeatureP
     ours, goal : surfaces of about unit length
     landmarks : pull beside the surfaces
     """
-    given, theirs = ours.samples(POINTS), goal.samples(POINTS)
+    samples, theirs = ours.samples(POINTS), goal.samples(POINTS)
     matrix, offset = np.array(start.matrix), np.array(start.offset)
-    middle = given.points.mean(axis=0)
-    spread = float(np.sqrt(np.mean(np.sum((given.points - middle) ** 2, axis=1))))
+    middle = samples.points.mean(axis=0)
+    spread = float(np.sqrt(np.mean(np.sum((samples.points - middle) ** 2, axis=1))))
     units = np.concatenate([np.full(9, spread), np.ones(3)])
     distance = np.inf
     for _ in range(STEPS):
-        places, goals, normals, distance = _pairs(given, theirs, ours, goal, AffineMap(matrix, offset))
+        places, goals, normals, distance = _pairs(samples, theirs, ours, goal, AffineMap(matrix, offset))
         if len(places) < len(units):
             break
         lever = places - middle
@@ -235,10 +235,10 @@ def _pairs(
     """Points (n, 3) of the source, where they belong and the normals there, both ways; root mean square distance."""
     back = np.linalg.inv(laid.matrix)
     here = laid.apply(samples.points)
-    found = goal.nearest(here, fine=True)
-    near, away = _counting(found.points - here, found.normals, unit(samples.normals @ back))
+    closest = goal.nearest(here, fine=True)
+    near, away = _counting(closest.points - here, closest.normals, unit(samples.normals @ back))
     if goal.is_open:
-        near &= ~found.rim
+        near &= ~closest.rim
     asked = ours.nearest((theirs.points - laid.offset) @ back.T, fine=True)
     reached, apart = _counting(theirs.points - laid.apply(asked.points), theirs.normals, unit(asked.normals @ back))
     if ours.is_open:
@@ -246,8 +246,8 @@ def _pairs(
     both = apart if goal.is_open else np.concatenate([away, apart])
     return (
         np.concatenate([samples.points[near], asked.points[reached]]),
-        np.concatenate([found.points[near], theirs.points[reached]]),
-        np.concatenate([found.normals[near], theirs.normals[reached]]),
+        np.concatenate([closest.points[near], theirs.points[reached]]),
+        np.concatenate([closest.normals[near], theirs.normals[reached]]),
         float(np.sqrt(np.mean(both**2))),
     )
 

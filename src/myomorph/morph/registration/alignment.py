@@ -124,9 +124,9 @@ def align_bones(
     tried = _tried(ours, goal, start, landmarks, options or MatchOptions())
     chosen = tried[0]
     if start is None:
-        equal = [one for one in tried if one[2] < AMBIGUOUS * max(tried[0][2], EXACT)]
-        chosen = next((one for one in equal if turned_by(one[1]) < UPRIGHT), chosen)
-    others = tuple(one[1:3] for one in tried if one is not chosen and turn_between(one[1], chosen[1]) > APART)
+        equal = [way for way in tried if way[2] < AMBIGUOUS * max(tried[0][2], EXACT)]
+        chosen = next((way for way in equal if turned_by(way[1]) < UPRIGHT), chosen)
+    others = tuple(way[1:3] for way in tried if way is not chosen and turn_between(way[1], chosen[1]) > APART)
     return Alignment(*chosen, others if start is None else ())
 
 
@@ -179,11 +179,11 @@ def _deformed(
     quick = replace(options, match_points=min(QUICK, options.match_points))
     laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
     if start is not None:
-        laid = [one for one in laid if turn_between(one[1], start) < TURNED]
+        laid = [way for way in laid if turn_between(way[1], start) < TURNED]
         if not laid:
             near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
             laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
-    laid.sort(key=lambda one: one[0].cost)
+    laid.sort(key=lambda way: way[0].cost)
     tried: list[Tried] = []
     for way, similarity in laid:
         if len(tried) == most or way.cost > HOPELESS * laid[0][0].cost:
@@ -194,13 +194,13 @@ def _deformed(
         unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
         left = _distance(ours, goal, fit)
         tried.append((way.affine, similarity, left * float(np.exp(unlikely)), left))
-    return sorted(tried, key=lambda one: one[2])
+    return sorted(tried, key=lambda way: way[2])
 
 
 def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:
     """Ways to lie of a bone that may be a part, which the registration expects of what it lays on something whole."""
-    theirs, own = (Surface(one.vertices, one.faces) for one in (goal, ours))
-    starts = (fit.similarity.inverse() for fit in rough_fits(theirs, own, RIGID))
+    theirs, source = (Surface(shape.vertices, shape.faces) for shape in (goal, ours))
+    starts = (fit.similarity.inverse() for fit in rough_fits(theirs, source, RIGID))
     return [lay_affinely(ours, goal, AffineMap.from_similarity(start)) for start in starts]
 
 
@@ -290,24 +290,24 @@ def automatic_landmarks(
         start = aligned.similarity
     laid = Surface(start.inverse().apply(target.vertices), target.faces)
     length = float(np.linalg.norm(np.ptp(source.vertices, axis=0)))
-    found: list[tuple[str, Array, Array]] = []
+    landmarks: list[tuple[str, Array, Array]] = []
     proposed = list(_ends(source, laid, length)) + (list(_rounds(source, laid, length)) if rounds else [])
     for name, ours, theirs in proposed:
         if np.linalg.norm(ours - theirs) > NEAR * length:
             continue
-        if any(np.linalg.norm(ours - other) < MIN_SEPARATION * length for _, other, _ in found):
+        if any(np.linalg.norm(ours - other) < MIN_SEPARATION * length for _, other, _ in landmarks):
             continue
-        found.append((name, ours, theirs))
+        landmarks.append((name, ours, theirs))
     return FeaturePoints(
-        tuple(name for name, _, _ in found),
-        np.array([ours for _, ours, _ in found]).reshape(-1, 3),
-        start.apply(np.array([theirs for _, _, theirs in found]).reshape(-1, 3)),
+        tuple(name for name, _, _ in landmarks),
+        np.array([ours for _, ours, _ in landmarks]).reshape(-1, 3),
+        start.apply(np.array([theirs for _, _, theirs in landmarks]).reshape(-1, 3)),
     )
 
 
 def _ends(source: Surface, target: Surface, length: float) -> Iterator[tuple[str, Array, Array]]:
     """Ends of both bones along the source's axes."""
-    ours, theirs = (Shape(one).samples(POINTS).points for one in (source, target))
+    ours, theirs = (Shape(surface).samples(POINTS).points for surface in (source, target))
     axes = np.linalg.svd(ours - ours.mean(axis=0), full_matrices=False)[2]
     ways = {f"axis {index + 1} {sign}": float(f"{sign}1") * axes[index] for index in range(3) for sign in "+-"}
     ways |= {f"{sign}{'xyz'[index]}": float(f"{sign}1") * np.eye(3)[index] for index in range(3) for sign in "+-"}

@@ -124,7 +124,7 @@ def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
     pieces = _of_the_bone(vertices, pieces_of(len(vertices), faces), what, notes)
     turned = [turned_outward(vertices, piece) for piece in pieces]
     faces = np.concatenate(turned)
-    before_and_after = (face_crosses(vertices, one) for one in (np.concatenate(pieces), faces))
+    before_and_after = (face_crosses(vertices, triangles) for triangles in (np.concatenate(pieces), faces))
     count = int(np.sum(np.einsum("ij,ij->i", *before_and_after) < 0.0))
     if count:
         how = "all triangles" if count == len(faces) else f"{count} of {len(faces)} triangles"
@@ -200,7 +200,7 @@ def _check_size(body: str, target: Surface, source: Surface | None) -> None:
     expected = bone_length(source)
     if 1.0 / LIKE < length / expected < LIKE:
         return
-    fits = [one for one in UNITS if 1.0 / LIKE < length / one[1] / expected < LIKE]
+    fits = [unit for unit in UNITS if 1.0 / LIKE < length / unit[1] / expected < LIKE]
     if fits:
         unit, factor = fits[0]
         remedy = (
@@ -220,5 +220,5 @@ def _registered(source: Surface, target: Surface, start: Similarity | None = Non
         # A part is looked for on the whole, not the other way round.
         back = register_surface(target, source, None if start is None else start.inverse(), options)
         return back.similarity.inverse(), back.rms
-    found = register_surface(source, target, start, options)
-    return found.similarity, found.similarity.scale * found.rms
+    fit = register_surface(source, target, start, options)
+    return fit.similarity, fit.similarity.scale * fit.rms

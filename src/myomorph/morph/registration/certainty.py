@@ -62,9 +62,9 @@ def match_radii(
     turned = None if landmarks is None else FeaturePoints(landmarks.names, landmarks.target, landmarks.source)
     back = fit_smoothly(goal, ours, fit.before.inverse(), turned, few).apply(here) - points
     beside.append(_size(fit.before) * back)
-    apart = [np.linalg.norm(one, axis=1) for one in beside] + [np.full(len(points), fit.rms)]
+    apart = [np.linalg.norm(difference, axis=1) for difference in beside] + [np.full(len(points), fit.rms)]
     constant, *factors = COEFFICIENTS
-    logs = sum(b * np.log(one + FLOOR) for b, one in zip(factors, apart, strict=True))
+    logs = sum(b * np.log(distance + FLOOR) for b, distance in zip(factors, apart, strict=True))
     return np.asarray(1.0 / np.hypot(np.exp(-constant - logs), 1.0 / MOST))
 
 

@@ -119,8 +119,8 @@ def _covered(away: Array, left: Array, radius: float) -> float:
     on = away[left < 0.2 * radius]
     if not len(on):
         return 0.0
-    k = np.arange(200) + 0.5
-    height, turn = 1.0 - 2.0 * k / 200, np.pi * (1.0 + np.sqrt(5.0)) * k
+    step = np.arange(200) + 0.5
+    height, turn = 1.0 - 2.0 * step / 200, np.pi * (1.0 + np.sqrt(5.0)) * step
     flat = np.sqrt(1.0 - height**2)
     around = np.column_stack((flat * np.cos(turn), flat * np.sin(turn), height))
     nearest = cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(around)[0]
@@ -143,18 +143,18 @@ def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.1
     the best seen first
     """
     radius = 0.5 * diameter
-    found: list[Ball] = []
+    balls: list[Ball] = []
     for part in surface_parts(surface):
         if len(part.vertices) < FEWEST:
             continue
         whole = fit_ball(part.vertices, radius)
         if _is_ball(whole, radius, tolerance):
-            found.append(whole)
+            balls.append(whole)
         elif np.ptp(part.vertices, axis=0).max() > 0.8 * diameter:
-            found += _voted(part, radius, tolerance)
-    found.sort(key=lambda ball: ball.residual)
+            balls += _voted(part, radius, tolerance)
+    balls.sort(key=lambda ball: ball.residual)
     apart: list[Ball] = []
-    for ball in found:
+    for ball in balls:
         if all(np.linalg.norm(ball.center - other.center) > 0.9 * diameter for other in apart):
             apart.append(ball)
     return tuple(sorted(apart, key=lambda ball: -ball.covered))
@@ -268,7 +268,7 @@ def name_cluster(
         best = int(np.argmin(by_pick))
         if distances is not None and by_size[best] > by_size.min() + 1e-3:
             other = dict(zip(names, orders[int(np.argmin(by_size))], strict=True))
-            swapped = [name for name, k in zip(names, orders[best], strict=True) if other[name] != k]
+            swapped = [name for name, ball in zip(names, orders[best], strict=True) if other[name] != ball]
             notes.append(
                 f"markers {', '.join(swapped)} look swapped: as picked their distances differ by "
                 f"{1e3 * by_size[best]:.1f} mm from the recording's, in another order by {1e3 * by_size.min():.1f} mm"
@@ -286,7 +286,7 @@ def name_cluster(
             f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) "
             "between CT and recording: another cluster, a bent one, or a wrong unit?"
         )
-    chosen = {name: frozen_array(centers[k]) for name, k in zip(names, orders[best], strict=True)}
+    chosen = {name: frozen_array(centers[ball]) for name, ball in zip(names, orders[best], strict=True)}
     return NamedCluster(chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes))
 
 

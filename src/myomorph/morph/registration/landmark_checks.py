@@ -113,7 +113,7 @@ def _check_unit_on(body: str, side: str, points: Array, surface: Surface) -> Non
 
     if off(1.0) <= OFF:
         return
-    unit, factor = min(UNITS, key=lambda one: off(one[1]))
+    unit, factor = min(UNITS, key=lambda unit: off(unit[1]))
     if off(factor) <= OFF and (len(points) == 1 or _spread(points) > LIKE * length):
         raise BadData(
             f"the {side} landmarks of '{body}' lie {off(1.0) * length:.3g} m from its bone, and on it when divided by "
@@ -152,7 +152,9 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
             best, order = left, other
     if best < enough:
         wrong = np.flatnonzero(order != np.arange(len(order))).tolist()
-        listed = ", ".join(f"'{landmarks.names[k]}' where '{landmarks.names[order[k]]}' is" for k in wrong[:4])
+        listed = ", ".join(
+            f"'{landmarks.names[index]}' where '{landmarks.names[order[index]]}' is" for index in wrong[:4]
+        )
         raise BadData(
             f"the landmarks of '{body}' are in another order on the target: with {len(wrong)} of {len(order)} "
             f"interchanged they fit within {mm(best)} instead of {mm(rms)} ({listed}{', ...' if wrong[4:] else ''})"
@@ -196,7 +198,7 @@ def _off_surface(body: str, side: str, names: Sequence[str], points: Array, surf
     wrong = np.flatnonzero(apart > OFF * length).tolist()
     if not wrong:
         return []
-    named = quoted(names[k] for k in wrong)
+    named = quoted(names[index] for index in wrong)
     return [f"{side} landmarks of '{body}' lie up to {mm(float(apart.max()))} from the bone's surface: {named}"]
 
 

@@ -112,10 +112,10 @@ def map_bone(
     advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
-        found = match_surfaces(source, target, landmarks, match, placed)
-        notes += found.notes
-        measures |= found.quality.measures(found.length)
-        features = _features(body, found, landmarks, match, map_options)
+        surface_match = match_surfaces(source, target, landmarks, match, placed)
+        notes += surface_match.notes
+        measures |= surface_match.quality.measures(surface_match.length)
+        features = _features(body, surface_match, landmarks, match, map_options)
     elif landmarks is not None:
         features = landmarks
     else:
@@ -143,7 +143,7 @@ def _found_by_rules(
 ) -> FeaturePoints:
     """Landmarks of two surfaces; raises `BadData` where there is only one of them."""
     if source is None or target is None or placed is None:
-        lacking = " and ".join(one for one, known in (("source", source), ("target", target)) if known is None)
+        lacking = " and ".join(whose for whose, known in (("source", source), ("target", target)) if known is None)
         raise BadData(
             f"'{body}': the {lacking} has no surface of this bone, and there are no landmarks: give one or the other "
             "(the source's meshes may lie in another folder, see --geometry)"
@@ -265,4 +265,6 @@ def _radii(first: FeaturePoints, then: FeaturePoints) -> Array | None:
 def _chosen(points: FeaturePoints, kept: np.ndarray) -> FeaturePoints:
     weights: Array | None = None if points.weights is None else points.weights[kept]
     radii: Array | None = None if points.radii is None else points.radii[kept]
-    return FeaturePoints(tuple(points.names[k] for k in kept), points.source[kept], points.target[kept], weights, radii)
+    return FeaturePoints(
+        tuple(points.names[index] for index in kept), points.source[kept], points.target[kept], weights, radii
+    )

@@ -70,22 +70,22 @@ class MatchQuality:
 
     def warnings(self, tolerance: float) -> tuple[str, ...]:
         """What looks wrong, one line each."""
-        found = []
+        texts = []
         if self.residual95 > tolerance:
-            found.append(
+            texts.append(
                 f"5 % of the bone stay more than {100 * self.residual95:.1f} % of its length from the other's surface "
                 "where it deforms smoothly: other shapes, or not the same bone?"
             )
         if self.coverage < COVERED:
-            found.append(
+            texts.append(
                 f"{100 * (1 - self.coverage):.0f} % of the target's surface have no counterpart: more of the bone, or "
                 "parts grown to it?"
             )
         if self.agreement < AGREES:
-            found.append(f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the bone")
+            texts.append(f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the bone")
         if self.inverted > INVERTED:
-            found.append(f"the match inverts {100 * self.inverted:.1f} % of the surface: few features are taken there")
-        return tuple(found)
+            texts.append(f"the match inverts {100 * self.inverted:.1f} % of the surface: few features are taken there")
+        return tuple(texts)
 
 
 def match_quality(ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float) -> MatchQuality:
@@ -134,7 +134,7 @@ def _vertex_areas(shape: Shape) -> Array:
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tuple[float, ...]:
     order = np.argsort(values)
     at = np.searchsorted(np.cumsum(weights[order]), shares)
-    return tuple(float(values[order[min(int(k), len(order) - 1)]]) for k in at)
+    return tuple(float(values[order[min(int(number), len(order) - 1)]]) for number in at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,15 +201,15 @@ def place_bone(
     ours, goal = _Unit(source), _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
     near = None if start is None else _between_units(start, 1.0 / ours.length, 1.0 / goal.length)
-    found = align_bones(ours.surface, goal.surface, pulls, near, options)
+    aligned = align_bones(ours.surface, goal.surface, pulls, near, options)
     mirrored = float("nan")
     if landmarks is None:
-        mirrored = mirrored_share(ours.surface, goal.surface, found.left, options)
+        mirrored = mirrored_share(ours.surface, goal.surface, aligned.left, options)
     return PlacedBone(
-        _between_units(found.similarity, ours.length, goal.length),
-        _grown(found.affine, 1.0 / ours.length, goal.length),
+        _between_units(aligned.similarity, ours.length, goal.length),
+        _grown(aligned.affine, 1.0 / ours.length, goal.length),
         mirrored,
-        found.warnings(),
+        aligned.warnings(),
     )
 
 
@@ -239,10 +239,10 @@ def match_surfaces(
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
     smooth = fit_smoothly(ours.shape, goal.shape, _begun(placed, ours, goal, pulls), pulls, options)
     deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
-    found = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
-    quality = match_quality(ours.shape, deformed, goal.shape, found, options.match_tolerance)
+    closest = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
+    quality = match_quality(ours.shape, deformed, goal.shape, closest, options.match_tolerance)
     return SurfaceMatch(
-        points=frozen_array(found.points * goal.length),
+        points=frozen_array(closest.points * goal.length),
         pairs=_pairs(ours, goal, smooth, deformed, pulls, options),
         placed=placed,
         length=goal.length,
@@ -296,11 +296,11 @@ def _pairs(
     samples = spread_points(ours.shape, options.match_points)
     smooth = fit.apply(samples)
     normals = deformed.nearest(smooth, fine=True).normals
-    found = onto(goal.shape, smooth, normals)
-    near = np.linalg.norm(found.points - smooth, axis=1) <= options.match_tolerance
-    kept = near & (np.einsum("ij,ij->i", found.normals, normals) > FACING)
+    closest = onto(goal.shape, smooth, normals)
+    near = np.linalg.norm(closest.points - smooth, axis=1) <= options.match_tolerance
+    kept = near & (np.einsum("ij,ij->i", closest.normals, normals) > FACING)
     if goal.shape.is_open:
-        kept &= ~found.rim
-    names = tuple(f"surface {k + 1}" for k in np.flatnonzero(kept))
+        kept &= ~closest.rim
+    names = tuple(f"surface {index + 1}" for index in np.flatnonzero(kept))
     radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
-    return FeaturePoints(names, samples[kept] * ours.length, found.points[kept] * goal.length, None, radii)
+    return FeaturePoints(names, samples[kept] * ours.length, closest.points[kept] * goal.length, None, radii)

@@ -123,31 +123,31 @@ def register_surface(
     BadData : a surface without area
     """
     options = options or SurfaceOptions()
-    goal, given = Shape(target), Shape(source)
+    goal, ours = Shape(target), Shape(source)
 
     def fitted(shape: Shape, begun: Similarity | None = None) -> RoughFit:
         begun = begun or _few_fits(shape, goal, options)[0].similarity
         return _Fitting(shape, goal, options, options.points).iterated(begun, options.iterations)
 
     notes: list[str] = []
-    found = fitted(given, start)
+    fit = fitted(ours, start)
     if start is None and options.mirror:
         other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
-        if other.rms < OTHER_SIDE * found.rms:
+        if other.rms < OTHER_SIDE * fit.rms:
             notes.append(
-                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * found.rms:.2f} mm): is it "
+                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * fit.rms:.2f} mm): is it "
                 "a bone of the other side?"
             )
-    if not found.converged:
+    if not fit.converged:
         notes.append(f"the fit had not settled after {options.iterations} iterations")
-    apart = goal.signed(found.similarity.apply(source.vertices)) / found.similarity.scale
+    apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
     kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
     return SurfaceFit(
-        similarity=found.similarity,
+        similarity=fit.similarity,
         distances=frozen_array(apart),
         kept=kept,
-        covariance=frozen_array(_covariance(found, given.area)),
-        converged=found.converged,
+        covariance=frozen_array(_covariance(fit, ours.area)),
+        converged=fit.converged,
         notes=tuple(notes),
     )
 
@@ -183,16 +183,16 @@ class _Pairs(NamedTuple):
         return np.linalg.norm(self.away, axis=1)
 
     def where(self, kept: np.ndarray) -> _Pairs:
-        return _Pairs(*(one[kept] for one in self))
+        return _Pairs(*(values[kept] for values in self))
 
 
 class _Fitting:
     """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each step."""
 
-    def __init__(self, given: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True):
-        self.given, self.goal, self.options, self.fine = given, goal, options, fine
-        self.partial = given.is_open if options.partial is None else options.partial
-        self.ours, self.theirs = given.samples(count), goal.samples(count)
+    def __init__(self, shape: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True):
+        self.given, self.goal, self.options, self.fine = shape, goal, options, fine
+        self.partial = shape.is_open if options.partial is None else options.partial
+        self.ours, self.theirs = shape.samples(count), goal.samples(count)
         self.middle = self.ours.points.mean(axis=0)
         self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
         self.count = 7 if options.scale and fine else 6
@@ -230,12 +230,12 @@ class _Fitting:
         forth = _Pairs(moved, closest.normals, moved - closest.points)
         forth = forth.where(self._kept(forth, self.ours.normals @ rotation.T, closest.normals))
         back = (self.theirs.points - translation) @ rotation / size
-        found = self.given.nearest(back, self.fine)
-        moved = size * found.points @ rotation.T + translation
+        nearest = self.given.nearest(back, self.fine)
+        moved = size * nearest.points @ rotation.T + translation
         there = _Pairs(moved, self.theirs.normals, moved - self.theirs.points)
-        kept = self._kept(there, found.normals @ rotation.T, self.theirs.normals)
+        kept = self._kept(there, nearest.normals @ rotation.T, self.theirs.normals)
         if self.partial:
-            kept &= ~found.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
+            kept &= ~nearest.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
         there = there.where(kept)
         return _Pairs(*(np.concatenate(both) for both in zip(forth, there, strict=True)))
 
@@ -258,21 +258,23 @@ def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None 
 
 def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
     coarse = _Fitting(shape, goal, options, COARSE, fine=False)
-    found = [coarse.iterated(start, 15) for start in _starts(shape, goal, options.starts)]
-    found.sort(key=lambda one: one.rms)
+    fits = [coarse.iterated(start, 15) for start in _starts(shape, goal, options.starts)]
+    fits.sort(key=lambda fit: fit.rms)
     distinct: list[RoughFit] = []
-    for one in found:
-        if all(np.trace(one.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
-            distinct.append(one)
+    for fit in fits:
+        if all(np.trace(fit.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
+            distinct.append(fit)
         if len(distinct) == FEW:
             break
     finer = _Fitting(shape, goal, options, COARSE)
-    return sorted((finer.iterated(one.similarity, 30) for one in distinct), key=lambda one: one.rms)
+    return sorted((finer.iterated(rough.similarity, 30) for rough in distinct), key=lambda rough: rough.rms)
 
 
 def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
     """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
-    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(one.samples(2000)) for one in (shape, goal))
+    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (
+        _axes(surface.samples(2000)) for surface in (shape, goal)
+    )
     shift = max(0.0, 0.5 * (goal_long - long))
     shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
     starts = []
@@ -311,35 +313,35 @@ def _covariance(rough_fit: RoughFit, area: float) -> Array:
 
 
 def start_by_neighbors(
-    model: Model, body: str, found: Mapping[str, BoneMap], poses: Mapping[str, Transform]
+    model: Model, body: str, mapped: Mapping[str, BoneMap], poses: Mapping[str, Transform]
 ) -> Similarity | None:
     """Where a body lies in the frame that all bones share, if it hangs on its nearest mapped bone as in the source.
 
     Parameters
     ----------
-    found : maps of bones so far; their target surfaces share one frame
+    mapped : maps of bones so far; their target surfaces share one frame
     poses : of the source's bodies in ground, in the posture that the scan is most like
 
     Returns
     -------
     from the source body's frame to the shared one, None where no bone is mapped yet
     """
-    near = _nearest(model, body, found)
+    near = _nearest(model, body, mapped)
     if near is None:
         return None
     beside = poses[near].inverse() @ poses[body]
-    whole = found[near].whole
+    whole = mapped[near].whole
     return Similarity(whole.rotation @ beside.rotation, whole.apply(beside.translation), whole.scale)
 
 
-def _nearest(model: Model, body: str, found: Mapping[str, BoneMap]) -> str | None:
+def _nearest(model: Model, body: str, mapped: Mapping[str, BoneMap]) -> str | None:
     """The mapped body with the fewest joints between."""
     beside = neighbors_of(model)
     reached, layer = {body, GROUND}, [body]
     while layer:
-        layer = [other for one in layer for other in beside[one] if other not in reached]
+        layer = [other for name in layer for other in beside[name] if other not in reached]
         reached.update(layer)
-        for one in layer:
-            if one in found:
-                return one
+        for name in layer:
+            if name in mapped:
+                return name
     return None

@@ -188,20 +188,20 @@ def fit_smoothly(
     exactness: tuple[float, ...] = EXACTNESS,
 ) -> SmoothFit:
     """The smooth displacement that brings a surface, laid on another, onto it; lengths in shares of the bone's."""
-    given, dense = (_Moving(ours.samples(count), before) for count in (options.match_points, 2 * options.match_points))
+    sparse, dense = (_Moving(ours.samples(count), before) for count in (options.match_points, 2 * options.match_points))
     theirs = goal.samples(options.match_points)
     basis = _basis(ours, options)
-    for one in (given, dense):
-        one.follow(basis)
-    size = given.rows.shape[1]
+    for moving in (sparse, dense):
+        moving.follow(basis)
+    size = sparse.rows.shape[1]
     pulled, drawn = np.zeros((size, size)), np.zeros((3, size))
     if landmarks is not None:
         rows, exact = basis(landmarks.source), 1.0 / options.landmark_error**2
         pulled, drawn = exact * rows.T @ rows, exact * (landmarks.target - before.apply(landmarks.source)).T @ rows
-    found: Array = np.zeros((size, 3))
+    displacement: Array = np.zeros((size, 3))
     information, rms = np.eye(3 * size), np.inf
     for exact in exactness:
-        pairs = _pairs(given, dense, theirs, goal, found)
+        pairs = _pairs(sparse, dense, theirs, goal, displacement)
         rms = pairs.rms
         exact = max(exact, UNLIKE * rms) if np.isfinite(rms) else exact
         information, right = _equations(pairs, TETHER, INDEPENDENT / (exact**2 * max(len(pairs.rows), 1)))
@@ -209,8 +209,8 @@ def fit_smoothly(
             information[a, :, a] += pulled
         whole = information.reshape(3 * size, 3 * size)
         whole[np.diag_indices(3 * size)] += 1.0
-        found = np.asarray(np.linalg.solve(whole, (right + drawn).ravel()), float).reshape(3, size).T
-    return SmoothFit(before, basis, found, information.reshape(3 * size, 3 * size), rms)
+        displacement = np.asarray(np.linalg.solve(whole, (right + drawn).ravel()), float).reshape(3, size).T
+    return SmoothFit(before, basis, displacement, information.reshape(3 * size, 3 * size), rms)
 
 
 def _basis(ours: Shape, options: MatchOptions) -> Callable[[Array], Array]:
@@ -243,13 +243,15 @@ class _Moving:
         self.laid = before.apply(samples.points)
         first = unit(np.cross(samples.normals, np.eye(3)[np.argmin(np.abs(samples.normals), axis=1)]))
         self.along = first, np.cross(samples.normals, first)
-        self.turned = tuple(2.0 * TILT * one @ before.matrix.T for one in self.along)
+        self.turned = tuple(2.0 * TILT * direction @ before.matrix.T for direction in self.along)
 
     def follow(self, basis: Callable[[Array], Array]) -> None:
         """Take the functions of a basis at the points, and their differences along the surface."""
         points = self.samples.points
         self.rows = basis(points)
-        self.slopes = tuple(basis(points + TILT * one) - basis(points - TILT * one) for one in self.along)
+        self.slopes = tuple(
+            basis(points + TILT * direction) - basis(points - TILT * direction) for direction in self.along
+        )
 
     def at(self, coefficients: Array) -> Samples:
         """Where they are."""
@@ -274,19 +276,19 @@ class _Pairs:
 
 def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coefficients: Array) -> _Pairs:
     here, many = moving.at(coefficients), dense.at(coefficients)
-    found = onto(goal, here.points, here.normals)
-    away = np.linalg.norm(found.points - here.points, axis=1)
-    near = _counting(away, found.normals, here.normals)
+    closest = onto(goal, here.points, here.normals)
+    away = np.linalg.norm(closest.points - here.points, axis=1)
+    near = _counting(away, closest.normals, here.normals)
     if goal.is_open:
-        near &= ~found.rim
+        near &= ~closest.rim
     tree = cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
     back = tree.query(np.column_stack([theirs.points, NORMAL * theirs.normals]))[1]
     off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))
     reached = _counting(off, theirs.normals, many.normals[back])
     first, index = np.flatnonzero(near), back[reached]
     laid = np.concatenate([moving.laid[first], dense.laid[index]])
-    goals = np.concatenate([found.points[near], theirs.points[reached]])
-    normals = np.concatenate([found.normals[near], theirs.normals[reached]])
+    goals = np.concatenate([closest.points[near], theirs.points[reached]])
+    normals = np.concatenate([closest.normals[near], theirs.normals[reached]])
     return _Pairs(
         np.concatenate([moving.rows[first], dense.rows[index]]),
         normals,

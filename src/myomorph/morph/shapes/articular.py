@@ -191,7 +191,7 @@ def articular_cylinder(
     line = line / np.linalg.norm(line)
     half = 0.5 * (4.0 * radius if width is None else width)
     corners = _near(surface, start, float(np.hypot(2.5 * radius, half)))
-    found: list[tuple[float, CylinderFit]] = []
+    fits: list[tuple[float, CylinderFit]] = []
     reason = ""
     for begin, size in _cylinder_starts(start, line, radius):
         try:
@@ -213,10 +213,10 @@ def articular_cylinder(
             lean = float(np.linalg.norm(np.cross(fit.axis, line)))
             off = np.array([np.log(fit.radius / radius), apart / radius, lean]) / EXPECTED
             likely = float(np.exp(-0.5 * off @ off))
-            found.append((likely * _consensus(corners, fit, (start, half), NARROW * radius, hollow), fit))
-    if not found:
+            fits.append((likely * _consensus(corners, fit, (start, half), NARROW * radius, hollow), fit))
+    if not fits:
         raise BadData(f"no cylinder was found near {_text(start)}: {reason}")
-    return max(found, key=lambda one: one[0])[1]
+    return max(fits, key=lambda scored: scored[0])[1]
 
 
 def warning_of(fit: SphereFit | CylinderFit) -> str:
@@ -262,7 +262,7 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             share = float(asked.areas[near].sum() / (4.0 * np.pi * radius**2))
             if share > COVERED and near.sum() >= FEWEST:
                 voted.append((min(share, 1.0), center, radius))
-    voted.sort(key=lambda one: -one[0])
+    voted.sort(key=lambda vote: -vote[0])
     sphere_fits: list[SphereFit] = []
     tried: list[tuple[Array, float]] = []
     for _, center, radius in voted:
@@ -275,16 +275,18 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             fit = _sphere(corners.within(center, 2.5 * radius), center, radius, hollow)
         except BadData:
             continue
-        if not warning_of(fit) and all(np.linalg.norm(fit.center - one.center) > one.radius for one in sphere_fits):
+        if not warning_of(fit) and all(
+            np.linalg.norm(fit.center - sphere.center) > sphere.radius for sphere in sphere_fits
+        ):
             sphere_fits.append(fit)
-    return tuple(sorted(sphere_fits, key=lambda one: -one.coverage)[:most])
+    return tuple(sorted(sphere_fits, key=lambda sphere: -sphere.coverage)[:most])
 
 
 def _cylinder_starts(start: Array, line: Array, radius: float) -> list[tuple[Array, float]]:
-    one = np.cross(line, np.eye(3)[np.argmin(np.abs(line))])
-    one = one / np.linalg.norm(one)
-    other = np.cross(line, one)
-    beside = (np.zeros(3), one, -one, other, -other)
+    across = np.cross(line, np.eye(3)[np.argmin(np.abs(line))])
+    across = across / np.linalg.norm(across)
+    other = np.cross(line, across)
+    beside = (np.zeros(3), across, -across, other, -other)
     return [
         (start + STARTS[0] * radius * side, radius * growth)
         for growth in (1.0, STARTS[1], 1.0 / STARTS[1])
@@ -370,4 +372,4 @@ def mm(length: float) -> str:
 
 
 def _text(point: Array) -> str:
-    return "(" + ", ".join(f"{one:.4g}" for one in point) + ")"
+    return "(" + ", ".join(f"{number:.4g}" for number in point) + ")"

@@ -113,10 +113,10 @@ class Skeleton:
     ):
         self.hulls = _posed_hulls(model, bones, pose)
         self.lengths = {name: float(np.ptp(bones[name].vertices, axis=0).max()) for name in self.hulls}
-        for name in (one for group in together for one in group):
+        for name in (body for group in together for body in group):
             check_name("body", name, model.body_names)
-        found = [[one for one in group if one in self.hulls] for group in together]
-        self.groups = [group for group in found if len(group) > 1]
+        groups = [[body for body in group if body in self.hulls] for group in together]
+        self.groups = [group for group in groups if len(group) > 1]
 
     def grid(self, cells: int, reach: Mapping[str, float]) -> Grid:
         """A grid around all bones and what is within reach of each [m]."""
@@ -135,12 +135,12 @@ class Skeleton:
 
     def between(self, group: Sequence[str], grid: Grid) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of grid points inside the common hull of a group, and the nearest of its bodies, relative to size."""
-        points = np.concatenate([self.hulls[one] for one in group])
+        points = np.concatenate([self.hulls[body] for body in group])
         index = grid.box(points.min(axis=0), points.max(axis=0))
         index = index[_outside(points, grid.places(index)) <= 0.0]
-        apart = np.stack([_outside(self.hulls[one], grid.places(index)) / self.lengths[one] for one in group])
+        apart = np.stack([_outside(self.hulls[body], grid.places(index)) / self.lengths[body] for body in group])
         names = list(self.hulls)
-        return index, np.array([names.index(one) for one in group])[apart.argmin(axis=0)]
+        return index, np.array([names.index(body) for body in group])[apart.argmin(axis=0)]
 
 
 def grow_envelope(
@@ -187,7 +187,7 @@ def grow_envelope(
         owner[within],
         grid.spacing,
         _surface(values, grid, level),
-        FrozenMap({name: level * one for name, one in share.items()}),
+        FrozenMap({name: level * part for name, part in share.items()}),
     )
 
 
@@ -234,8 +234,8 @@ def _posed_hulls(model: Model, bones: Mapping[str, Surface], pose: Motion | None
     if not bones:
         raise BadData("no bone to grow an envelope around")
     tree = compile_tree(model)
-    given = Motion(np.zeros(1), (), np.zeros((1, 0))) if pose is None else pose
-    poses = forward_kinematics(tree, np.ascontiguousarray(tree.coordinates_of(given)[:1]))
+    posed = Motion(np.zeros(1), (), np.zeros((1, 0))) if pose is None else pose
+    poses = forward_kinematics(tree, np.ascontiguousarray(tree.coordinates_of(posed)[:1]))
     result = {}
     for name, surface in bones.items():
         check_name("body", name, model.body_names)

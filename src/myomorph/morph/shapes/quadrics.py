@@ -171,10 +171,10 @@ def fit_cylinder(
         starts = [np.linalg.eigh((share[:, None] * looks).T @ looks)[1][:, 0]]
     else:
         starts = list(np.linalg.svd(x, full_matrices=False)[2])
-    found = [one for start in starts if (one := _cylinder_from(x, share, start)) is not None]
-    if not found:
+    fits = [one for start in starts if (one := _cylinder_from(x, share, start)) is not None]
+    if not fits:
         raise BadData("the points do not determine a cylinder: give more of its turn, or an axis to start from")
-    best = min(found, key=lambda one: one.rms)
+    best = min(fits, key=lambda cylinder: cylinder.rms)
     along = x @ best.axis
     kept = best.counts > 0
     ends = along[kept].min(), along[kept].max()
@@ -200,8 +200,8 @@ def _sphere_start(x: Array, normals: ArrayLike | None, share: Array) -> tuple[Ar
     """Where the lines along the normals come nearest to each other; without normals, the algebraic sphere."""
     if normals is None:
         slopes = np.hstack([2.0 * x, np.ones((len(x), 1))])
-        found = _solved(slopes, np.sum(x**2, axis=1), share, "sphere")
-        return found[:3], float(np.sqrt(max(found[3] + found[:3] @ found[:3], 1e-12)))
+        solution = _solved(slopes, np.sum(x**2, axis=1), share, "sphere")
+        return solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 1e-12)))
     looks = np.asarray(normals, dtype=np.float64)
     gaps = np.eye(3) - looks[:, :, None] * looks[:, None, :]
     center = _solved(gaps.reshape(-1, 3), np.einsum("ijk,ik->ij", gaps, x).reshape(-1), np.repeat(share, 3), "sphere")
@@ -229,8 +229,8 @@ def _cylinder_from(x: Array, share: Array, axis: Array) -> _Cylinder | None:
         across = _across(axis)
         flat = x @ across
         slopes = np.hstack([2.0 * flat, np.ones((len(x), 1))])
-        found = _solved(slopes, np.sum(flat**2, axis=1), share, "cylinder")
-        point, radius = across @ found[:2], float(np.sqrt(max(found[2] + found[:2] @ found[:2], 1e-12)))
+        solution = _solved(slopes, np.sum(flat**2, axis=1), share, "cylinder")
+        point, radius = across @ solution[:2], float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 1e-12)))
         for _ in range(ITERATIONS):
             across = _across(axis)
             away = x - point
@@ -318,16 +318,16 @@ def _bent(points: Array, normals: ArrayLike | None, weights: Array) -> float:
 
 def _across(axis: Array) -> Array:
     """(3, 2) two unit vectors across an axis and each other."""
-    one = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    one = one / np.linalg.norm(one)
-    return np.stack([one, np.cross(axis, one)], axis=1)
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first)], axis=1)
 
 
 def _coverage_of_sphere(direction: Array) -> float:
     """Share of the cells of a Fibonacci lattice that hold a direction."""
     count = int(np.clip(len(direction) // CELLS, 8, 400))
-    k = np.arange(count) + 0.5
-    height, angle = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+    step = np.arange(count) + 0.5
+    height, angle = 1.0 - 2.0 * step / count, np.pi * (1.0 + np.sqrt(5.0)) * step
     level = np.sqrt(1.0 - height**2)
     cells = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
     return len(np.unique(np.argmax(direction @ cells.T, axis=1))) / count

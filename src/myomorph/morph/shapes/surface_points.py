@@ -56,8 +56,8 @@ class Boxes:
         """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on them."""
         if not len(points):
             return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
-        found = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
-        return np.atleast_1d(found[0]), np.atleast_1d(found[1]), np.reshape(found[2], (-1, 3))
+        closest = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        return np.atleast_1d(closest[0]), np.atleast_1d(closest[1]), np.reshape(closest[2], (-1, 3))
 
     def holds(self, points: Array) -> np.ndarray:
         """(n,) whether points lie inside: their generalized winding number is above one half (Barill et al. 2018)."""

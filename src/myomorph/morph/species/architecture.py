@@ -169,7 +169,7 @@ def architectures(
     """
     if not tables:
         return FrozenMap({})
-    own = [_values(source, table, size, tables) for table, size in zip(tables, sizes, strict=True)]
+    table_values = [_values(source, table, size, tables) for table, size in zip(tables, sizes, strict=True)]
     model = {
         muscle.name: _Value(
             muscle.optimal_fiber_length, muscle.max_isometric_force * muscle.optimal_fiber_length, None, ""
@@ -177,18 +177,18 @@ def architectures(
         for muscle in source.muscles
         if muscle.name in muscles and muscle.optimal_fiber_length > 0.0 and muscle.max_isometric_force > 0.0
     }
-    first = own[0]
-    between = _spread_within(tables, own)
+    first = table_values[0]
+    between = _spread_within(tables, table_values)
     source_basis = f"{source.name}, at the level of {tables[0].species}"
-    found: dict[str, Architecture] = {}
-    for index, values in enumerate((*own, model)):
+    results: dict[str, Architecture] = {}
+    for index, values in enumerate((*table_values, model)):
         level, spread = (np.ones(2), between) if index == 0 else _level(first, values)
         for name, value in values.items():
-            if name in found or name not in muscles or not np.isfinite(level).all():
+            if name in results or name not in muscles or not np.isfinite(level).all():
                 continue
             fiber, strength = level * (value.fiber, value.strength)
             low_high = [(float(np.exp(-QUANTILE * s)), float(np.exp(QUANTILE * s))) for s in spread]
-            found[name] = Architecture(
+            results[name] = Architecture(
                 float(fiber),
                 float(strength / fiber),
                 value.pennation,
@@ -196,7 +196,7 @@ def architectures(
                 low_high[0],
                 low_high[1],
             )
-    return FrozenMap(found)
+    return FrozenMap(results)
 
 
 def scaled_architectures(
@@ -228,11 +228,11 @@ def scaled_architectures(
 
 def _values(source: Model, table: ArchitectureTable, size: Size, tables: Sequence[ArchitectureTable]) -> Values:
     """What a table says of the source's muscles, in the target's size."""
-    own = {muscle.name: muscle.max_isometric_force * muscle.optimal_fiber_length for muscle in source.muscles}
+    volumes = {muscle.name: muscle.max_isometric_force * muscle.optimal_fiber_length for muscle in source.muscles}
     parts: dict[str, list[tuple[MuscleRow, float]]] = {}
     for row in table.rows:
-        here = [name for name in row.sources if name in own]
-        strengths = _told_apart(here, tables) or own
+        here = [name for name in row.sources if name in volumes]
+        strengths = _told_apart(here, tables) or volumes
         total = sum(strengths[name] for name in here)
         for name in here:
             share = strengths[name] / total if total > 0.0 else 1.0 / len(here)
@@ -286,8 +286,8 @@ def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
 def _spread_within(tables: Sequence[ArchitectureTable], values: Sequence[Values]) -> np.ndarray:
     """How far two anatomists of one species are apart, each from their middle: logarithms of fiber length and force."""
     for i, table in enumerate(tables):
-        for k in range(i):
-            ratios = _ratios(values[k], values[i])
-            if tables[k].species == table.species and len(ratios) >= FEWEST:
+        for other in range(i):
+            ratios = _ratios(values[other], values[i])
+            if tables[other].species == table.species and len(ratios) >= FEWEST:
                 return np.asarray(ratios.std(axis=0, ddof=1) / np.sqrt(2.0))
     return np.full(2, np.nan)

@@ -38,7 +38,7 @@ def with_attachments(
     BadData : a relative's bone with fewer than four landmarks in common with the target's
     """
     muscles = {muscle.name: muscle for muscle in source.muscles}
-    found = dict(bones)
+    result = dict(bones)
     parts: list[tuple[str, str]] = []
     kept: list[str] = []
     for relative in relatives:
@@ -56,11 +56,11 @@ def with_attachments(
                     continue
                 part = f"{relative.body} {name} {each.end}"
                 parts.append((part, relative.body))
-                found[part] = _shifted(bone, part, point.location, goal)
+                result[part] = _shifted(bone, part, point.location, goal)
                 muscles[name] = _with_end(muscles[name], index, replace(point, body=part))
     notes = []
     if parts:
-        by = ", ".join(dict.fromkeys(one.citation for one in relatives if one.citation))
+        by = ", ".join(dict.fromkeys(relative.citation for relative in relatives if relative.citation))
         notes.append(f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has them")
     if kept:
         notes.append(f"attachments stay where the map has them, as paths would double back: {', '.join(kept)}")
@@ -71,7 +71,7 @@ def with_attachments(
         joints=(*source.joints, *(Joint(part, "WeldJoint", body, part, still, still) for part, body in parts)),
         muscles=tuple(muscles[muscle.name] for muscle in source.muscles),
     )
-    return changed, found, tuple(notes)
+    return changed, result, tuple(notes)
 
 
 def straightened(source: Model, names: Sequence[str]) -> Model:

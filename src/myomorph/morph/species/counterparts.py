@@ -95,8 +95,8 @@ class LandmarkRule:
     part: Part = ""
 
     def __post_init__(self) -> None:
-        for given in (self.toward, self.within, self.source_within, self.target_within):
-            for name in given:
+        for part in (self.toward, self.within, self.source_within, self.target_within):
+            for name in part:
                 if name not in DIRECTIONS:
                     raise BadData(f"landmark '{self.name}': no direction '{name}': there are {', '.join(DIRECTIONS)}")
         if self.rule not in get_args(RuleKind):
@@ -231,7 +231,7 @@ class SpeciesTable:
 
     def homologous(self, muscle: str) -> tuple[str, ...]:
         """Names of a source muscle's counterparts in the target, () where it has none."""
-        return tuple(name for one in self.muscles if muscle in one.sources for name in one.targets)
+        return tuple(name for homology in self.muscles if muscle in homology.sources for name in homology.targets)
 
 
 Surfaces = Mapping[str, Surface]
@@ -357,11 +357,13 @@ def spread_over_targets(
     def carried(muscle: Muscle) -> Muscle:
         fixed = [point for point in muscle.path.points if isinstance(point, PathPoint) and point.body in parts]
         goes = {
-            id(one): nearest(
-                one.body,
-                [each.location for each in fixed if each.body == one.body] if one.body in digits else [one.location],
+            id(point): nearest(
+                point.body,
+                [each.location for each in fixed if each.body == point.body]
+                if point.body in digits
+                else [point.location],
             )
-            for one in fixed
+            for point in fixed
         }
         points = tuple(
             replace(point, body=goes[id(point)]) if isinstance(point, PathPoint) and point.body in parts else point
@@ -377,5 +379,5 @@ def spread_over_targets(
         source,
         bodies=(*source.bodies, *bodies),
         joints=(*source.joints, *joints),
-        muscles=tuple(carried(one) for one in source.muscles),
+        muscles=tuple(carried(muscle) for muscle in source.muscles),
     )

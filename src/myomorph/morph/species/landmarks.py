@@ -47,14 +47,14 @@ class Parts:
     def _named(
         self, surface: Surface, labels: Ints, frame: AnatomicalFrame, joint: Array | None
     ) -> Mapping[str, list[int]]:
-        present = [int(one) for one in np.unique(self._label)]
-        areas = {one: float(_area(surface)[labels[surface.faces[:, 0]] == one].sum()) for one in present}
-        by_area = sorted(present, key=lambda one: -areas[one])
+        present = [int(label) for label in np.unique(self._label)]
+        areas = {label: float(_area(surface)[labels[surface.faces[:, 0]] == label].sum()) for label in present}
+        by_area = sorted(present, key=lambda label: -areas[label])
         named = {"": present, "first": by_area[:1], "second": by_area[1:2]}
         if joint is not None:
             apart = np.linalg.norm(self._points - frame.axes @ joint, axis=1)
-            near = min(present, key=lambda one: float(apart[labels == one].min()))
-            across = {one: self._points[labels == one, 2] for one in present if one != near}
+            near = min(present, key=lambda label: float(apart[labels == label].min()))
+            across = {label: self._points[labels == label, 2] for label in present if label != near}
             named["joint"] = [near]
             named["middle"] = [name for name, x in across.items() if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)]
         return named
@@ -109,7 +109,7 @@ def landmarks_by_rules(
     ------
     BadData : a rule names a joint that is not given
     """
-    found: Landmarks = {}
+    landmarks: Landmarks = {}
     for rule in rules:
         if rule.rule == "joint":
             name = rule.source_joint if of_source else rule.target_joint
@@ -117,8 +117,8 @@ def landmarks_by_rules(
                 raise BadData(
                     f"landmark '{rule.name}': no joint of '{name}': there are those of {', '.join(sorted(joints))}"
                 )
-            found[rule.name] = np.asarray(joints[name], dtype=np.float64)
-    parts = Parts(surface, frame, next(iter(found.values()), None), half)
+            landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
+    parts = Parts(surface, frame, next(iter(landmarks.values()), None), half)
     notes = []
     for rule in rules:
         if rule.rule == "joint":
@@ -133,16 +133,16 @@ def landmarks_by_rules(
         except BadData as error:
             notes.append(str(error))
             continue
-        found |= {name: point @ frame.axes for name, point in here.items()}
-    return found, tuple(notes)
+        landmarks |= {name: point @ frame.axes for name, point in here.items()}
+    return landmarks, tuple(notes)
 
 
 def _farthest(rule: LandmarkRule, points: Array, box: Mapping[str, tuple[float, float]]) -> Landmarks:
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
     inside = np.ones(len(points), dtype=bool)
     for name, (least, most) in box.items():
-        k = DIRECTIONS.index(name)
-        share = (points[:, k] - low[k]) / extent[k]
+        direction = DIRECTIONS.index(name)
+        share = (points[:, direction] - low[direction]) / extent[direction]
         inside &= (share >= least) & (share <= most)
     if not inside.any():
         raise BadData(f"landmark '{rule.name}': the bone has no vertex in its region")
@@ -155,8 +155,8 @@ def _farthest(rule: LandmarkRule, points: Array, box: Mapping[str, tuple[float, 
 def _corners(rule: LandmarkRule, points: Array) -> Landmarks:
     ends = np.array([points.min(axis=0), points.max(axis=0)])
     return {
-        f"{rule.name} {i}{j}{k}": np.array([ends[i, 0], ends[j, 1], ends[k, 2]])
-        for i, j, k in itertools.product((0, 1), repeat=3)
+        f"{rule.name} {i}{j}{third}": np.array([ends[i, 0], ends[j, 1], ends[third, 2]])
+        for i, j, third in itertools.product((0, 1), repeat=3)
     }
 
 
@@ -188,8 +188,8 @@ def section(points: Array, faces: Ints, height: float) -> Array:
     alone = np.where(side.sum(axis=1) == 1, side.argmax(axis=1), (~side).argmax(axis=1))
     tip = points[np.take_along_axis(cut, alone[:, None], axis=1)[:, 0]]
     pieces = np.empty((len(cut), 2, 2))
-    for k in (1, 2):
-        other = points[np.take_along_axis(cut, (alone[:, None] + k) % 3, axis=1)[:, 0]]
+    for axis in (1, 2):
+        other = points[np.take_along_axis(cut, (alone[:, None] + axis) % 3, axis=1)[:, 0]]
         share = (height - tip[:, :1]) / (other[:, :1] - tip[:, :1])
-        pieces[:, k - 1] = (tip + share * (other - tip))[:, 1:]
+        pieces[:, axis - 1] = (tip + share * (other - tip))[:, 1:]
     return pieces

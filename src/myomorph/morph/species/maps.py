@@ -99,8 +99,8 @@ def species_bones(
             continue
         if progress is not None:
             progress(bone.sources[0])
-        first, own = _map(bone, table, (here, there), (source_surfaces, target_surfaces), map_options, match)
-        notes += own
+        first, notes_of_bone = _map(bone, table, (here, there), (source_surfaces, target_surfaces), map_options, match)
+        notes += notes_of_bone
         bones |= riders(first, bone, here)
         if bone.spread:
             for number, name in enumerate(bone.targets[1:], start=1):
@@ -131,7 +131,7 @@ def _map(
     """The map of a pair's first bodies."""
     pair = f"{bone.sources[0]} to {bone.targets[0]}"
     frames = table.frames(bone)
-    found = []
+    places = []
     shapes = []
     notes: list[str] = []
     for index, bodies in enumerate((bone.sources, bone.targets)):
@@ -139,12 +139,12 @@ def _map(
         joints = posed[index].joints(bodies[0])
         marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[index], joints, index == 0, bone.half)
         shapes.append(shape)
-        found.append(marks)
+        places.append(marks)
         notes += [f"{pair}: {line}" for line in lost]
-    names = tuple(name for name in found[0] if name in found[1])
+    names = tuple(name for name in places[0] if name in places[1])
     if len(names) < FEWEST:
         raise BadData(f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more")
-    ours, theirs = (np.array([one[name] for name in names]) for one in found)
+    ours, theirs = (np.array([by_name[name] for name in names]) for by_name in places)
     body, target = bone.sources[0], bone.targets[0]
     if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):
         # The corners of a box are not on the bone: nothing about them can be checked against its surface.
@@ -161,11 +161,11 @@ def _map(
     wanted, points = match or MatchOptions(), FeaturePoints(names, ours, stretch.apply(theirs))
     if wanted.features == "dense" and bone.match == "dense":
         stretched = Surface(stretch.apply(shapes[1].vertices), shapes[1].faces)
-        given = map_bone(body, shapes[0], stretched, points, options, wanted, target)
+        bone_map = map_bone(body, shapes[0], stretched, points, options, wanted, target)
     else:
         # What rules found on a bone need not be checked against it.
-        given = map_bone(body, None, None, points, options, wanted, target)
-    return _stretched(given, shapes[0], shapes[1], stretch.inverse()), tuple(notes)
+        bone_map = map_bone(body, None, None, points, options, wanted, target)
+    return _stretched(bone_map, shapes[0], shapes[1], stretch.inverse()), tuple(notes)
 
 
 def _consistent(
@@ -180,7 +180,7 @@ def _consistent(
     kept = list(range(len(names)))
     dropped: list[str] = []
     while len(kept) > FEWEST:
-        apart, wanted = (np.linalg.norm(one[kept][:, None] - one[kept], axis=2) for one in (ours, goal))
+        apart, wanted = (np.linalg.norm(points[kept][:, None] - points[kept], axis=2) for points in (ours, goal))
         torn = (wanted > STEEPEST * apart) & (wanted > 0.0)
         if not torn.any():
             break
@@ -255,7 +255,7 @@ def species_morph(
     if options is None or options.architecture == "tables":
         carried = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
         if table.architecture:
-            sizes = [size_over(one, table, target, target_surfaces) for one in table.architecture]
+            sizes = [size_over(architecture, table, target, target_surfaces) for architecture in table.architecture]
             known = architectures(source, table.architecture, sizes, carried)
         elif table.scaling is not None:
             theirs = joint_distances(table.scaling.bones, table, target, "target")

@@ -44,9 +44,9 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
     UnknownName : a protocol, a body or a coordinate that there is not
     BadData : a pattern of coordinates that fits none
     """
-    table = next((one for one in tables if one.name == name), None)
+    table = next((candidate for candidate in tables if candidate.name == name), None)
     if table is None:
-        raise UnknownName("marker table", name, tuple(one.name for one in tables))
+        raise UnknownName("marker table", name, tuple(candidate.name for candidate in tables))
     for body, _ in table.places.values():
         check_name("body", body, model.body_names)
     for pattern in table.moving:

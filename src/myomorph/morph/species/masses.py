@@ -63,12 +63,12 @@ def with_segment_shares(
         for name in share.bodies:
             if name not in model.body_names:
                 raise UnknownName("body", name, model.body_names)
-        own = sum(model.body(name).mass for name in share.bodies)
-        if own <= 0.0:
+        mass_of_segment = sum(model.body(name).mass for name in share.bodies)
+        if mass_of_segment <= 0.0:
             raise BadData(f"segment '{share.name}': its bodies {', '.join(share.bodies)} have no mass to share")
-        factors |= dict.fromkeys(share.bodies, share.share * total / own)
+        factors |= dict.fromkeys(share.bodies, share.share * total / mass_of_segment)
     others = sum(body.mass for body in model.bodies if body.name not in factors)
-    left = 1.0 - sum(one.share for one in shares)
+    left = 1.0 - sum(share.share for share in shares)
     if left <= 0.0 or (shares and others <= 0.0):
         raise BadData(
             f"segments have {100.0 * (1.0 - left):.3g} % of the mass, and nothing is left for the other bodies"
@@ -76,7 +76,7 @@ def with_segment_shares(
     rest = left * total / others
     bodies = tuple(
         replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
-        for body, factor in ((one, factors.get(one.name, rest)) for one in model.bodies)
+        for body, factor in ((body_, factors.get(body_.name, rest)) for body_ in model.bodies)
     )
     return replace(model, bodies=bodies), tuple(share_notes(replace(model, bodies=bodies), shares))
 
@@ -125,17 +125,17 @@ def share_notes(model: Model, shares: Sequence[SegmentShare]) -> list[str]:
     """One line on segments together, and one on each whose share is outside of its interval."""
     if not shares:
         return []
-    found = {share.name: sum(model.body(name).mass for name in share.bodies) / model.mass for share in shares}
-    low, high = (sum(share.interval[k] for share in shares) for k in (0, 1))
+    in_model = {share.name: sum(model.body(name).mass for name in share.bodies) / model.mass for share in shares}
+    low, high = (sum(share.interval[end] for share in shares) for end in (0, 1))
     notes = [
-        f"{', '.join(found)} have {100.0 * sum(found.values()):.1f} % of {1e3 * model.mass:.3g} g "
+        f"{', '.join(in_model)} have {100.0 * sum(in_model.values()):.1f} % of {1e3 * model.mass:.3g} g "
         f"(published: {100.0 * low:.1f} to {100.0 * high:.1f} %)"
     ]
     notes += [
-        f"{share.name} has {100.0 * found[share.name]:.1f} % of the mass: published are "
+        f"{share.name} has {100.0 * in_model[share.name]:.1f} % of the mass: published are "
         f"{100.0 * share.interval[0]:.1f} to "
         f"{100.0 * share.interval[1]:.1f} %"
         for share in shares
-        if not 0.999 * share.interval[0] <= found[share.name] <= 1.001 * share.interval[1]
+        if not 0.999 * share.interval[0] <= in_model[share.name] <= 1.001 * share.interval[1]
     ]
     return notes

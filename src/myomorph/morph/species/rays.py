@@ -115,7 +115,7 @@ def put_on_rays(
     BadData : a ray whose toe has no surface
     """
     toes = bone.sources[0]
-    joint = next((one for one in source.joints if one.child == toes), None)
+    joint = next((candidate for candidate in source.joints if candidate.child == toes), None)
     if joint is None:
         raise UnknownName("body", toes, source.body_names)
     still = Transform.identity()
@@ -142,13 +142,13 @@ def put_on_rays(
             for name in muscles:
                 if name in moved:
                     moved[name] = _on_parts(moved[name], parts, near)
-    found = replace(
+    model = replace(
         source,
         bodies=(*source.bodies, *bodies),
         joints=(*source.joints, *joints),
         muscles=tuple(moved[muscle.name] for muscle in source.muscles),
     )
-    return Rays(found, maps)
+    return Rays(model, maps)
 
 
 def _points(
@@ -205,10 +205,10 @@ class _Laid:
         if abs(axis @ right) < OBLIQUE * np.linalg.norm(axis):
             axis = right
         self.knuckle = center + beside / float(axis @ right) * axis
-        own = surfaces[0][self._toes].vertices
-        across = (own - self.knuckle) @ right
+        vertices = surfaces[0][self._toes].vertices
+        across = (vertices - self.knuckle) @ right
         alike = np.abs(across) < BESIDE * np.ptp(across)
-        toe = own[alike] if alike.any() else own
+        toe = vertices[alike] if alike.any() else vertices
         self.length = float(((toe - self.knuckle) @ self.forward).max())
         there = posed[1]
         self._joint = there.joints(ray.toe)[ray.toe]

@@ -71,8 +71,10 @@ def transferred_marker(marker: Marker, carriers: Carriers) -> Marker:
 
 def transferred_tie(tie: Tie, carriers: Carriers) -> Tie:
     """A closed loop or a bushing: both of its frames."""
-    one, other = carriers[tie.body_1], carriers[tie.body_2]
-    return replace(tie, body_1=one.body, body_2=other.body, pose_1=one.pose(tie.pose_1), pose_2=other.pose(tie.pose_2))
+    first, second = carriers[tie.body_1], carriers[tie.body_2]
+    return replace(
+        tie, body_1=first.body, body_2=second.body, pose_1=first.pose(tie.pose_1), pose_2=second.pose(tie.pose_2)
+    )
 
 
 def transferred_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
@@ -113,20 +115,20 @@ def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, Bone
     bones : at least one, by body of the model
     """
     ties = neighbors_of(model)
-    found = dict(bones)
+    result = dict(bones)
     sizes = {name: bone.whole.scale for name, bone in bones.items()}
-    while len(found) < len(ties):
+    while len(result) < len(ties):
         # The ground passes nothing on: what hangs on it beside a subject is not of its size.
         beside = {
             name: [sizes[tie] for tie in ties[name] if tie in sizes and (tie != GROUND or GROUND in bones)]
             for name in ties
-            if name not in found
+            if name not in result
         }
-        near = {name: float(np.exp(np.mean(np.log(given)))) for name, given in beside.items() if given}
+        near = {name: float(np.exp(np.mean(np.log(sizes)))) for name, sizes in beside.items() if sizes}
         for name, size in near.items() if near else [(name, 1.0) for name in beside]:
-            found[name] = _resized(name, size)
+            result[name] = _resized(name, size)
             sizes[name] = size
-    return {name: found[name] for name in ties}
+    return {name: result[name] for name in ties}
 
 
 def _resized(body: str, size: float) -> BoneMap:

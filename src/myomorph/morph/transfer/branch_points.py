@@ -95,16 +95,16 @@ def riders_of(model: Model, link: str) -> Riders:
     check_name("body", link, model.body_names)
 
     def of_muscles(parts: Callable[[Muscle], Iterable[str]]) -> Mapping[str, tuple[int, ...]]:
-        found = {
+        riders = {
             muscle.name: tuple(index for index, body in enumerate(parts(muscle)) if body == link)
             for muscle in model.muscles
         }
-        return FrozenMap({name: numbers for name, numbers in found.items() if numbers})
+        return FrozenMap({name: numbers for name, numbers in riders.items() if numbers})
 
     return Riders(
-        of_muscles(lambda one: (point.body for point in one.path.points)),
+        of_muscles(lambda muscle: (point.body for point in muscle.path.points)),
         frozenset(item.name for item in model.wrap_objects if item.body == link),
-        of_muscles(lambda one: (getattr(wrap, "side_body", "") for wrap in one.path.wraps)),
+        of_muscles(lambda muscle: (getattr(wrap, "side_body", "") for wrap in muscle.path.wraps)),
     )
 
 
@@ -222,8 +222,8 @@ class _FreeLink:
         )
         self.muscles = freed.muscle_names
         self._paths = compile_paths(freed)
-        own = motion if motion is not None else Motion(np.zeros(1), (), np.zeros((1, 0)))
-        self._values = self._paths.tree.coordinates_of(own)
+        posed = motion if motion is not None else Motion(np.zeros(1), (), np.zeros((1, 0)))
+        self._values = self._paths.tree.coordinates_of(posed)
         self._columns = [freed.coordinate_names.index(name) for name in names]
         self.frames = len(self._values)
 
@@ -237,12 +237,12 @@ class _FreeLink:
         values = np.repeat(self._values, each, axis=0)
         values[:, self._columns] = moved
         lengths, _, arms = self._paths.evaluate(values)
-        found = np.zeros((len(values), 3, len(self.muscles)))
+        result = np.zeros((len(values), 3, len(self.muscles)))
         for axis, column in enumerate(self._columns):
             pairs = self._paths.arm_coordinate == column
             # A moment arm is positive where the muscle shortens.
-            found[:, axis, self._paths.arm_muscle[pairs]] = -arms[:, pairs]
-        return lengths, found
+            result[:, axis, self._paths.arm_muscle[pairs]] = -arms[:, pairs]
+        return lengths, result
 
 
 def _riding(muscle: Muscle, riders: Riders) -> Muscle:

@@ -148,9 +148,9 @@ def nearest_rotation(matrix: Array) -> Array:
 
 def few(names: Iterable[str], most: int = 6) -> str:
     """Names in quotes for a note, and how many more there are."""
-    given = tuple(dict.fromkeys(names))
-    more = f" and {len(given) - most} more" if len(given) > most else ""
-    return ", ".join(f"'{name}'" for name in given[:most]) + more
+    distinct = tuple(dict.fromkeys(names))
+    more = f" and {len(distinct) - most} more" if len(distinct) > most else ""
+    return ", ".join(f"'{name}'" for name in distinct[:most]) + more
 
 
 def scaled_map(body: str, size: float) -> AffineMap:

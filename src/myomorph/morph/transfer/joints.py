@@ -72,15 +72,15 @@ class CenterFinder:
         """
         parent, child = self.carriers[joint.parent], self.carriers[joint.child]
         turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
-        found = [_mapped(parent, in_parent), _mapped(child, in_child)]
+        centers = [_mapped(parent, in_parent), _mapped(child, in_child)]
         if self.fitted and turns:
             shape: Round = "sphere" if len({name for axis in turns for name in axis.coordinates}) > 1 else "cylinder"
             frames = joint.parent_frame, joint.child_frame
-            found = [
+            centers = [
                 _fitted(carrier, place, frame.rotation @ turns[0].vector, shape)
                 for carrier, place, frame in zip((parent, child), (in_parent, in_child), frames, strict=True)
             ]
-        ours, theirs = found
+        ours, theirs = centers
         method = theirs.method if theirs.method != "mapped" else ours.method
         moved = max(ours.moved, theirs.moved)
         if not self.together or not {parent.bone.basis, child.bone.basis} <= {"bone", "landmarks", "given"}:
@@ -88,13 +88,13 @@ class CenterFinder:
         gap = float(np.linalg.norm(ours.center - theirs.center))
         if gap > furthest_gap(parent, child):
             return RebuiltJoint(joint.name, method, ours.center, theirs.center, moved, gap)
-        shared = _shared(found)
+        shared = _shared(centers)
         return RebuiltJoint(joint.name, method, shared, shared, moved, gap)
 
 
 def furthest_gap(parent: Carrier, child: Carrier) -> float:
     """How far the centers that two bones in one frame give their joint may be from each other [m]."""
-    return APART * max(one.length * one.size for one in (parent, child))
+    return APART * max(carrier.length * carrier.size for carrier in (parent, child))
 
 
 def _shared(fitteds: list[_Fitted]) -> Array:
@@ -197,21 +197,21 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
         for axis, stretch in zip(joint.axes, along, strict=True)
         if axis.kind == "translation" and axis.coordinates and slides_freely(axis.function)
     }
-    found = [
+    pairs = [
         _carried(joint, along, travel, defaults, carriers, centers)
         for joint, along in zip(anchored, stretches, strict=True)
     ]
     skeleton = replace(
         model,
-        joints=tuple(joint for joint, _ in found),
+        joints=tuple(joint for joint, _ in pairs),
         coordinates=tuple(
             _coordinate(coordinate, travel.get(coordinate.name, 1.0)) for coordinate in model.coordinates
         ),
         couplers=tuple(_coupler(coupler, travel) for coupler in model.couplers),
         passive_torques=tuple(_torque(torque, travel.get(torque.coordinate, 1.0)) for torque in model.passive_torques),
     )
-    rebuilt = tuple(one for _, one in found)
-    notes = tuple(note for joint, one in found for note in _warnings(joint, one, carriers))
+    rebuilt = tuple(joint for _, joint in pairs)
+    notes = tuple(note for joint, rebuilt_joint in pairs for note in _warnings(joint, rebuilt_joint, carriers))
     return TransferredJoints(skeleton, FrozenMap(travel), rebuilt, notes)
 
 

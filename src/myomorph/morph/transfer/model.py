@@ -119,13 +119,21 @@ def morph_model(
     ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
     source = {muscle.name: muscle for muscle in model.muscles}
     muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
-    found = {body: carrier.bone for body, carrier in carriers.items()}
+    bone_maps = {body: carrier.bone for body, carrier in carriers.items()}
     doubted = uncertain_notes(points, carriers)
-    notes = (*doubted, *neighbor_notes(found), *link_notes(found), *joints.notes, *strings.notes, *clearing, *unsure)
+    notes = (
+        *doubted,
+        *neighbor_notes(bone_maps),
+        *link_notes(bone_maps),
+        *joints.notes,
+        *strings.notes,
+        *clearing,
+        *unsure,
+    )
     return Morph(
         source=model,
         model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
-        bones=FrozenMap(found),
+        bones=FrozenMap(bone_maps),
         points=points,
         joints=joints.rebuilt,
         muscles=changes,
@@ -233,16 +241,16 @@ def graft_muscles(
     if beside:
         grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
         moved = replace(moved, wrap_objects=(*target.wrap_objects, *moved.wrap_objects))
-    found = {body: carrier.bone for body, carrier in carriers.items()}
+    bone_maps = {body: carrier.bone for body, carrier in carriers.items()}
     return Morph(
         source=source,
         model=replace(moved, muscles=grown, ligaments=taut),
-        bones=FrozenMap(found),
+        bones=FrozenMap(bone_maps),
         points=points,
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*uncertain_notes(points, carriers), *link_notes(found), *notes, *strings.notes, *clearing, *unsure),
+        notes=(*uncertain_notes(points, carriers), *link_notes(bone_maps), *notes, *strings.notes, *clearing, *unsure),
         left_out=FrozenMap(left_out),
     )
 
@@ -275,20 +283,20 @@ def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
 def _whole_ligaments(source: Model, carriers: Mapping[str, Carrier]) -> tuple[Ligament, ...]:
     """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go around."""
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
-    found = []
+    ligaments = []
     for ligament in source.ligaments:
         if all(isinstance(point, PathPoint) and point.body in carriers for point in ligament.path.points):
             wraps = tuple(
                 w for w in ligament.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in carriers
             )
-            found.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
-    return tuple(found)
+            ligaments.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
+    return tuple(ligaments)
 
 
 def _kept_of(source: Model, ligaments: Sequence[Ligament]) -> tuple[Kept, ...]:
     """The parts of the source's file that the ligaments' forces are in."""
     names = {(ligament.kind, ligament.name) for ligament in ligaments}
-    return tuple(one for one in source.kept if (one.kind, one.name) in names)
+    return tuple(part for part in source.kept if (part.kind, part.name) in names)
 
 
 def _same_coordinates(source: Model, target: Model) -> CoordinateTable:
@@ -315,27 +323,31 @@ def _translated(
     """Muscles in the target's coordinates, around the surfaces that the target has."""
     standing = {coordinate.name: posture.get(coordinate.name, coordinate.default) for coordinate in source.coordinates}
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
-    found, frozen, straight = [], [], []
+    paths, frozen, straight = [], [], []
     for muscle in muscles:
         path, lost = translated_path(muscle.path, table, standing)
-        opensim = tuple(one for one in path.wraps if isinstance(one, PathWrap) and bodies[one.wrap_object] in carriers)
+        opensim = tuple(
+            wrap for wrap in path.wraps if isinstance(wrap, PathWrap) and bodies[wrap.wrap_object] in carriers
+        )
         mujoco = tuple(
-            one
-            for one in path.wraps
-            if isinstance(one, TendonWrap) and bodies[one.wrap_object] in carriers and one.side_body in ("", *carriers)
+            wrap
+            for wrap in path.wraps
+            if isinstance(wrap, TendonWrap)
+            and bodies[wrap.wrap_object] in carriers
+            and wrap.side_body in ("", *carriers)
         )
         wraps = opensim or mujoco
         if lost:
             frozen.append(muscle.name)
         if len(wraps) < len(path.wraps):
             straight.append(muscle.name)
-        found.append(replace(muscle, path=replace(path, wraps=wraps)))
+        paths.append(replace(muscle, path=replace(path, wraps=wraps)))
     notes = []
     if frozen:
         notes.append(f"points stand still that follow coordinates which the target does not have: {few(frozen)}")
     if straight:
         notes.append(f"paths no longer go around surfaces of bodies that the target does not have: {few(straight)}")
-    return found, notes
+    return paths, notes
 
 
 def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> tuple[Marker, ...]:

@@ -59,7 +59,7 @@ def transferred_muscles(
     carriers: Carriers,
     options: MorphOptions,
     mass_ratio: float,
-    given: Mapping[str, Architecture] | None = None,
+    known_architectures: Mapping[str, Architecture] | None = None,
 ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
     """Muscles with the parameters that the target's bones ask for, what changed, and warnings.
 
@@ -69,13 +69,13 @@ def transferred_muscles(
     source : the source's, by name
     lengths : (postures, muscles) of source and target, in the order of `muscles` [m]
     mass_ratio : mass of the target over that of the source
-    given : fiber lengths and forces that are known, by muscle; tendons then keep the mean normalized fiber length
+    known_architectures : fiber lengths and forces by muscle; tendons then keep the mean normalized fiber length
     """
-    found, changes, doubtful, slack = [], [], [], []
+    result, changes, doubtful, slack = [], [], [], []
     for i, muscle in enumerate(muscles):
         before, after = (length[:, i] for length in lengths)
         ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
-        known = (given or {}).get(muscle.name)
+        known = (known_architectures or {}).get(muscle.name)
         growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)
         if known is not None:
             growth = _given_growth(muscle, before[1:], after[1:], known.fiber)
@@ -85,17 +85,21 @@ def transferred_muscles(
             doubtful += [] if kept else [muscle.name]
             growth = kept or growth
         bodies = {point.body for point in source[muscle.name].path.points}
-        one = _with_lengths(muscle, growth)
-        one = _with_pennation(one, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
+        changed = _with_lengths(muscle, growth)
+        changed = _with_pennation(changed, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
         force = _force_ratio(options, carriers, bodies, growth.slope, mass_ratio)
         if known is not None:
             force = known.force / muscle.max_isometric_force if muscle.max_isometric_force > 0.0 else 1.0
             if known.pennation is not None:
-                one = replace(one, pennation_at_optimal=min(known.pennation, float(GREATEST_PENNATION)))
-        one = _with_force(one, force, growth.slope)
-        one = replace(one, tendon_slack_length=max(one.tendon_slack_length, 0.0)) if known is not None else one
-        found.append(one)
-        change = _change(muscle, one, before[1:], after[1:], ratio, force)
+                changed = replace(changed, pennation_at_optimal=min(known.pennation, float(GREATEST_PENNATION)))
+        changed = _with_force(changed, force, growth.slope)
+        changed = (
+            replace(changed, tendon_slack_length=max(changed.tendon_slack_length, 0.0))
+            if known is not None
+            else changed
+        )
+        result.append(changed)
+        change = _change(muscle, changed, before[1:], after[1:], ratio, force)
         if known is not None:
             change = replace(
                 change, basis=known.basis, fiber_interval=known.fiber_interval, force_interval=known.force_interval
@@ -106,7 +110,7 @@ def transferred_muscles(
         notes.append(
             f"paths are shorter than the fibers that the species' tables give, so no tendon is left: {few(slack)}"
         )
-    return tuple(found), tuple(changes), notes
+    return tuple(result), tuple(changes), notes
 
 
 def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:
@@ -205,8 +209,8 @@ def _with_force(muscle: Muscle, ratio: float, fiber: float) -> Muscle:
 
 
 def _change(before: Muscle, after: Muscle, old: Array, new: Array, path: float, force: float) -> MuscleChange:
-    def over(one: float, other: float) -> float:
-        return other / one if one > 0.0 else 1.0
+    def over(first: float, other: float) -> float:
+        return other / first if first > 0.0 else 1.0
 
     ours, theirs = normalized_lengths(before, old), normalized_lengths(after, new)
     return MuscleChange(

@@ -46,27 +46,27 @@ def points_left_outside(
     shrunk: dict[str, float] = {}
     queue = iter(points)
     for muscle in muscles:
-        own = [next(queue) for _ in muscle.path.points]
+        of_muscle = [next(queue) for _ in muscle.path.points]
         for wrap in muscle.path.wraps:
             if not isinstance(wrap, PathWrap):
                 continue
             before, after = wraps[wrap.wrap_object]
-            for point in own:
+            for point in of_muscle:
                 if point.body == before.body:
                     share = _share(level(before, point.source), level(after, point.target))
                     shrunk[before.name] = min(share, shrunk.get(before.name, 1.0))
     shrunk = {name: max(share, SMALLEST) for name, share in shrunk.items() if share < 1.0}
-    found = {
-        name: (before, replace(after, size=tuple(one * shrunk.get(name, 1.0) for one in after.size)))
+    shrunk_wraps = {
+        name: (before, replace(after, size=tuple(size * shrunk.get(name, 1.0) for size in after.size)))
         for name, (before, after) in wraps.items()
     }
     if not shrunk:
-        return found, []
+        return shrunk_wraps, []
     shown = ", ".join(
         f"'{name}' to {100.0 * share:.0f} %" for name, share in sorted(shrunk.items(), key=lambda a: a[1])[:4]
     )
     more = f" and {len(shrunk) - 4} more" if len(shrunk) > 4 else ""
-    return found, [
+    return shrunk_wraps, [
         f"wrap objects were made smaller than mapped, as points of their paths would lie inside: {shown}{more}"
     ]
 

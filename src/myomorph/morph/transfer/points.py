@@ -190,20 +190,20 @@ def _transferred_points(
     within: float,
     notes: list[str],
 ) -> list[TransferredPoint]:
-    found: dict[int, TransferredPoint] = {}
+    transferred: dict[int, TransferredPoint] = {}
     by_body: dict[str, list[int]] = {}
     for i, body in enumerate(bodies):
         by_body.setdefault(body, []).append(i)
     for body, here in by_body.items():
         put = put_on_surface(carriers[body], places[here], within)
         if put.beyond.any():
-            shown = few(owners[here[k]][0] for k in np.flatnonzero(put.beyond))
+            shown = few(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
             notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
         sure = carriers[body].within(places[here])
-        for k, i in enumerate(here):
-            known = float(put.lifted[k]), float(put.depth_source[k]), float(put.depth_target[k]), float(sure[k])
-            found[i] = TransferredPoint(*owners[i], body, carriers[body].body, places[i], put.points[k], *known)
-    return [found[i] for i in range(len(bodies))]
+        for row, i in enumerate(here):
+            known = float(put.lifted[row]), float(put.depth_source[row]), float(put.depth_target[row]), float(sure[row])
+            transferred[i] = TransferredPoint(*owners[i], body, carriers[body].body, places[i], put.points[row], *known)
+    return [transferred[i] for i in range(len(bodies))]
 
 
 def place_of(point: PathPoint | MovingPathPoint, coordinates: Mapping[str, Coordinate]) -> Array:
@@ -255,8 +255,8 @@ def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
     """The coordinate of each axis: its own where axes do not mix, else the one that they all follow."""
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0:
         return point.coordinates
-    one = next((name for name in point.coordinates if name), "")
-    return one, one, one
+    coordinate = next((name for name in point.coordinates if name), "")
+    return coordinate, coordinate, coordinate
 
 
 def combined(functions: list[Function], factors: Array, offset: float) -> Function:
@@ -301,7 +301,7 @@ def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
         return function.coefficients
     piece = np.clip(np.searchsorted(function.breaks, breaks, side="right") - 1, 0, None)
     piece[0] = max(0, int(np.searchsorted(function.breaks, breaks[0], side="left")) - 1)
-    return np.array([piece_about(function, k, at) for at, k in zip(breaks, piece, strict=True)])
+    return np.array([piece_about(function, number, at) for at, number in zip(breaks, piece, strict=True)])
 
 
 def _side(wrap: TendonWrap, carriers: Carriers, setting: Setting) -> TendonWrap:

@@ -24,18 +24,18 @@ def uncertain_notes(points: Iterable[TransferredPoint], carriers: Carriers) -> l
     """A line for each bone with points that may belong far from where they were put, with landmarks to give."""
     notes = []
     by_body: dict[str, list[TransferredPoint]] = {}
-    for one in points:
-        by_body.setdefault(one.body, []).append(one)
+    for point in points:
+        by_body.setdefault(point.body, []).append(point)
     for body, here in by_body.items():
         length = carriers[body].length
-        unsure = sorted((one for one in here if one.within > LARGE * length), key=lambda one: -one.within)
+        unsure = sorted((item for item in here if item.within > LARGE * length), key=lambda item: -item.within)
         if not unsure:
             continue
         asked: list[TransferredPoint] = []
-        for one in unsure:
-            if all(np.linalg.norm(one.source - other.source) > APART * length for other in asked):
-                asked.append(one)
-        places = ", ".join(f"'{one.owner}' ({one.name})" for one in asked[:ASKED])
+        for point in unsure:
+            if all(np.linalg.norm(point.source - other.source) > APART * length for other in asked):
+                asked.append(point)
+        places = ", ".join(f"'{item.owner}' ({item.name})" for item in asked[:ASKED])
         notes.append(
             f"{len(unsure)} of {len(here)} points on '{body}' may belong up to {mm(unsure[0].within)} away along the "
             f"bone (90 %): landmarks where these attach would tell: {places}"

@@ -26,7 +26,7 @@ FEATURES = 60
 
 
 def bones_around(
-    model: Model, bones: Mapping[str, BoneMap], given: Mapping[str, Sequence[str]] | None = None
+    model: Model, bones: Mapping[str, BoneMap], stated: Mapping[str, Sequence[str]] | None = None
 ) -> dict[str, tuple[str, ...]]:
     """The bones that surround each virtual link: those given, and those found in the tree.
 
@@ -39,7 +39,7 @@ def bones_around(
     BadData : a bone that has no map, or fewer than two of them
     """
     result: dict[str, tuple[str, ...]] = {}
-    for link, around in (given or {}).items():
+    for link, around in (stated or {}).items():
         for name in (link, *around):
             check_name("body", name, model.body_names)
         missing = [name for name in around if name not in bones]
@@ -109,12 +109,12 @@ def surrounded_map(
 
 def _features(carriers: Carriers, bone: str) -> FeaturePoints:
     """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they go."""
-    given = carriers[bone].bone.features
-    if given is None or len(given) < 3:
+    features = carriers[bone].bone.features
+    if features is None or len(features) < 3:
         places = carriers[bone].samples
-        given = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
-    chosen = np.unique(np.linspace(0, len(given) - 1, min(FEATURES, len(given))).round().astype(int))
-    return FeaturePoints(tuple(given.names[i] for i in chosen), given.source[chosen], given.target[chosen])
+        features = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
+    chosen = np.unique(np.linspace(0, len(features) - 1, min(FEATURES, len(features))).round().astype(int))
+    return FeaturePoints(tuple(features.names[i] for i in chosen), features.source[chosen], features.target[chosen])
 
 
 FURTHEST = 0.25
@@ -198,10 +198,14 @@ def _has_strands(model: Model, link: str) -> bool:
 
 def _to_balance(source: Model, target: Model, there: Carrier, load: BranchLoad) -> tuple[Array, bool]:
     """(3,) how far the link's points have to move in the target body's frame [m], and whether they can rest there."""
-    given = riders_of(source, load.link)
+    link_riders = riders_of(source, load.link)
     known = frozenset(item.name for item in target.wrap_objects)
     # On a body of its own everything rides that the body has; on another's only what came from the link.
-    riders = riders_of(target, there.body) if there.body == load.link else Riders(given.points, given.wraps & known, {})
+    riders = (
+        riders_of(target, there.body)
+        if there.body == load.link
+        else Riders(link_riders.points, link_riders.wraps & known, {})
+    )
     if not set(load.muscles) <= set(target.muscle_names):
         return np.zeros(3), False
     turned = replace(load, link=there.body, rest=there.rotation @ load.rest)
