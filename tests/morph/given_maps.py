@@ -12,7 +12,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.transfer.carrier import nearest_rotation
+from myomorph.morph.transfer.body_transfer import nearest_rotation
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:

@@ -14,7 +14,7 @@ from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import species_bones
 from myomorph.morph.species.table_rows import Attachment, RelativeBone
-from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species
@@ -52,7 +52,7 @@ def test_an_attachment_on_a_larger_turned_bone_comes_back(femora):
     found = bones(relative(femora, one))
     point = found.source.muscle("vaslat_r").path.points[0]
     assert found.bones[point.body].map.apply(point.location) == pytest.approx(place, abs=1e-5)
-    assert np.isnan(Carrier(found.bones[point.body], point.body).within(point.location[None])).all()
+    assert np.isnan(Transfer(found.bones[point.body], point.body).within(point.location[None])).all()
 
 
 def test_a_path_never_doubles_back(femora):

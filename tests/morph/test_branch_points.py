@@ -154,7 +154,7 @@ def test_a_twin_has_it_where_the_bones_put_it():
     morph = morph_model(model, bones, surrounding=AROUND)
     measures = morph.bones["link"].measures
     assert measures["moved to balance [m]"] < 1e-9
-    assert measures["held by no strand"] == pytest.approx(branch_load(model, "link").share)
+    assert measures["held by no line of action"] == pytest.approx(branch_load(model, "link").share)
     left = morph_model(model, bones, MorphOptions(balance=False), surrounding=AROUND)
     for ours, theirs in zip(morph.points, left.points, strict=True):
         np.testing.assert_allclose(ours.target, theirs.target, atol=1e-9)

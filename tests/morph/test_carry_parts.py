@@ -20,7 +20,7 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import MorphOptions, TransferredPoint
-from myomorph.morph.transfer.carrier import Carrier, scaled_map
+from myomorph.morph.transfer.body_transfer import Transfer, scaled_map
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.model import morph_model
 from myomorph.morph.transfer.moving_points import reparametrized, translated_path
@@ -58,7 +58,7 @@ def test_what_slides_goes_further_and_what_turns_does_not():
     coordinates = (Coordinate("turn", range=(-1.0, 2.0)), Coordinate("slide", "translational", range=(-0.1, 0.2)))
     model = Model("slider", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]))
     bones = {"ground": given("ground", 1.5 * np.eye(3), np.zeros(3)), **similar(model, 1.5)}
-    carriers = {name: Carrier(bone, name) for name, bone in bones.items()}
+    carriers = {name: Transfer(bone, name) for name, bone in bones.items()}
     found = transferred_joints(model, carriers, CenterFinder(carriers, fitted=False, together=True))
     assert dict(found.travel) == {"slide": pytest.approx(1.5)}
     turn, slide = found.skeleton.coordinates
@@ -130,7 +130,7 @@ def test_a_wrap_object_of_a_larger_twin(kind, size):
     pose = Transform(rotation_from_euler_xyz(rng.uniform(-1, 1, 3)), rng.uniform(-0.1, 0.1, 3))
     turn, offset = rotation_from_euler_xyz((0.7, -0.3, 1.1)), np.array([0.2, 0.1, -0.3])
     wrap = WrapObject("one", "femur", kind, pose, size, "-x")
-    found = transferred_wrap(wrap, Carrier(given("femur", 0.6 * turn, offset), "thigh"))
+    found = transferred_wrap(wrap, Transfer(given("femur", 0.6 * turn, offset), "thigh"))
     np.testing.assert_allclose(found.size, 0.6 * np.array(size), rtol=1e-12)
     np.testing.assert_allclose(found.pose.rotation, turn @ pose.rotation, atol=1e-12)
     np.testing.assert_allclose(found.pose.translation, 0.6 * turn @ pose.translation + offset, atol=1e-12)
@@ -141,7 +141,8 @@ def test_a_stretched_cylinder_stays_along_the_bones_line():
     pose = Transform(rotation_from_euler_xyz((0.4, 0.2, 0.0)), np.zeros(3))
     matrix = np.array([[1.2, 0.3, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]])
     found = transferred_wrap(
-        WrapObject("one", "femur", "cylinder", pose, (0.02, 0.1)), Carrier(given("femur", matrix, np.zeros(3)), "femur")
+        WrapObject("one", "femur", "cylinder", pose, (0.02, 0.1)),
+        Transfer(given("femur", matrix, np.zeros(3)), "femur"),
     )
     line = matrix @ pose.rotation[:, 2]
     np.testing.assert_allclose(found.pose.rotation[:, 2], line / np.linalg.norm(line), atol=1e-12)
@@ -155,7 +156,7 @@ def test_a_stretched_cylinder_stays_along_the_bones_line():
 def test_an_ellipsoid_stretched_along_its_axes_is_exact():
     growth = np.array([1.3, 0.8, 1.1])
     wrap = WrapObject("one", "femur", "ellipsoid", STILL, (0.02, 0.03, 0.05), "+z")
-    found = transferred_wrap(wrap, Carrier(given("femur", np.diag(growth), np.zeros(3)), "femur"))
+    found = transferred_wrap(wrap, Transfer(given("femur", np.diag(growth), np.zeros(3)), "femur"))
     np.testing.assert_allclose(found.size, growth * wrap.size, rtol=1e-12)
     np.testing.assert_allclose(found.pose.rotation, np.eye(3), atol=1e-12)
 
@@ -194,12 +195,12 @@ def test_points_come_back_onto_the_surface_at_their_height():
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     for height in (0.0, 0.001):
         points = (0.1 + height) * along
-        found = put_on_surface(Carrier(bone, "ball"), points, 0.02)
+        found = put_on_surface(Transfer(bone, "ball"), points, 0.02)
         missed = np.linalg.norm(bone.map.apply(points), axis=1) - 0.11
         assert np.abs(missed).max() > 0.001
         np.testing.assert_allclose(found.depth_target, 1.1 * height, atol=4e-4)
         assert found.lifted.max() < 0.004
-    far = put_on_surface(Carrier(bone, "ball"), 0.15 * along, 0.02)
+    far = put_on_surface(Transfer(bone, "ball"), 0.15 * along, 0.02)
     assert not far.lifted.any()
 
 
@@ -211,7 +212,7 @@ def test_exact_maps_move_no_point_of_the_surface():
     rng = np.random.default_rng(3)
     chosen = rng.integers(0, len(source.vertices), 100)
     points = source.vertices[chosen] + 0.002 * rng.uniform(-1.0, 1.0, (100, 3))
-    found = put_on_surface(Carrier(bone, "femur"), points, 0.02)
+    found = put_on_surface(Transfer(bone, "femur"), points, 0.02)
     np.testing.assert_allclose(found.points, points @ matrix.T + offset, atol=1e-9 * 0.3)
 
 
@@ -221,7 +222,7 @@ def test_a_point_stays_on_its_side_of_a_thin_bone():
     source = surface_of(blade)
     bone = given("scapula", np.eye(3), np.array([0.0, -0.004, 0.0]), source=source, target=source)
     points = np.column_stack([np.linspace(-0.03, 0.03, 7), np.full(7, 0.0013), np.zeros(7)])
-    found = put_on_surface(Carrier(bone, "scapula"), points, 0.02)
+    found = put_on_surface(Transfer(bone, "scapula"), points, 0.02)
     np.testing.assert_allclose(found.points, points, atol=1e-9)
     np.testing.assert_allclose(found.lifted, 0.004, atol=1e-9)
     np.testing.assert_allclose(found.depth_target, 0.0003, atol=1e-9)
@@ -234,7 +235,7 @@ def test_what_the_target_lacks_is_not_looked_for():
     target = Surface(source.vertices, source.faces[middle < np.median(middle)])
     bone = given("femur", np.eye(3), np.zeros(3), source=source, target=target)
     points = source.vertices[np.abs(source.vertices[:, 2] - source.vertices[:, 2].max()) < 0.01]
-    found = put_on_surface(Carrier(bone, "femur"), points, 0.02)
+    found = put_on_surface(Transfer(bone, "femur"), points, 0.02)
     assert found.beyond.all()
     assert not found.lifted.any()
 

@@ -10,7 +10,7 @@ from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.affine import affine_ways, hull_moments, rotation_grid
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.morph.transfer.points import put_on_surface
 
 
@@ -75,7 +75,7 @@ def test_where_the_map_is_right_no_point_is_moved(body):
         target = deformed(surface, change)
         whole = procrustes(surface.vertices, change(surface.vertices), True)
         true = BoneMap(body, body, Exact(change), whole, "given", source=surface, target=target)
-        put = put_on_surface(Carrier(true, body), points, 0.02)
+        put = put_on_surface(Transfer(true, body), points, 0.02)
         # Flat triangles of the target are cut off from what they were bent from.
         assert np.linalg.norm(put.points - change(points), axis=1).max() < 0.003 * change.length
 

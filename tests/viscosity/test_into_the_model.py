@@ -16,7 +16,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
+from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
@@ -160,12 +160,12 @@ def test_what_cannot_be_is_refused():
 
 
 def test_strands_share_evenly():
-    shared = strand_viscosity({"A": 300.0, "B": 50.0}, {"A": ("a1", "a2", "a3"), "B": ("b",), "C": ("c",)})
+    shared = line_viscosity({"A": 300.0, "B": 50.0}, {"A": ("a1", "a2", "a3"), "B": ("b",), "C": ("c",)})
     assert shared == {"a1": 100.0, "a2": 100.0, "a3": 100.0, "b": 50.0}
-    with pytest.raises(BadData, match="'D' has no strands"):
-        strand_viscosity({"D": 1.0}, {"A": ("a",)})
-    with pytest.raises(BadData, match="strand 'a' belongs to 'B' and to another muscle"):
-        strand_viscosity({"A": 1.0, "B": 1.0}, {"A": ("a",), "B": ("a",)})
+    with pytest.raises(BadData, match="'D' has no lines"):
+        line_viscosity({"D": 1.0}, {"A": ("a",)})
+    with pytest.raises(BadData, match="'a' belongs to 'B' and to another muscle"):
+        line_viscosity({"A": 1.0, "B": 1.0}, {"A": ("a",), "B": ("a",)})
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.passive_dynamics import strand_viscosity
+from myomorph.model.passive_dynamics import line_viscosity
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.motion.filters import differentiate
@@ -194,7 +194,7 @@ def test_strands_share_the_viscosity_of_their_muscle():
     motion = swinging(specimen)
     limb = limb_motion(specimen, motion)
     viscosity = {"front": 30.0, "back": 80.0, "long": 50.0}
-    strands = strand_viscosity(viscosity, specimen.muscles)
+    strands = line_viscosity(viscosity, specimen.muscles)
     speeds = np.einsum("fsa,fa->fs", lengthening(specimen, motion, limb.slopes), limb.rates)
     of = [viscosity[name] for name, own in specimen.muscles.items() for _ in own]
     wanted = muscle_kinematics(specimen.model, motion)

@@ -50,7 +50,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         yield {
             "trunk": name,
             "strands": len(load.muscles),
-            "held by no strand [% of tensions]": 100.0 * link.measures["held by no strand"],
+            "held by no line of action [% of tensions]": 100.0 * link.measures["held by no line of action"],
             "moved to balance [mm]": 1e3 * link.measures["moved to balance [m]"],
             "strands' lengths changed, rms [mm]": 1e3 * float(np.sqrt(np.mean(lengths**2))),
             "at most [mm]": 1e3 * float(np.abs(lengths).max()),

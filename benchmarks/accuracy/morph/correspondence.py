@@ -21,7 +21,7 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.bone_checks import repaired_bone
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.morph.transfer.points import place_of, put_on_surface
 from myomorph.study.subject.morph_files import source_bones
 from truths.leg_shapes import leg_shapes
@@ -123,7 +123,7 @@ def carried(
     body: str, source: mm.Surface, target: mm.Surface, points: np.ndarray, landmarks: FeaturePoints | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where points (n, 3) of a bone go without a hand, and within which distance (n,) they belong with 90 % [m]."""
-    carrier = Carrier(mm.map_bone(body, source, target, landmarks), body)
+    carrier = Transfer(mm.map_bone(body, source, target, landmarks), body)
     return put_on_surface(carrier, points, WITHIN).points, carrier.within(points)
 
 

@@ -17,7 +17,7 @@ from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.morphed import Morph
-from myomorph.morph.transfer.carrier import Carrier
+from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, map_bones
 
@@ -186,8 +186,8 @@ def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[st
     source = np.array([one.source for one in man.points if one.body == body])
     direct, first = (one.bones[body].map.apply(source) for one in (woman, man))
     around = between.map.apply(first)
-    radii = [Carrier(woman.bones[body], body).within(source), Carrier(between, body).within(first)]
-    radii.append(between.whole.scale * Carrier(man.bones[body], body).within(source))
+    radii = [Transfer(woman.bones[body], body).within(source), Transfer(between, body).within(first)]
+    radii.append(between.whole.scale * Transfer(man.bones[body], body).within(source))
     apart, likely = np.linalg.norm(around - direct, axis=1), np.sqrt(np.sum(np.square(radii), axis=0))
     scaled = procrustes(source, direct, True).apply(source)
     return {

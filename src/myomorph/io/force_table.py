@@ -315,7 +315,6 @@ def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, flo
             "(--force-origins 'x,y,z; x,y,z')"
         )
     points = wrenches.points.copy()
-    for number, origin in zip(bare, origins, strict=True):
-        points[:, number] = origin
+    points[:, bare] = np.array(origins)
     notes = tuple(note for note in wrenches.notes if "has no center of pressure" not in note)
     return replace(wrenches, points=points, notes=notes)

@@ -243,7 +243,8 @@ def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
             if hasattr(item, names):
                 changes[names] = tuple(new_name(each) for each in getattr(item, names))
         if isinstance(item, Joint):
-            changes["axes"] = tuple(replace(axis, coordinates=tuple(map(new_name, axis.coordinates))) for axis in item.axes)
+            axes = (replace(axis, coordinates=tuple(map(new_name, axis.coordinates))) for axis in item.axes)
+            changes["axes"] = tuple(axes)
         if isinstance(item, Muscle | Ligament):
             changes["path"] = _path(item.path, new_name)
         return replace(item, **changes)

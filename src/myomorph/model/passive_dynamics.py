@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, quoted
 from myomorph.model.functions import constant, linear
 from myomorph.model.model import Model, index_of
 from myomorph.model.paths import Bushing, PassiveTorque
@@ -39,7 +39,7 @@ def with_passive_dynamics(
         damping of a ball joint
     stiffness, rest : of coordinates [N m/rad or N/m], [rad or m]; at rest by default where the coordinate's
         default is
-    viscosity : of muscles [N s/m]; see `strand_viscosity`
+    viscosity : of muscles [N s/m]; see `line_viscosity`
     bushings : `identify.joint_bushing.joint_bushing` makes one of the damping of a ball joint, which expresses
         it better than dampers of coordinates
 
@@ -86,26 +86,26 @@ def _spring(
     return PassiveTorque(f"{PASSIVE}{name}", name, linear(-slope, slope * at), constant(damping.get(name, 0.0)))
 
 
-def strand_viscosity(viscosity: Mapping[str, float], strands: Mapping[str, Sequence[str]]) -> dict[str, float]:
-    """Viscosity of each of a model's strands: those that are one muscle share its viscosity evenly.
+def line_viscosity(viscosity: Mapping[str, float], lines: Mapping[str, Sequence[str]]) -> dict[str, float]:
+    """Viscosity of each line of action: those that are one muscle share its viscosity evenly.
 
     Parameters
     ----------
     viscosity : by muscle [N s/m]
-    strands : the model's muscles that each muscle is made of
+    lines : the lines of action (muscles of the model) that each muscle is made of
 
     Raises
     ------
     BadData
-        where a muscle has no strands, or two muscles share one
+        where a muscle has no lines of action, or two muscles share one
     """
     result: dict[str, float] = {}
     for muscle, value in viscosity.items():
-        viscosities = strands.get(muscle, ())
-        if not viscosities:
-            raise BadData(f"muscle '{muscle}' has no strands: there are strands of {', '.join(strands) or 'none'}")
-        for strand in viscosities:
-            if strand in result:
-                raise BadData(f"strand '{strand}' belongs to '{muscle}' and to another muscle")
-            result[strand] = value / len(viscosities)
+        lines_of_muscle = lines.get(muscle, ())
+        if not lines_of_muscle:
+            raise BadData(f"muscle '{muscle}' has no lines of action: there are those of {quoted(lines) or 'none'}")
+        for line in lines_of_muscle:
+            if line in result:
+                raise BadData(f"line of action '{line}' belongs to '{muscle}' and to another muscle")
+            result[line] = value / len(lines_of_muscle)
     return result

@@ -1,6 +1,6 @@
 """Intervals of moment arms and wrap objects that follow from those of attachments.
 
-Models are drawn in which everything that is fixed to a matched bone is carried by a random smooth displacement, of the
+Models are drawn in which everything that is fixed to a matched bone is moved by a random smooth displacement, of the
 size of the matched points' own radii: errors of a match go together over a part of the bone. Points near the surface
 slide along it; wrap objects and mapped joints are transferred as to another bone. The interval of a moment arm is that
 of a normal distribution with the spread of the drawn ones about the model's own.
@@ -23,7 +23,7 @@ from myomorph.morph.maps.fields import AROUND, BoneMap, FeaturePoints, radii_aro
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.morphed import Morph
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.carrier import Carrier, scaled_map
+from myomorph.morph.transfer.body_transfer import Transfer, scaled_map
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.paths import transferred_wrap
 from myomorph.morph.transfer.points import combined, nearest_facing
@@ -112,12 +112,12 @@ class _Displacement:
         moved[near] = points[near] + goals - feet[near]
         return moved
 
-    def carrier(self, body: str) -> Carrier:
+    def transfer(self, body: str) -> Transfer:
         """The same of everything that is fixed to the body."""
         known_features = self.known.features
         features = FeaturePoints(known_features.names, known_features.target, self.apply(known_features.target))
         whole = procrustes(features.source, features.target, True)
-        return Carrier(BoneMap(body, body, self, whole, "given", features=features), body)
+        return Transfer(BoneMap(body, body, self, whole, "given", features=features), body)
 
 
 def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None) -> MorphChecks:
@@ -167,7 +167,7 @@ def _matched(morph: Morph) -> dict[str, _Known]:
         if body in result or features is None or features.radii is None:
             continue
         if np.isfinite(features.radii).sum() >= AROUND:
-            length = bone.whole.scale * Carrier(bone, body).length
+            length = bone.whole.scale * Transfer(bone, body).length
             result[body] = _Known(length, features, None if bone.target is None else Shape(bone.target))
     return result
 
@@ -186,18 +186,20 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
             moved = zip(members, move.slid(places, within) - places, strict=True)
             shifts |= {(point.owner, point.name): by for point, by in moved}
     still = {
-        body: Carrier(BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body)
+        body: Transfer(
+            BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body
+        )
         for body in (GROUND, *model.body_names)
         if body not in moves
     }
-    carriers = still | {body: move.carrier(body) for body, move in moves.items()}
+    transfers = still | {body: move.transfer(body) for body, move in moves.items()}
     mapped = {joint.name for joint in morph.joints if joint.method == "mapped"}
-    skeleton = transferred_joints(model, carriers, CenterFinder(carriers, False, False)).skeleton if mapped else model
+    skeleton = transferred_joints(model, transfers, CenterFinder(transfers, False, False)).skeleton if mapped else model
     return replace(
         model,
         muscles=tuple(_with_points(muscle, shifts) for muscle in model.muscles),
         wrap_objects=tuple(
-            transferred_wrap(item, carriers[item.body]) if item.body in moves else item for item in model.wrap_objects
+            transferred_wrap(item, transfers[item.body]) if item.body in moves else item for item in model.wrap_objects
         ),
         joints=tuple(
             new if new.name in mapped else old for old, new in zip(model.joints, skeleton.joints, strict=True)

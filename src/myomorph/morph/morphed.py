@@ -24,7 +24,7 @@ class MorphOptions:
     ----------
     surface_within : a muscle point this near its bone's surface, as a share of the bone's length, is put back on the
         target's surface (at the same depth or height, in the target's size); 0 leaves points where the map puts them
-    balance : virtual links, bodies without a bone on which muscles branch, are moved to where their strands' tensions
+    balance : virtual links, bodies without a bone on which muscles branch, are moved to where their line tensions
         balance as in the source
     clear : via points and wrap objects are moved out of bones that the source's paths do not run through
     joints : "fitted" takes centers from spheres and cylinders fitted to the target's articular surfaces where they fit

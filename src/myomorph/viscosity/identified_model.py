@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.model import Model
-from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
+from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
 from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
@@ -189,7 +189,7 @@ def identified_model(
         if specimen_viscosity.muscles is None
         else dict.fromkeys(specimen_viscosity.muscles.muscles, specimen_viscosity.muscles.common.value)
     )
-    viscosity = strand_viscosity(muscles, specimen.muscles)
+    viscosity = line_viscosity(muscles, specimen.muscles)
     if len(specimen.joint_coordinates) == 1:
         damping = {specimen.joint_coordinates[0]: condition.viscosity.value}
         return with_passive_dynamics(specimen.model, damping, viscosity=viscosity), ()

@@ -102,7 +102,7 @@ def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
 
 
 def target_surface(bone: BoneMap) -> Surface | None:
-    """The target's bone, or the source's as its map carries it where the target has none; None without both."""
+    """The target's bone, or the source's as its map transfers it where the target has none; None without both."""
     if bone.target is not None:
         return bone.target
     return None if bone.source is None else Surface(bone.map.apply(bone.source.vertices), bone.source.faces)

@@ -158,7 +158,7 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
             f"{len(features) - len(merged)} of {len(features)} feature points share a place: taken together"
         )
     if len(merged) == 4:
-        warnings.append("four feature points do not tell stretch from errors of picking: pick a fifth")
+        warnings.append("four feature points do not distinguish scaling from picking errors: pick a fifth")
     if len(unknown_directions(merged.source)):
         warnings.append(
             f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as much as along it; "

@@ -49,7 +49,7 @@ class RadialMap:
         object.__setattr__(self, "coefficients", frozen_array(self.coefficients, (count, 3)))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) carried over [m]."""
+        """Points (..., 3) transferred [m]."""
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         moved = self.whole.apply(flat)
@@ -156,7 +156,7 @@ AT_FEATURE = 1e-12
 @read_only
 @dataclass(frozen=True, eq=False)
 class SubspaceMap:
-    """Every feature carries a transform; a point goes where they send it, each counting by its distance.
+    """Every feature has a transform; a point goes where they send it, each counting by its distance.
 
     Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x) with
     w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It goes through every feature, has the Jacobian A_i there, and is an affine
@@ -184,7 +184,7 @@ class SubspaceMap:
         object.__setattr__(self, "slopes", frozen_array(self.slopes, (count, 3, 3)))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) carried over [m]."""
+        """Points (..., 3) transferred [m]."""
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         rest = np.empty_like(flat)

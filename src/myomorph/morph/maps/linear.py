@@ -42,7 +42,7 @@ class Similarity:
         object.__setattr__(self, "translation", frozen_array(self.translation, (3,)))
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) carried over."""
+        """Points (..., 3) transferred."""
         return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
 
     def inverse(self) -> Similarity:
@@ -196,7 +196,7 @@ class AffineMap:
         return AffineMap(similarity.scale * similarity.rotation, similarity.translation)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) carried over [m]."""
+        """Points (..., 3) transferred [m]."""
         return np.asarray(points, dtype=np.float64) @ self.matrix.T + self.offset
 
     def jacobian(self, points: ArrayLike) -> Array:

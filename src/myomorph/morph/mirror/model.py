@@ -1,6 +1,6 @@
 """The other side of a body: a left leg from a right one.
 
-A reflection Q (its matrix S, S S = 1) carries points x of a body to Q x; the frames stay right-handed, so a joint
+A reflection Q (its matrix S, S S = 1) takes points x of a body to Q x; the frames stay right-handed, so a joint
 between bodies of reflections Q_p and Q_c with a reflection S_j of its own frame becomes
 
     parent frame Q_p P S_j,  child frame Q_c C S_j,  rotation about -S_j u,  translation along S_j u
@@ -58,7 +58,7 @@ def mirrored(
     Returns
     -------
     model whose muscles have the lengths and moment arms of the given one's when it moves as `mirrored_motion` says.
-    Where all names have their counterparts everything keeps its order. Parts of a file that are only carried along
+    Where all names have their counterparts everything keeps its order. Parts of a file that are only copied
     (`Model.kept`) stay behind, but for the file's head, and ligaments with them.
 
     Raises

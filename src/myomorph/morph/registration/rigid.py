@@ -172,7 +172,7 @@ class RoughFit:
 
 
 class _Pairs(NamedTuple):
-    """Points (n, 3) of the source, carried over, with normals there and how far they are from the target's points."""
+    """Points (n, 3) of the source, transferred, with normals there and how far they are from the target's points."""
 
     moved: Array
     normals: Array

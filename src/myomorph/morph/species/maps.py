@@ -155,17 +155,17 @@ def _map(
         return made, tuple(notes)
     names, ours, theirs, steep = _consistent(names, ours, theirs)
     notes += [f"{pair}: {line}" for line in steep]
-    stretch = fit_affine(theirs, ours)
-    if np.linalg.det(stretch.matrix) <= 0.0:
+    scaling = fit_affine(theirs, ours)
+    if np.linalg.det(scaling.matrix) <= 0.0:
         raise BadData(f"{pair}: the landmarks turn right into left: is one of the bones of the other side?")
-    wanted, points = match or MatchOptions(), FeaturePoints(names, ours, stretch.apply(theirs))
+    wanted, points = match or MatchOptions(), FeaturePoints(names, ours, scaling.apply(theirs))
     if wanted.features == "dense" and bone.match == "dense":
-        stretched = Surface(stretch.apply(shapes[1].vertices), shapes[1].faces)
-        bone_map = map_bone(body, shapes[0], stretched, points, options, wanted, target)
+        scaled_surface = Surface(scaling.apply(shapes[1].vertices), shapes[1].faces)
+        bone_map = map_bone(body, shapes[0], scaled_surface, points, options, wanted, target)
     else:
         # What rules found on a bone need not be checked against it.
         bone_map = map_bone(body, None, None, points, options, wanted, target)
-    return _stretched(bone_map, shapes[0], shapes[1], stretch.inverse()), tuple(notes)
+    return _stretched(bone_map, shapes[0], shapes[1], scaling.inverse()), tuple(notes)
 
 
 def _consistent(
@@ -234,7 +234,7 @@ def species_morph(
     map_options, match : how bones are mapped, and matched where the table wants dense correspondence
     beside : keep the target's own muscles too
     name : of the new model; by default the target's
-    progress : called with a bone's name before it is mapped, and with "muscles" before they are carried
+    progress : called with a bone's name before it is mapped, and with "muscles" before they are transferred
 
     Returns
     -------
@@ -253,14 +253,14 @@ def species_morph(
         progress("muscles")
     known = None
     if options is None or options.architecture == "tables":
-        carried = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
+        transferred = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
         if table.architecture:
             sizes = [size_over(architecture, table, target, target_surfaces) for architecture in table.architecture]
-            known = architectures(source, table.architecture, sizes, carried)
+            known = architectures(source, table.architecture, sizes, transferred)
         elif table.scaling is not None:
             theirs = joint_distances(table.scaling.bones, table, target, "target")
             ours = joint_distances(table.scaling.bones, table, source, "source")
-            known = scaled_architectures(source, table.scaling, theirs / ours, carried)
+            known = scaled_architectures(source, table.scaling, theirs / ours, transferred)
     morph = graft_muscles(
         bones.source,
         target,

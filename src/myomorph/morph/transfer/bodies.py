@@ -18,25 +18,25 @@ from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.transfer.carrier import Carrier, Carriers, few, nearest_rotation, scaled_map
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few, nearest_rotation, scaled_map
 
 Tie = TypeVar("Tie", Loop, Bushing)
 
 
-def transferred_body(body: Body, carrier: Carrier) -> Body:
+def transferred_body(body: Body, transfer: Transfer) -> Body:
     """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it.
 
     The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
     """
-    A, mass = carrier.linear, body.mass * carrier.volume
+    A, mass = transfer.linear, body.mass * transfer.volume
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
-    second = carrier.volume * A @ second @ A.T
+    second = transfer.volume * A @ second @ A.T
     return replace(
         body,
         mass=mass,
-        mass_center=carrier.points(body.mass_center),
+        mass_center=transfer.points(body.mass_center),
         inertia=np.trace(second) * np.eye(3) - second,
-        meshes=tuple(transferred_mesh(mesh, carrier) for mesh in body.meshes),
+        meshes=tuple(transferred_mesh(mesh, transfer) for mesh in body.meshes),
     )
 
 
@@ -56,36 +56,36 @@ def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
     return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
 
 
-def transferred_mesh(mesh: Mesh, carrier: Carrier) -> Mesh:
+def transferred_mesh(mesh: Mesh, transfer: Transfer) -> Mesh:
     """A mesh stretched along its own axes as its bone is: what can be shown where the target's bone has no file."""
-    matrix = carrier.linear @ mesh.pose.rotation
-    pose = Transform(nearest_rotation(matrix), carrier.points(mesh.pose.translation))
+    matrix = transfer.linear @ mesh.pose.rotation
+    pose = Transform(nearest_rotation(matrix), transfer.points(mesh.pose.translation))
     return replace(mesh, pose=pose, scale=np.asarray(mesh.scale) * np.linalg.norm(matrix, axis=0))
 
 
-def transferred_marker(marker: Marker, carriers: Carriers) -> Marker:
+def transferred_marker(marker: Marker, transfers: Transfers) -> Marker:
     """A marker, by its body's map."""
-    carrier = carriers[marker.body]
-    return replace(marker, body=carrier.body, location=carrier.points(marker.location))
+    transfer = transfers[marker.body]
+    return replace(marker, body=transfer.body, location=transfer.points(marker.location))
 
 
-def transferred_tie(tie: Tie, carriers: Carriers) -> Tie:
+def transferred_tie(tie: Tie, transfers: Transfers) -> Tie:
     """A closed loop or a bushing: both of its frames."""
-    first, second = carriers[tie.body_1], carriers[tie.body_2]
+    first, second = transfers[tie.body_1], transfers[tie.body_2]
     return replace(
         tie, body_1=first.body, body_2=second.body, pose_1=first.pose(tie.pose_1), pose_2=second.pose(tie.pose_2)
     )
 
 
-def transferred_actuator(actuator: Actuator, carriers: Carriers) -> Actuator:
+def transferred_actuator(actuator: Actuator, transfers: Transfers) -> Actuator:
     """Points and directions of an ideal actuator that are fixed to bodies."""
 
     def there(body: str, point: Array) -> Array:
-        return carriers[body].points(point) if body and not actuator.point_is_global else point
+        return transfers[body].points(point) if body and not actuator.point_is_global else point
 
     direction = actuator.direction
     if actuator.body and actuator.body != GROUND and not actuator.direction_is_global:
-        direction = carriers[actuator.body].rotation @ direction
+        direction = transfers[actuator.body].rotation @ direction
     return replace(
         actuator,
         point=there(actuator.body, actuator.point),

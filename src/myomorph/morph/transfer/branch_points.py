@@ -1,9 +1,9 @@
-"""Where muscles branch: a virtual link comes to rest where the tensions of its strands balance ([D] chapter 2).
+"""Where muscles branch: a virtual link comes to rest where the tensions of its lines of action balance ([D] chapter 2).
 
 Nothing holds a branching point but the muscles that end there or run through it. Its file says where it is; the
 tensions nearest to equal activation that hold it there are found, and what force they leave over (of pressure, of
 fascia) is carried along. In other bones the same tensions and that force put it where sum_i T_i dL_i/dx = R. It is the
-least of sum_i T_i L_i - R x, which has one for straight strands (the Fermat-Weber problem).
+least of sum_i T_i L_i - R x, which has one for straight lines of action (the Fermat-Weber problem).
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ STIFF = 10.0
 
 ROUNDS = 60
 SETTLED = 1e-10
-"""Newton's steps end when no point moves by more than this share of its strands' lengths."""
+"""Newton's steps end when no point moves by more than this share of the length of its lines of action."""
 
 STEP = 1e-5
-"""Of the derivative of the forces, as a share of the strands' lengths."""
+"""Of the derivative of the forces, as a share of the lengths of the lines of action."""
 
 FLAT = 1e-4
-"""A direction in which the strands' stiffness is less than this share of the greatest holds nothing."""
+"""A direction in which the stiffness of the lines of action is less than this share of the greatest holds nothing."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class BranchLoad:
     Attributes
     ----------
     link : the body
-    muscles : its strands
-    tensions : (strands,) [N]
-    rest : (3,) force that no strand holds, in the link's frame [N]
+    muscles : its lines of action
+    tensions : (lines of action,) [N]
+    rest : (3,) force that no line of action holds, in the link's frame [N]
     """
 
     link: str
@@ -81,7 +81,7 @@ class BranchLoad:
 
     @property
     def share(self) -> float:
-        """Of the strands' tensions, that they do not hold among themselves."""
+        """Of the line tensions, that they do not hold among themselves."""
         return float(np.linalg.norm(self.rest) / self.tensions.sum())
 
 
@@ -135,13 +135,13 @@ def branch_load(model: Model, link: str) -> BranchLoad:
 def branch_places(
     model: Model, load: BranchLoad, motion: Motion | None = None, riders: Riders | None = None
 ) -> tuple[Array, Array]:
-    """How far a branching point moves until its strands balance, in each frame of a motion.
+    """How far a branching point moves until its lines of action balance, in each frame of a motion.
 
     Source: [D] chapter 2, virtual links; the balance is that of a massless body (see docs/bone-maps.md).
 
     Parameters
     ----------
-    load : tensions of the strands, by name those of the model, and the force beside them
+    load : tensions of the lines of action, by name those of the model, and the force beside them
     motion : the other coordinates; the default pose without it
     riders : what rides on it, where that is not all that the body has
 
@@ -152,13 +152,13 @@ def branch_places(
 
     Raises
     ------
-    UnknownName : the model lacks the body, or a strand
+    UnknownName : the model lacks the body, or a line of action
     """
     for name in load.muscles:
         check_name("muscle", name, model.muscle_names)
     riding = riders or riders_of(model, load.link)
-    strands = {name: numbers for name, numbers in riding.points.items() if name in load.muscles}
-    freed = _FreeLink(model, load.link, replace(riding, points=FrozenMap(strands)), motion)
+    branches = {name: numbers for name, numbers in riding.points.items() if name in load.muscles}
+    freed = _FreeLink(model, load.link, replace(riding, points=FrozenMap(branches)), motion)
     order = [load.muscles.index(name) for name in freed.muscles]
     tensions = load.tensions[order]
     moved = np.zeros((freed.frames, 3))
@@ -168,7 +168,7 @@ def branch_places(
         sound = _firm(stiffness)
         step = np.zeros_like(moved)
         step[sound] = -np.linalg.solve(stiffness[sound], force[sound][..., None])[..., 0]
-        # Newton's step may pass a strand's far end: no step is longer than a quarter of the strands.
+        # Newton's step may pass a line of action's far end: no step is longer than a quarter of a line.
         step *= np.minimum(1.0, 0.25 * size / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
         share = np.ones(len(moved))
         for _ in range(12):
@@ -228,7 +228,7 @@ class _FreeLink:
         self.frames = len(self._values)
 
     def slopes(self, moved: Array, each: int = 1) -> tuple[Array, Array]:
-        """Lengths (frames, strands) and their derivatives (frames, 3, strands) by the point's place in the link.
+        """Lengths (frames, lines) and their derivatives (frames, 3, lines) by the point's place in the link.
 
         Parameters
         ----------

@@ -18,7 +18,7 @@ from myomorph.model.scale import slides_freely, stretched
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.morph.morphed import RebuiltJoint
 from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, warning_of
-from myomorph.morph.transfer.carrier import Carrier, Carriers, nearest_rotation
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation
 
 APART = 0.05
 """Centers further apart than this share of the longer bone's length are left apart: the bones are not as in a body."""
@@ -53,12 +53,12 @@ class CenterFinder:
 
     Attributes
     ----------
-    carriers : of all bodies and of the ground
+    transfers : of all bodies and of the ground
     fitted : take them from round surfaces of the target where such fit as in the source
     together : the target's bones share a frame, so parent and child must agree
     """
 
-    carriers: Carriers
+    transfers: Transfers
     fitted: bool
     together: bool
 
@@ -70,15 +70,15 @@ class CenterFinder:
         the source is kept. Bones that share a frame share the center: a fitted one before a mapped one, that of a bone
         that it lies in before that of one beside which it lies, else the middle.
         """
-        parent, child = self.carriers[joint.parent], self.carriers[joint.child]
+        parent, child = self.transfers[joint.parent], self.transfers[joint.child]
         turns = [axis for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
         centers = [_mapped(parent, in_parent), _mapped(child, in_child)]
         if self.fitted and turns:
             shape: Round = "sphere" if len({name for axis in turns for name in axis.coordinates}) > 1 else "cylinder"
             frames = joint.parent_frame, joint.child_frame
             centers = [
-                _fitted(carrier, place, frame.rotation @ turns[0].vector, shape)
-                for carrier, place, frame in zip((parent, child), (in_parent, in_child), frames, strict=True)
+                _fitted(transfer, place, frame.rotation @ turns[0].vector, shape)
+                for transfer, place, frame in zip((parent, child), (in_parent, in_child), frames, strict=True)
             ]
         ours, theirs = centers
         method = theirs.method if theirs.method != "mapped" else ours.method
@@ -92,9 +92,9 @@ class CenterFinder:
         return RebuiltJoint(joint.name, method, shared, shared, moved, gap)
 
 
-def furthest_gap(parent: Carrier, child: Carrier) -> float:
+def furthest_gap(parent: Transfer, child: Transfer) -> float:
     """How far the centers that two bones in one frame give their joint may be from each other [m]."""
-    return APART * max(carrier.length * carrier.size for carrier in (parent, child))
+    return APART * max(transfer.length * transfer.size for transfer in (parent, child))
 
 
 def _shared(fitteds: list[_Fitted]) -> Array:
@@ -104,23 +104,23 @@ def _shared(fitteds: list[_Fitted]) -> Array:
     return np.mean(best, axis=0)
 
 
-def _depth(carrier: Carrier, place: Array) -> float:
+def _depth(transfer: Transfer, place: Array) -> float:
     """Of a place (3,) of the source over its bone's surface, negative inside, NaN without surfaces [m]."""
-    return float("nan") if carrier.shapes is None else float(carrier.shapes[0].signed(place[None])[0])
+    return float("nan") if transfer.shapes is None else float(transfer.shapes[0].signed(place[None])[0])
 
 
-def _mapped(carrier: Carrier, place: Array) -> _Fitted:
-    return _Fitted(carrier.points(place), inside=_depth(carrier, place) < 0.0)
+def _mapped(transfer: Transfer, place: Array) -> _Fitted:
+    return _Fitted(transfer.points(place), inside=_depth(transfer, place) < 0.0)
 
 
-def _fitted(carrier: Carrier, place: Array, axis: Array, shape: Round) -> _Fitted:
+def _fitted(transfer: Transfer, place: Array, axis: Array, shape: Round) -> _Fitted:
     """A center (3,) of the source in the target's bone, by the round surface about it if there is one."""
-    mapped = _mapped(carrier, place)
-    if carrier.shapes is None:
+    mapped = _mapped(transfer, place)
+    if transfer.shapes is None:
         return mapped
-    depth = _depth(carrier, place)
+    depth = _depth(transfer, place)
     try:
-        fitted = _center(carrier, place, axis, shape, abs(depth), depth > 0.0)
+        fitted = _center(transfer, place, axis, shape, abs(depth), depth > 0.0)
     except BadData:  # there is nothing round
         fitted = None
     if fitted is None:
@@ -128,18 +128,18 @@ def _fitted(carrier: Carrier, place: Array, axis: Array, shape: Round) -> _Fitte
     return _Fitted(fitted, shape, float(np.linalg.norm(fitted - mapped.center)), mapped.inside)
 
 
-def _center(carrier: Carrier, place: Array, axis: Array, shape: Round, radius: float, hollow: bool) -> Array | None:
-    source, target = carrier.bone.source, carrier.bone.target
+def _center(transfer: Transfer, place: Array, axis: Array, shape: Round, radius: float, hollow: bool) -> Array | None:
+    source, target = transfer.bone.source, transfer.bone.target
     assert source is not None
     assert target is not None
-    matrix = carrier.near(place)
+    matrix = transfer.near(place)
     if shape == "sphere":
         ball = articular_sphere(source, place, radius, hollow)
         beside = place - ball.center
         if warning_of(ball) or np.linalg.norm(beside) > AGREES * ball.radius:
             return None
-        other = articular_sphere(target, carrier.points(ball.center), ball.radius * carrier.size, hollow)
-        if warning_of(other) or _strays(carrier, other.center, carrier.points(ball.center), other.radius):
+        other = articular_sphere(target, transfer.points(ball.center), ball.radius * transfer.size, hollow)
+        if warning_of(other) or _strays(transfer, other.center, transfer.points(ball.center), other.radius):
             return None
         return np.asarray(other.center + matrix @ beside)
     roller = articular_cylinder(source, place, axis, radius, hollow=hollow)
@@ -147,17 +147,17 @@ def _center(carrier: Carrier, place: Array, axis: Array, shape: Round, radius: f
     if warning_of(roller) or abs(roller.axis @ axis) < TILTED or np.linalg.norm(beside) > AGREES * roller.radius:
         return None
     along = matrix @ roller.axis
-    size = carrier.size
+    size = transfer.size
     there = articular_cylinder(
-        target, carrier.points(place), along, roller.radius * size, 2.0 * roller.length * size, hollow
+        target, transfer.points(place), along, roller.radius * size, 2.0 * roller.length * size, hollow
     )
-    goal = carrier.points(place)
+    goal = transfer.points(place)
     center: Array = there.point + (goal - there.point) @ there.axis * there.axis + matrix @ beside
-    return None if warning_of(there) or _strays(carrier, center, goal, there.radius) else center
+    return None if warning_of(there) or _strays(transfer, center, goal, there.radius) else center
 
 
-def _strays(carrier: Carrier, fitted: Array, mapped: Array, radius: float) -> bool:
-    return carrier.bone.basis == "bone" and bool(np.linalg.norm(fitted - mapped) > STRAYS * radius)
+def _strays(transfer: Transfer, fitted: Array, mapped: Array, radius: float) -> bool:
+    return transfer.bone.basis == "bone" and bool(np.linalg.norm(fitted - mapped) > STRAYS * radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class TransferredJoints:
 
     Attributes
     ----------
-    skeleton : the model with its joints carried and nothing else
+    skeleton : the model with its joints transferred and nothing else
     travel : how much further a sliding coordinate goes, for the coordinates that slide
     """
 
@@ -176,7 +176,7 @@ class TransferredJoints:
     notes: tuple[str, ...] = ()
 
 
-def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) -> TransferredJoints:
+def transferred_joints(model: Model, transfers: Transfers, centers: CenterFinder) -> TransferredJoints:
     """All joints of a model, with the coordinates that slide in meters.
 
     A joint's center is where the child's joint frame is in the default pose. Parent and child carry it each by its own
@@ -185,21 +185,21 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
 
     Parameters
     ----------
-    carriers : of all bodies and of the ground
+    transfers : of all bodies and of the ground
     centers : where the center comes to lie
     """
     defaults = _defaults(model)
     anchored = [_anchored(joint) for joint in model.joints]
-    stretches = [_stretches(joint, carriers, defaults) for joint in anchored]
+    scale_factors = [_scale_factors(joint, transfers, defaults) for joint in anchored]
     travel = {
-        axis.coordinates[0]: stretch
-        for joint, along in zip(anchored, stretches, strict=True)
-        for axis, stretch in zip(joint.axes, along, strict=True)
+        axis.coordinates[0]: scale_factor
+        for joint, along in zip(anchored, scale_factors, strict=True)
+        for axis, scale_factor in zip(joint.axes, along, strict=True)
         if axis.kind == "translation" and axis.coordinates and slides_freely(axis.function)
     }
     pairs = [
-        _carried(joint, along, travel, defaults, carriers, centers)
-        for joint, along in zip(anchored, stretches, strict=True)
+        _carried(joint, along, travel, defaults, transfers, centers)
+        for joint, along in zip(anchored, scale_factors, strict=True)
     ]
     skeleton = replace(
         model,
@@ -211,7 +211,7 @@ def transferred_joints(model: Model, carriers: Carriers, centers: CenterFinder) 
         passive_torques=tuple(_torque(torque, travel.get(torque.coordinate, 1.0)) for torque in model.passive_torques),
     )
     rebuilt = tuple(joint for _, joint in pairs)
-    notes = tuple(note for joint, rebuilt_joint in pairs for note in _warnings(joint, rebuilt_joint, carriers))
+    notes = tuple(note for joint, rebuilt_joint in pairs for note in _warnings(joint, rebuilt_joint, transfers))
     return TransferredJoints(skeleton, FrozenMap(travel), rebuilt, notes)
 
 
@@ -259,7 +259,7 @@ def _pose(axes: tuple[Axis, ...], values: Mapping[str, float]) -> Transform:
     return pose
 
 
-def _stretches(joint: Joint, carriers: Carriers, values: Mapping[str, float]) -> list[float]:
+def _scale_factors(joint: Joint, transfers: Transfers, values: Mapping[str, float]) -> list[float]:
     """How much longer the parent becomes along each sliding axis, at the joint; 1 for axes of rotation."""
     amounts = [_value(axis.function, axis.coordinates, values) for axis in joint.axes]
     result = [1.0] * len(joint.axes)
@@ -270,7 +270,7 @@ def _stretches(joint: Joint, carriers: Carriers, values: Mapping[str, float]) ->
     if not any(sliding):
         return result
     center = (joint.parent_frame @ _pose(joint.axes, values)).translation
-    matrix = carriers[joint.parent].near(center)
+    matrix = transfers[joint.parent].near(center)
     rotation, pose = nearest_rotation(matrix), joint.parent_frame
     for i, (axis, amount) in enumerate(zip(joint.axes, amounts, strict=True)):
         if sliding[i]:
@@ -282,13 +282,13 @@ def _stretches(joint: Joint, carriers: Carriers, values: Mapping[str, float]) ->
 
 def _carried(
     joint: Joint,
-    stretches: list[float],
+    scale_factors: list[float],
     travel: Mapping[str, float],
     defaults: Mapping[str, float],
-    carriers: Carriers,
+    transfers: Transfers,
     centers: CenterFinder,
 ) -> tuple[Joint, RebuiltJoint]:
-    parent, child = carriers[joint.parent], carriers[joint.child]
+    parent, child = transfers[joint.parent], transfers[joint.child]
     was = _pose(joint.axes, defaults).translation
     in_parent, in_child = joint.parent_frame.apply(was), joint.child_frame.translation
     center = centers.center(joint, in_parent, in_child)
@@ -297,12 +297,12 @@ def _carried(
     axes = tuple(
         replace(
             axis,
-            function=_travelled(axis, stretch, travel),
+            function=_travelled(axis, scale_factor, travel),
             origin=child_frame.inverse().apply(child.points(joint.child_frame.apply(axis.origin)))
             if axis.origin.any()
             else axis.origin,
         )
-        for axis, stretch in zip(joint.axes, stretches, strict=True)
+        for axis, scale_factor in zip(joint.axes, scale_factors, strict=True)
     )
     after = {name: value * travel.get(name, 1.0) for name, value in defaults.items()}
     turn = _turned(parent, in_parent, joint.parent_frame, hinge)
@@ -319,12 +319,12 @@ def _hinge(joint: Joint) -> Array | None:
     return turns[0].vector / np.linalg.norm(turns[0].vector)
 
 
-def _turned(carrier: Carrier, place: Array, frame: Transform, hinge: Array | None) -> Array:
+def _turned(transfer: Transfer, place: Array, frame: Transform, hinge: Array | None) -> Array:
     """Rotation (3, 3) of a joint's frame in the target: of the whole bone, swung so that a hinge follows its end."""
-    whole = carrier.rotation @ frame.rotation
+    whole = transfer.rotation @ frame.rotation
     if hinge is None:
         return whole
-    along, goal = whole @ hinge, carrier.turn(place) @ frame.rotation @ hinge
+    along, goal = whole @ hinge, transfer.turn(place) @ frame.rotation @ hinge
     swing = np.cross(along, goal)
     sine = float(np.linalg.norm(swing))
     if sine < 1e-12:
@@ -332,9 +332,9 @@ def _turned(carrier: Carrier, place: Array, frame: Transform, hinge: Array | Non
     return axis_rotation(swing / sine, float(np.arctan2(sine, along @ goal))) @ whole
 
 
-def _travelled(axis: Axis, stretch: float, travel: Mapping[str, float]) -> Function:
-    """Amounts grow by the stretch; coordinates in meters are read in their own new size."""
-    return _grown(axis.function, stretch if axis.kind == "translation" else 1.0, axis.coordinates, travel)
+def _travelled(axis: Axis, scale_factor: float, travel: Mapping[str, float]) -> Function:
+    """Amounts grow by the scale_factor; coordinates in meters are read in their own new size."""
+    return _grown(axis.function, scale_factor if axis.kind == "translation" else 1.0, axis.coordinates, travel)
 
 
 def _grown(function: Function, factor: float, coordinates: tuple[str, ...], travel: Mapping[str, float]) -> Function:
@@ -361,8 +361,8 @@ def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:
     return replace(torque, torque=stretched(torque.torque, 1.0, factor), damping=stretched(torque.damping, 1.0, factor))
 
 
-def _warnings(joint: Joint, rebuilt: RebuiltJoint, carriers: Carriers) -> list[str]:
-    if not rebuilt.gap > furthest_gap(carriers[joint.parent], carriers[joint.child]):
+def _warnings(joint: Joint, rebuilt: RebuiltJoint, transfers: Transfers) -> list[str]:
+    if not rebuilt.gap > furthest_gap(transfers[joint.parent], transfers[joint.child]):
         return []
     return [
         f"joint '{joint.name}': in the frame that they share the bones of '{joint.parent}' and '{joint.child}' put its "

@@ -1,4 +1,4 @@
-"""A model's muscles, and all that is fixed to its bones, carried to other bones ([D] chapters 2 and 6)."""
+"""A model's muscles, and all that is fixed to its bones, transferred to other bones ([D] chapters 2 and 6)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from myomorph.morph.transfer.bodies import (
     transferred_tie,
     with_neighbors,
 )
-from myomorph.morph.transfer.carrier import Carrier, Carriers, few
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
@@ -47,7 +47,7 @@ def morph_model(
     surrounding: Mapping[str, Sequence[str]] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
-    """The model in other bones: its joints, muscles and all that is fixed to its bodies carried by the bones' maps.
+    """The model in other bones: its joints, muscles and all that is fixed to its bodies transferred by the bones' maps.
 
     Everything fixed to one body goes by that body's map alone. A body without a map takes its neighbors' size; one
     that has no bone at all, but muscle points, is mapped by the bones around it (a virtual link). The new model has
@@ -57,9 +57,9 @@ def morph_model(
 
     Parameters
     ----------
-    model : whose muscles, joints and markers are carried over
+    model : whose muscles, joints and markers are transferred
     bones : maps by body, "ground" among them where it holds a bone; at least one
-    options : what is carried how; see `MorphOptions`
+    options : what is transferred how; see `MorphOptions`
     mass : of the new model [kg]; by default masses grow with the bones' volumes
     name : of the new model; by default the old one's
     together : the target's bones share one frame, as in one scan, so that parent and child must agree on joint centers
@@ -88,14 +88,14 @@ def morph_model(
     """
     options = options or MorphOptions()
     _check(model, bones)
-    carriers = {body: Carrier(bone, body) for body, bone in with_neighbors(model, bones).items()}
-    joints = transferred_joints(model, carriers, CenterFinder(carriers, options.joints == "fitted", together))
+    transfers = {body: Transfer(bone, body) for body, bone in with_neighbors(model, bones).items()}
+    joints = transferred_joints(model, transfers, CenterFinder(transfers, options.joints == "fitted", together))
     links = bones_around(model, bones, surrounding)
     # Their joints stay where their neighbors' size puts them: the pose in which bones are compared hangs on them.
     standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
-    carriers |= link_carriers(links, carriers, *standing, {link: link for link in links})
+    transfers |= link_carriers(links, transfers, *standing, {link: link for link in links})
 
-    def carried(by: Carriers) -> tuple[Model, LinesOfAction]:
+    def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
         strings = transferred_lines(
             model, model.muscles, model.ligaments, by, model.coordinates, joints.travel, options.surface_within
         )
@@ -111,16 +111,16 @@ def morph_model(
         return made, strings
 
     if options.balance:
-        carriers = balanced_links(model, links, carriers, lambda by: carried(by)[0])
-    moved, strings = carried(carriers)
-    solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
+        transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])
+    moved, strings = transferred(transfers)
+    solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
     moved, points, clearing = cleared(model, moved, solid, strings.points)
     lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
     ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
     source = {muscle.name: muscle for muscle in model.muscles}
-    muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, carriers, options, ratio)
-    bone_maps = {body: carrier.bone for body, carrier in carriers.items()}
-    doubted = uncertain_notes(points, carriers)
+    muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, transfers, options, ratio)
+    bone_maps = {body: transfer.bone for body, transfer in transfers.items()}
+    doubted = uncertain_notes(points, transfers)
     notes = (
         *doubted,
         *neighbor_notes(bone_maps),
@@ -142,17 +142,17 @@ def morph_model(
     )
 
 
-def _with_what_is_fixed(skeleton: Model, model: Model, carriers: Mapping[str, Carrier]) -> Model:
-    """The skeleton with all that the model has fixed to single bodies, and gravity, carried over."""
+def _with_what_is_fixed(skeleton: Model, model: Model, transfers: Mapping[str, Transfer]) -> Model:
+    """The skeleton with all that the model has fixed to single bodies, and gravity, transferred."""
     return replace(
         skeleton,
-        gravity=carriers[GROUND].rotation @ model.gravity,
-        markers=tuple(transferred_marker(marker, carriers) for marker in model.markers),
-        actuators=tuple(transferred_actuator(actuator, carriers) for actuator in model.actuators),
-        loops=tuple(transferred_tie(loop, carriers) for loop in model.loops),
-        frames=tuple(replace(frame, pose=carriers[frame.body].pose(frame.pose)) for frame in model.frames),
-        ground_meshes=tuple(transferred_mesh(mesh, carriers[GROUND]) for mesh in model.ground_meshes),
-        bushings=tuple(transferred_tie(bushing, carriers) for bushing in model.bushings),
+        gravity=transfers[GROUND].rotation @ model.gravity,
+        markers=tuple(transferred_marker(marker, transfers) for marker in model.markers),
+        actuators=tuple(transferred_actuator(actuator, transfers) for actuator in model.actuators),
+        loops=tuple(transferred_tie(loop, transfers) for loop in model.loops),
+        frames=tuple(replace(frame, pose=transfers[frame.body].pose(frame.pose)) for frame in model.frames),
+        ground_meshes=tuple(transferred_mesh(mesh, transfers[GROUND]) for mesh in model.ground_meshes),
+        bushings=tuple(transferred_tie(bushing, transfers) for bushing in model.bushings),
     )
 
 
@@ -204,15 +204,15 @@ def graft_muscles(
     options = options or MorphOptions()
     _check(source, bones)
     table = _same_coordinates(source, target) if coordinates is None else coordinates
-    carriers, links = _grafted(source, target, bones, postures, surrounding)
-    left_out = _left_out(source, carriers)
+    transfers, links = _grafted(source, target, bones, postures, surrounding)
+    left_out = _left_out(source, transfers)
     muscles, notes = _translated(
-        source, [muscle for muscle in source.muscles if muscle.name not in left_out], carriers, table, postures[0]
+        source, [muscle for muscle in source.muscles if muscle.name not in left_out], transfers, table, postures[0]
     )
-    ligaments = _whole_ligaments(source, carriers)
+    ligaments = _whole_ligaments(source, transfers)
     known = (*source.coordinates, *target.coordinates)
 
-    def carried(by: Carriers) -> tuple[Model, LinesOfAction]:
+    def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
         strings = transferred_lines(source, muscles, ligaments, by, known, {}, options.surface_within)
         made = replace(
             target,
@@ -228,20 +228,22 @@ def graft_muscles(
 
     if options.balance:
         held = _in_posture(source, postures[0])
-        carriers = balanced_links(held, links, carriers, lambda by: _in_posture(carried(by)[0], postures[1]))
-    moved, strings = carried(carriers)
+        transfers = balanced_links(held, links, transfers, lambda by: _in_posture(transferred(by)[0], postures[1]))
+    moved, strings = transferred(transfers)
     donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in muscles), ligaments=ligaments)
-    solid = [carrier.bone for carrier in carriers.values()] if options.clear else []
+    solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
     moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
     lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
     ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
     owners = {muscle.name: muscle for muscle in source.muscles}
-    grown, changes, unsure = transferred_muscles(moved.muscles, owners, lengths, carriers, options, ratio, architecture)
+    grown, changes, unsure = transferred_muscles(
+        moved.muscles, owners, lengths, transfers, options, ratio, architecture
+    )
     taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
     if beside:
         grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
         moved = replace(moved, wrap_objects=(*target.wrap_objects, *moved.wrap_objects))
-    bone_maps = {body: carrier.bone for body, carrier in carriers.items()}
+    bone_maps = {body: transfer.bone for body, transfer in transfers.items()}
     return Morph(
         source=source,
         model=replace(moved, muscles=grown, ligaments=taut),
@@ -250,7 +252,7 @@ def graft_muscles(
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*uncertain_notes(points, carriers), *link_notes(bone_maps), *notes, *strings.notes, *clearing, *unsure),
+        notes=(*uncertain_notes(points, transfers), *link_notes(bone_maps), *notes, *strings.notes, *clearing, *unsure),
         left_out=FrozenMap(left_out),
     )
 
@@ -261,15 +263,15 @@ def _grafted(
     bones: Mapping[str, BoneMap],
     postures: tuple[Mapping[str, float], Mapping[str, float]],
     surrounding: Mapping[str, Sequence[str]] | None,
-) -> tuple[dict[str, Carrier], dict[str, tuple[str, ...]]]:
-    """Carriers of the bones, and of the virtual links by the bones around them in the postures given; and the links."""
-    carriers = {body: Carrier(bone, bone.target_body) for body, bone in bones.items()}
+) -> tuple[dict[str, Transfer], dict[str, tuple[str, ...]]]:
+    """Transfers of the bones, and of virtual links by the bones around them in these postures; and the links."""
+    transfers = {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
     for body in bones:
-        index_of("body", carriers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
+        index_of("body", transfers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
     before, after = standing_poses(source, postures[0]), standing_poses(target, postures[1])
     links = bones_around(source, bones, surrounding)
-    targets = {link: carriers[around[0]].body for link, around in links.items()}
-    return carriers | link_carriers(links, carriers, before, after, targets), links
+    targets = {link: transfers[around[0]].body for link, around in links.items()}
+    return transfers | link_carriers(links, transfers, before, after, targets), links
 
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
@@ -280,14 +282,14 @@ def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
     return replace(model, coordinates=tuple(changed))
 
 
-def _whole_ligaments(source: Model, carriers: Mapping[str, Carrier]) -> tuple[Ligament, ...]:
+def _whole_ligaments(source: Model, transfers: Mapping[str, Transfer]) -> tuple[Ligament, ...]:
     """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go around."""
     bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
     ligaments = []
     for ligament in source.ligaments:
-        if all(isinstance(point, PathPoint) and point.body in carriers for point in ligament.path.points):
+        if all(isinstance(point, PathPoint) and point.body in transfers for point in ligament.path.points):
             wraps = tuple(
-                w for w in ligament.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in carriers
+                w for w in ligament.path.wraps if isinstance(w, PathWrap) and bodies[w.wrap_object] in transfers
             )
             ligaments.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
     return tuple(ligaments)
@@ -303,11 +305,11 @@ def _same_coordinates(source: Model, target: Model) -> CoordinateTable:
     return {name: (name, 1.0, 0.0) for name in source.coordinate_names if name in target.coordinate_names}
 
 
-def _left_out(source: Model, carriers: Mapping[str, Carrier]) -> dict[str, str]:
+def _left_out(source: Model, transfers: Mapping[str, Transfer]) -> dict[str, str]:
     """Why each muscle that cannot be put on the target is left out."""
     result = {}
     for muscle in source.muscles:
-        missing = dict.fromkeys(point.body for point in muscle.path.points if point.body not in carriers)
+        missing = dict.fromkeys(point.body for point in muscle.path.points if point.body not in transfers)
         if missing:
             result[muscle.name] = "the target has no counterpart of " + ", ".join(f"'{body}'" for body in missing)
     return result
@@ -316,7 +318,7 @@ def _left_out(source: Model, carriers: Mapping[str, Carrier]) -> dict[str, str]:
 def _translated(
     source: Model,
     muscles: Sequence[Muscle],
-    carriers: Mapping[str, Carrier],
+    transfers: Mapping[str, Transfer],
     table: CoordinateTable,
     posture: Mapping[str, float],
 ) -> tuple[list[Muscle], list[str]]:
@@ -327,14 +329,14 @@ def _translated(
     for muscle in muscles:
         path, lost = translated_path(muscle.path, table, standing)
         opensim = tuple(
-            wrap for wrap in path.wraps if isinstance(wrap, PathWrap) and bodies[wrap.wrap_object] in carriers
+            wrap for wrap in path.wraps if isinstance(wrap, PathWrap) and bodies[wrap.wrap_object] in transfers
         )
         mujoco = tuple(
             wrap
             for wrap in path.wraps
             if isinstance(wrap, TendonWrap)
-            and bodies[wrap.wrap_object] in carriers
-            and wrap.side_body in ("", *carriers)
+            and bodies[wrap.wrap_object] in transfers
+            and wrap.side_body in ("", *transfers)
         )
         wraps = opensim or mujoco
         if lost:
@@ -350,10 +352,10 @@ def _translated(
     return paths, notes
 
 
-def _markers(source: Model, target: Model, carriers: Mapping[str, Carrier]) -> tuple[Marker, ...]:
+def _markers(source: Model, target: Model, transfers: Mapping[str, Transfer]) -> tuple[Marker, ...]:
     """The source's markers on bodies that have a counterpart, unless the target has one of that name."""
     return tuple(
-        transferred_marker(marker, carriers)
+        transferred_marker(marker, transfers)
         for marker in source.markers
-        if marker.body in carriers and marker.name not in target.marker_names
+        if marker.body in transfers and marker.name not in target.marker_names
     )

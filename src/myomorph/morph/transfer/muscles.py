@@ -14,7 +14,7 @@ from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
 from myomorph.morph.checks.moment_arms import Postures
 from myomorph.morph.morphed import Architecture, MorphOptions, MuscleChange
-from myomorph.morph.transfer.carrier import Carriers, few
+from myomorph.morph.transfer.body_transfer import Transfers, few
 from myomorph.muscles.path import compile_paths
 
 USUAL = 0.4, 1.6
@@ -56,7 +56,7 @@ def transferred_muscles(
     muscles: tuple[Muscle, ...],
     source: Mapping[str, Muscle],
     lengths: tuple[Array, Array],
-    carriers: Carriers,
+    transfers: Transfers,
     options: MorphOptions,
     mass_ratio: float,
     known_architectures: Mapping[str, Architecture] | None = None,
@@ -86,8 +86,8 @@ def transferred_muscles(
             growth = kept or growth
         bodies = {point.body for point in source[muscle.name].path.points}
         changed = _with_lengths(muscle, growth)
-        changed = _with_pennation(changed, muscle, options, float(np.mean([carriers[body].size for body in bodies])))
-        force = _force_ratio(options, carriers, bodies, growth.slope, mass_ratio)
+        changed = _with_pennation(changed, muscle, options, float(np.mean([transfers[body].size for body in bodies])))
+        force = _force_ratio(options, transfers, bodies, growth.slope, mass_ratio)
         if known is not None:
             force = known.force / muscle.max_isometric_force if muscle.max_isometric_force > 0.0 else 1.0
             if known.pennation is not None:
@@ -181,15 +181,17 @@ def _with_pennation(muscle: Muscle, before: Muscle, options: MorphOptions, size:
     return replace(muscle, pennation_at_optimal=float(min(np.arcsin(min(sine, 1.0)), GREATEST_PENNATION)))
 
 
-def _force_ratio(options: MorphOptions, carriers: Carriers, bodies: set[str], fiber: float, mass_ratio: float) -> float:
+def _force_ratio(
+    options: MorphOptions, transfers: Transfers, bodies: set[str], fiber: float, mass_ratio: float
+) -> float:
     """Force is volume over fiber length times a stress that stays; the bones' volume stands for the muscle's."""
     if options.force == "keep":
         return 1.0
     if options.force == "area":
-        return float(np.mean([carriers[body].size for body in bodies])) ** 2
+        return float(np.mean([transfers[body].size for body in bodies])) ** 2
     if options.force == "mass":
         return mass_ratio / fiber
-    return float(np.exp(np.mean([np.log(carriers[body].volume) for body in bodies]))) / fiber
+    return float(np.exp(np.mean([np.log(transfers[body].volume) for body in bodies]))) / fiber
 
 
 def _with_force(muscle: Muscle, ratio: float, fiber: float) -> Muscle:

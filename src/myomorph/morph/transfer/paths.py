@@ -16,7 +16,7 @@ from myomorph.model.model import Coordinate, Model
 from myomorph.model.paths import Ligament, Muscle, PathWrap, WrapObject
 from myomorph.model.spatial import Transform
 from myomorph.morph.morphed import TransferredPoint
-from myomorph.morph.transfer.carrier import Carrier, Carriers, nearest_rotation
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation
 from myomorph.morph.transfer.points import Setting, transferred_paths
 
 OUTSIDE = 1.001, 1.05
@@ -99,24 +99,24 @@ _LATITUDES = np.arcsin(np.linspace(-0.8, 0.8, 5))
 _BALL = np.concatenate([np.cos(a) * _RING + [0.0, 0.0, np.sin(a)] for a in _LATITUDES])
 
 
-def transferred_wrap(wrap: WrapObject, carrier: Carrier) -> WrapObject:
+def transferred_wrap(wrap: WrapObject, transfer: Transfer) -> WrapObject:
     """A wrap object that lies in the target's bone as it did in the source's.
 
     Points of its surface go where the map sends them. The affine map nearest to that gives the middle and how the
     object turns (a cylinder's axis stays along the same line of the bone); radii are the mean distances of the points
     from the middle or the axis, so a similarity is met exactly. Sides that constrain the path turn with the object.
     """
-    points = surface_points(wrap, LONGEST * carrier.length)
-    moved = carrier.points(wrap.pose.apply(points))
+    points = surface_points(wrap, LONGEST * transfer.length)
+    moved = transfer.points(wrap.pose.apply(points))
     middle = moved.mean(axis=0)
     matrix = np.linalg.lstsq(points, moved - middle, rcond=None)[0].T
     if np.linalg.det(matrix) <= 0.0:
-        matrix = carrier.linear @ wrap.pose.rotation
+        matrix = transfer.linear @ wrap.pose.rotation
     rotation = nearest_rotation(matrix)
     if wrap.kind == "cylinder":
         rotation = _axis_along(rotation, matrix[:, 2])
     local = (moved - middle) @ rotation
-    return replace(wrap, body=carrier.body, pose=Transform(rotation, middle), size=_size(wrap, points, local, matrix))
+    return replace(wrap, body=transfer.body, pose=Transform(rotation, middle), size=_size(wrap, points, local, matrix))
 
 
 def surface_points(wrap: WrapObject, longest: float) -> Array:
@@ -182,7 +182,7 @@ def transferred_lines(
     source: Model,
     muscles: Iterable[Muscle],
     ligaments: Iterable[Ligament],
-    carriers: Carriers,
+    transfers: Transfers,
     coordinates: Iterable[Coordinate],
     travel: Mapping[str, float],
     within: float,
@@ -191,24 +191,24 @@ def transferred_lines(
 
     Parameters
     ----------
-    muscles, ligaments : all of whose bodies have a carrier
+    muscles, ligaments : all of whose bodies have a transfer
     coordinates : that their points may depend on
     travel : how much further a coordinate that slides goes in the target
     within : distance from the surface up to which a point belongs to it, as a share of the bone's length
     """
     muscles, ligaments = tuple(muscles), tuple(ligaments)
     wraps = {
-        wrap.name: (wrap, transferred_wrap(wrap, carriers[wrap.body]))
+        wrap.name: (wrap, transferred_wrap(wrap, transfers[wrap.body]))
         for wrap in source.wrap_objects
-        if wrap.body in carriers
+        if wrap.body in transfers
     }
     setting = Setting({coordinate.name: coordinate for coordinate in coordinates}, travel, wraps)
     owned = [(muscle.name, muscle.path) for muscle in muscles] + [
         (ligament.name, ligament.path) for ligament in ligaments
     ]
-    carried, points, notes = transferred_paths(owned, carriers, setting, within)
+    moved, points, notes = transferred_paths(owned, transfers, setting, within)
     wraps, smaller = points_left_outside(muscles, points, wraps)
-    paths = iter(carried)
+    paths = iter(moved)
     return LinesOfAction(
         tuple(replace(muscle, path=next(paths)) for muscle in muscles),
         tuple(replace(ligament, path=next(paths)) for ligament in ligaments),

@@ -14,7 +14,7 @@ from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, W
 from myomorph.model.scale import stretched
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.carrier import Carrier, Carriers, few
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few
 from myomorph.morph.transfer.moving_points import piece_about
 
 DEEPER = 3.0
@@ -48,8 +48,8 @@ class SurfacePoints:
     beyond: np.ndarray
 
 
-def put_on_surface(carrier: Carrier, points: Array, within: float) -> SurfacePoints:
-    """Points of a body carried over, those near its bone at their height above the target's.
+def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfacePoints:
+    """Points of a body transferred, those near its bone at their height above the target's.
 
     The point of the surface nearest to such a point goes where the map sends it, and from there to the nearest point of
     the target's surface that faces the same way: what the map missed the surface by is added to the point itself. So
@@ -60,38 +60,38 @@ def put_on_surface(carrier: Carrier, points: Array, within: float) -> SurfacePoi
     points : (n, 3) in the source body [m]
     within : distance from the surface up to which a point belongs to it, as a share of the bone's length
     """
-    mapped = carrier.points(points)
-    shapes, none = carrier.shapes, np.zeros(len(points))
+    mapped = transfer.points(points)
+    shapes, none = transfer.shapes, np.zeros(len(points))
     if shapes is None or not len(points):
         return SurfacePoints(mapped, none, none + np.nan, none + np.nan, none > 0.0)
     source, target = shapes
     feet, faces = source.closest(points)
     depth = source.signed(points)
     # A point that was outside the bone and would be inside belongs back outside, however far it was.
-    near = (np.abs(depth) <= within * carrier.length) | ((depth > 0) & (target.signed(mapped) < 0))
+    near = (np.abs(depth) <= within * transfer.length) | ((depth > 0) & (target.signed(mapped) < 0))
     near &= within > 0.0
     moved = mapped.copy()
     if near.any():
         # Normals of the source as those of the mapped surface, by the bone as a whole.
-        facing = source.normals[faces[near]] @ np.linalg.inv(carrier.linear)
-        moved[near] = _lifted(carrier, target, mapped[near], feet[near], facing, depth[near])
-    far = np.linalg.norm(moved - mapped, axis=1) > FARTHEST * carrier.length * carrier.size
+        facing = source.normals[faces[near]] @ np.linalg.inv(transfer.linear)
+        moved[near] = _lifted(transfer, target, mapped[near], feet[near], facing, depth[near])
+    far = np.linalg.norm(moved - mapped, axis=1) > FARTHEST * transfer.length * transfer.size
     moved[far] = mapped[far]
     crossed = far & (depth > 0) & (target.signed(moved) < 0)
     places, faces = target.closest(moved[crossed])
-    moved[crossed] = places + carrier.size * depth[crossed, None] * target.normals[faces]
+    moved[crossed] = places + transfer.size * depth[crossed, None] * target.normals[faces]
     return SurfacePoints(moved, np.linalg.norm(moved - mapped, axis=1), depth, target.signed(moved), far)
 
 
-def _lifted(carrier: Carrier, target: Shape, mapped: Array, feet: Array, facing: Array, depth: Array) -> Array:
-    ground = carrier.points(feet)
+def _lifted(transfer: Transfer, target: Shape, mapped: Array, feet: Array, facing: Array, depth: Array) -> Array:
+    ground = transfer.points(feet)
     place, normals = nearest_facing(target, ground, facing)
     above = mapped - ground
     # The map may fold or stretch what is between foot and point; then the height is the bone's size times the old one.
-    kept = carrier.size * depth
+    kept = transfer.size * depth
     # The surface knows on which side of it a point is: at an edge the normal of either face tells little.
     height = target.signed(place + above)
-    slack = 1e-9 * carrier.length
+    slack = 1e-9 * transfer.length
     wrong = (np.sign(height) * np.sign(depth) < 0) & (np.abs(height) > slack)
     wrong |= np.linalg.norm(above, axis=1) > DEEPER * np.abs(kept) + slack
     above[wrong] = kept[wrong, None] * normals[wrong]
@@ -147,12 +147,12 @@ class Setting:
 
 
 def transferred_paths(
-    owned: Iterable[tuple[str, Path]], carriers: Carriers, setting: Setting, within: float
+    owned: Iterable[tuple[str, Path]], transfers: Transfers, setting: Setting, within: float
 ) -> tuple[list[Path], tuple[TransferredPoint, ...], list[str]]:
     """Paths of muscles or ligaments, every point by the map of the body that it is fixed to.
 
-    A moving point is carried by the affine map nearest around the middle of its way, which is exact where the bone's
-    map is affine.
+    A moving point follows the affine map nearest around the middle of its way, which is exact where the bone's map is
+    affine.
 
     Parameters
     ----------
@@ -168,25 +168,25 @@ def transferred_paths(
     bodies = [point.body for _, path in owned for point in path.points]
     owners = [(name, point.name) for name, path in owned for point in path.points]
     notes: list[str] = []
-    carried = _transferred_points(owners, bodies, np.array(places).reshape(-1, 3), carriers, within, notes)
+    transferred_points = _transferred_points(owners, bodies, np.array(places).reshape(-1, 3), transfers, within, notes)
     paths, first = [], 0
     for name, path in owned:
-        here = carried[first : first + len(path.points)]
+        here = transferred_points[first : first + len(path.points)]
         first += len(path.points)
         points = tuple(
-            _point(point, to, carriers[point.body], setting, f"muscle '{name}'", notes)
+            _point(point, to, transfers[point.body], setting, f"muscle '{name}'", notes)
             for point, to in zip(path.points, here, strict=True)
         )
-        tendon = tuple(_side(wrap, carriers, setting) for wrap in path.wraps if isinstance(wrap, TendonWrap))
+        tendon = tuple(_side(wrap, transfers, setting) for wrap in path.wraps if isinstance(wrap, TendonWrap))
         paths.append(replace(path, points=points, wraps=tendon or path.wraps))
-    return paths, tuple(carried), list(dict.fromkeys(notes))
+    return paths, tuple(transferred_points), list(dict.fromkeys(notes))
 
 
 def _transferred_points(
     owners: list[tuple[str, str]],
     bodies: list[str],
     places: Array,
-    carriers: Carriers,
+    transfers: Transfers,
     within: float,
     notes: list[str],
 ) -> list[TransferredPoint]:
@@ -195,14 +195,16 @@ def _transferred_points(
     for i, body in enumerate(bodies):
         by_body.setdefault(body, []).append(i)
     for body, here in by_body.items():
-        put = put_on_surface(carriers[body], places[here], within)
+        put = put_on_surface(transfers[body], places[here], within)
         if put.beyond.any():
             shown = few(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
             notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
-        sure = carriers[body].within(places[here])
+        sure = transfers[body].within(places[here])
         for row, i in enumerate(here):
             known = float(put.lifted[row]), float(put.depth_source[row]), float(put.depth_target[row]), float(sure[row])
-            transferred[i] = TransferredPoint(*owners[i], body, carriers[body].body, places[i], put.points[row], *known)
+            transferred[i] = TransferredPoint(
+                *owners[i], body, transfers[body].body, places[i], put.points[row], *known
+            )
     return [transferred[i] for i in range(len(bodies))]
 
 
@@ -225,15 +227,15 @@ def _way(function: Function, coordinate: Coordinate | None) -> Array:
 def _point(
     point: PathPoint | MovingPathPoint,
     to: TransferredPoint,
-    carrier: Carrier,
+    transfer: Transfer,
     setting: Setting,
     user: str,
     notes: list[str],
 ) -> PathPoint | MovingPathPoint:
     if isinstance(point, PathPoint):
         low, high = (end * setting.travel.get(point.coordinate, 1.0) for end in point.range)
-        return replace(point, body=carrier.body, location=to.target, range=(low, high))
-    matrix = carrier.near(to.source)
+        return replace(point, body=transfer.body, location=to.target, range=(low, high))
+    matrix = transfer.near(to.source)
     if len({name for name in point.coordinates if name}) > 1 or any(
         isinstance(f, SineProduct) for f in point.functions
     ):
@@ -248,7 +250,7 @@ def _point(
     x, y, z = (combined(functions, row, to.target[i] - row @ to.source) for i, row in enumerate(matrix))
     names = _names(point, matrix)
     a, b, c = (name if f.arity else "" for f, name in zip((x, y, z), names, strict=True))
-    return replace(point, body=carrier.body, functions=(x, y, z), coordinates=(a, b, c))
+    return replace(point, body=transfer.body, functions=(x, y, z), coordinates=(a, b, c))
 
 
 def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
@@ -304,14 +306,14 @@ def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
     return np.array([piece_about(function, number, at) for at, number in zip(breaks, piece, strict=True)])
 
 
-def _side(wrap: TendonWrap, carriers: Carriers, setting: Setting) -> TendonWrap:
+def _side(wrap: TendonWrap, transfers: Transfers, setting: Setting) -> TendonWrap:
     """A side site keeps its place relative to the surface: inside stays inside. On another body it goes by its map."""
     if wrap.side is None:
         return wrap
     before, after = setting.wraps[wrap.wrap_object]
-    body = carriers[wrap.side_body].body
+    body = transfers[wrap.side_body].body
     if wrap.side_body != before.body:
-        return replace(wrap, side_body=body, side=carriers[wrap.side_body].points(wrap.side))
+        return replace(wrap, side_body=body, side=transfers[wrap.side_body].points(wrap.side))
     local = before.pose.inverse().apply(wrap.side)
     growth = np.full(3, after.size[0] / before.size[0])
     return replace(wrap, side_body=body, side=after.pose.apply(local * growth))

@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.shapes.articular import mm
-from myomorph.morph.transfer.carrier import Carriers
+from myomorph.morph.transfer.body_transfer import Transfers
 
 LARGE = 0.03
 """Share of the bone's length: a point that is known less surely is named."""
@@ -20,14 +20,14 @@ ASKED = 3
 """Places that are asked for, at most."""
 
 
-def uncertain_notes(points: Iterable[TransferredPoint], carriers: Carriers) -> list[str]:
+def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) -> list[str]:
     """A line for each bone with points that may belong far from where they were put, with landmarks to give."""
     notes = []
     by_body: dict[str, list[TransferredPoint]] = {}
     for point in points:
         by_body.setdefault(point.body, []).append(point)
     for body, here in by_body.items():
-        length = carriers[body].length
+        length = transfers[body].length
         unsure = sorted((item for item in here if item.within > LARGE * length), key=lambda item: -item.within)
         if not unsure:
             continue

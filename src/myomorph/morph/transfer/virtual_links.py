@@ -1,6 +1,7 @@
 """Virtual links: bodies without a bone on which muscles branch, mapped by the bones around them ([D] chapter 2).
 
-Where the bones' maps put a branching point, its strands need not hold it: it is moved to where their tensions balance.
+Where the bones' maps put a branching point, its lines of action need not hold it: it is moved to where their tensions
+balance.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Transform
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PlacedMap, fit_map, neighbors_of
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.branch_points import BranchLoad, Riders, branch_load, branch_places, riders_of
-from myomorph.morph.transfer.carrier import Carrier, Carriers
 from myomorph.muscles.scaling import default_path_lengths
 
 FEATURES = 60
@@ -76,7 +77,7 @@ def surrounded_map(
     link: str,
     there: str,
     around: Sequence[str],
-    carriers: Carriers,
+    transfers: Transfers,
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
 ) -> BoneMap:
@@ -85,16 +86,16 @@ def surrounded_map(
     Parameters
     ----------
     there : the target body that the link's points are fixed to
-    carriers : of the bones around it
+    transfers : of the bones around it
     source, target : poses of bodies in ground, of both models
     """
     names: list[str] = []
     before, after = [], []
     for bone in around:
-        features = _features(carriers, bone)
+        features = _features(transfers, bone)
         names += [f"{bone} {name}" for name in features.names]
         before.append((source[link].inverse() @ source[bone]).apply(features.source))
-        after.append((target[there].inverse() @ target[carriers[bone].body]).apply(features.target))
+        after.append((target[there].inverse() @ target[transfers[bone].body]).apply(features.target))
     features = FeaturePoints(tuple(names), np.concatenate(before), np.concatenate(after))
     return BoneMap(
         link,
@@ -107,18 +108,18 @@ def surrounded_map(
     )
 
 
-def _features(carriers: Carriers, bone: str) -> FeaturePoints:
+def _features(transfers: Transfers, bone: str) -> FeaturePoints:
     """Features of a bone, at most `FEATURES`; of a bone that has none, points of it and where they go."""
-    features = carriers[bone].bone.features
+    features = transfers[bone].bone.features
     if features is None or len(features) < 3:
-        places = carriers[bone].samples
-        features = FeaturePoints(tuple(str(i) for i in range(len(places))), places, carriers[bone].points(places))
+        places = transfers[bone].samples
+        features = FeaturePoints(tuple(str(i) for i in range(len(places))), places, transfers[bone].points(places))
     chosen = np.unique(np.linspace(0, len(features) - 1, min(FEATURES, len(features))).round().astype(int))
     return FeaturePoints(tuple(features.names[i] for i in chosen), features.source[chosen], features.target[chosen])
 
 
 FURTHEST = 0.25
-"""A branching point is moved no further than by this share of its strands' mean length."""
+"""A branching point is moved no further than by this share of the mean length of its lines of action."""
 
 PASSES = 20
 """Of moving several links, which may pull at each other."""
@@ -129,12 +130,12 @@ SETTLED = 1e-7
 
 def link_carriers(
     links: Mapping[str, Sequence[str]],
-    carriers: Carriers,
+    transfers: Transfers,
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
     targets: Mapping[str, str],
-) -> dict[str, Carrier]:
-    """Carriers of virtual links, by the bones around them as they lie in two poses.
+) -> dict[str, Transfer]:
+    """Transfers of virtual links, by the bones around them as they lie in two poses.
 
     Parameters
     ----------
@@ -143,27 +144,30 @@ def link_carriers(
     targets : bodies of the target that the links' points are fixed to
     """
     return {
-        link: Carrier(surrounded_map(link, targets[link], around, carriers, source, target), targets[link])
+        link: Transfer(surrounded_map(link, targets[link], around, transfers, source, target), targets[link])
         for link, around in links.items()
     }
 
 
 def balanced_links(
-    source: Model, links: Mapping[str, Sequence[str]], carriers: Carriers, carried: Callable[[Carriers], Model]
-) -> dict[str, Carrier]:
-    """The carriers, those of links moved to where their strands' tensions balance in the target as in the source.
+    source: Model,
+    links: Mapping[str, Sequence[str]],
+    transfers: Transfers,
+    transferred: Callable[[Transfers], Model],
+) -> dict[str, Transfer]:
+    """The transfers, those of links moved to where their line tensions balance in the target as in the source.
 
     Parameters
     ----------
     source : in the posture in which bones are compared
-    carried : the target with the source's muscles, by carriers, in that posture
+    transferred : the target with the source's muscles, by transfers, in that posture
     """
-    result = dict(carriers)
-    loads = {link: branch_load(source, link) for link in links if _has_strands(source, link)}
+    result = dict(transfers)
+    loads = {link: branch_load(source, link) for link in links if _has_branches(source, link)}
     moved = dict.fromkeys(loads, np.zeros(3))
     rests = dict.fromkeys(loads, True)
     for _ in range(PASSES):
-        target, furthest = carried(result), 0.0
+        target, furthest = transferred(result), 0.0
         for link, load in loads.items():
             there = result[link]
             shift, rests[link] = _to_balance(source, target, there, load)
@@ -174,10 +178,10 @@ def balanced_links(
             break
     lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
     for link, load in loads.items():
-        size = carriers[link].size * float(np.mean([lengths[name] for name in load.muscles]))
+        size = transfers[link].size * float(np.mean([lengths[name] for name in load.muscles]))
         away = float(np.linalg.norm(moved[link]))
         kept = rests[link] and away <= FURTHEST * size
-        result[link] = _with_balance(result[link] if kept else carriers[link], load, away, kept)
+        result[link] = _with_balance(result[link] if kept else transfers[link], load, away, kept)
     return result
 
 
@@ -191,12 +195,12 @@ def link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
     ]
 
 
-def _has_strands(model: Model, link: str) -> bool:
+def _has_branches(model: Model, link: str) -> bool:
     names = riders_of(model, link).points
     return bool(names) and all(model.muscle(name).max_isometric_force > 0.0 for name in names)
 
 
-def _to_balance(source: Model, target: Model, there: Carrier, load: BranchLoad) -> tuple[Array, bool]:
+def _to_balance(source: Model, target: Model, there: Transfer, load: BranchLoad) -> tuple[Array, bool]:
     """(3,) how far the link's points have to move in the target body's frame [m], and whether they can rest there."""
     link_riders = riders_of(source, load.link)
     known = frozenset(item.name for item in target.wrap_objects)
@@ -213,23 +217,23 @@ def _to_balance(source: Model, target: Model, there: Carrier, load: BranchLoad) 
     return (places[0], True) if balanced[0] else (np.zeros(3), False)
 
 
-def _shifted(carrier: Carrier, shift: Array) -> Carrier:
-    bone = carrier.bone
+def _shifted(transfer: Transfer, shift: Array) -> Transfer:
+    bone = transfer.bone
     moved = PlacedMap(Transform.identity(), bone.map, AffineMap(np.eye(3), shift))
     whole = Similarity(bone.whole.rotation, bone.whole.translation + shift, bone.whole.scale)
-    return Carrier(replace(bone, map=moved, whole=whole), carrier.body)
+    return Transfer(replace(bone, map=moved, whole=whole), transfer.body)
 
 
-def _with_balance(carrier: Carrier, load: BranchLoad, away: float, kept: bool) -> Carrier:
-    """The carrier with what is to be known of its balance in measures and notes."""
-    strands = f"the tensions of its {len(load.muscles)} strands"
-    rest = f"{100.0 * load.share:.0f} % of them is held by no strand, in the source too"
+def _with_balance(transfer: Transfer, load: BranchLoad, away: float, kept: bool) -> Transfer:
+    """The transfer with what is to be known of its balance in measures and notes."""
+    tensions = f"the tensions of its {len(load.muscles)} lines of action"
+    rest = f"{100.0 * load.share:.0f} % of them is held by no line of action, in the source too"
     if kept:
-        note = f"moved by {1e3 * away:.2g} mm to where {strands} balance ({rest})"
+        note = f"moved by {1e3 * away:.2g} mm to where {tensions} balance ({rest})"
     else:
-        note = f"left where its bones put it, as {strands} balance nowhere near ({rest})"
-    measures = {"moved to balance [m]": away if kept else 0.0, "held by no strand": load.share}
-    bone = carrier.bone
-    return Carrier(
-        replace(bone, measures=FrozenMap({**bone.measures, **measures}), notes=(*bone.notes, note)), carrier.body
+        note = f"left where its bones put it, as {tensions} balance nowhere near ({rest})"
+    measures = {"moved to balance [m]": away if kept else 0.0, "held by no line of action": load.share}
+    bone = transfer.bone
+    return Transfer(
+        replace(bone, measures=FrozenMap({**bone.measures, **measures}), notes=(*bone.notes, note)), transfer.body
     )

@@ -35,8 +35,8 @@ _SPHERE = np.vstack([np.eye(3), -np.eye(3), np.array(np.meshgrid(*[[-1, 1]] * 3)
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
-    """What is fixed to a body of the source, carried to the target.
+class Transfer:
+    """What is fixed to a body of the source, transferred to the target.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class Carrier:
         return Shape(bone.source), Shape(bone.target)
 
 
-Carriers = Mapping[str, Carrier]
+Transfers = Mapping[str, Transfer]
 
 
 def nearest_rotation(matrix: Array) -> Array:
