@@ -1,4 +1,4 @@
-"""Limits that `live` draws beside its frames, against the linear way on the whole recording."""
+"""Limits that `live` draws beside its frames, against those of the whole recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ flat = true
 [uncertainty]
 draws = {draws}
 contributions = 0
-method = "linear"
 [options.id]
 cutoff = 6
 [[subject]]

@@ -70,7 +70,6 @@ PAGES: dict[str, dict[str, str]] = {
         "uncertainty_assumed": "accuracy.uncertainty:measure_assumed",
         "uncertainty_other": "accuracy.uncertainty:measure_other",
         "uncertainty_factors": "accuracy.uncertainty:measure_factors",
-        "uncertainty_linear": "accuracy.uncertainty:measure_linear",
         "uncertainty_live": "accuracy.live_limits:measure",
         "uncertainty_knee": "accuracy.uncertainty:measure_knee",
         "uncertainty_plates": "accuracy.uncertainty_measured:measure_plates",

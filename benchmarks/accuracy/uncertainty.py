@@ -7,7 +7,6 @@ sizes; then a study is run as a user would run it, and its limits are held again
 from __future__ import annotations
 
 import contextlib
-import csv
 import io
 import tempfile
 from collections.abc import Iterator
@@ -242,48 +241,6 @@ def measure_knee(folder: Path) -> Iterator[Row]:
                 f"{part}, 90 % of the error [BW]": float(error[1] - error[0]) / BODY_WEIGHT,
             }
         yield row
-
-
-def measure_linear(folder: Path) -> Iterator[Row]:
-    """Standard deviations of the linear way over those sampled, of three recordings."""
-    home = folder / HOME
-    for motion, span in MOTIONS.items():
-        deviations: list[dict[tuple[str, str], float]] = []
-        for method in ("sampled", "linear"):
-            with tempfile.TemporaryDirectory() as work:
-                out, sizes = Path(work) / "out", Path(work) / "sizes.toml"
-                sizes.write_text("contributions = 0\n", encoding="utf-8")
-                files = ("--model", home / "models" / "manually_scaled.osim")
-                files += ("--motion", home / "ik_manual_scaling" / f"{motion}_ik.mot")
-                files += ("--loads", home / "grf" / f"{motion}_external_forces.xml", "--time", *span)
-                drawn = ("--draws", DRAWS, "--method", method, "--uncertainty", sizes)
-                command("tension", *files, "--cutoff", CUTOFF, "--reactions", "child", *drawn, "--out", out)
-                with (out / "uncertainty.csv").open(encoding="utf-8") as stream:
-                    rows = list(csv.DictReader(stream))
-            deviations.append({(one["table"], one["column"]): float(one["sd"]) for one in rows})
-        for table, title in TITLES.items():
-            yield {"motion": motion, "limits of": title, **_ratios(table, *deviations)}
-
-
-def _ratios(
-    table: str, sampled: dict[tuple[str, str], float], linear: dict[tuple[str, str], float]
-) -> dict[str, object]:
-    """How the standard deviations of a table's columns compare, of those that are not nearly 0."""
-    names = [
-        name for name in sampled if name[0] == table and (table != "joint_reactions" or name[1].endswith("_force"))
-    ]
-    largest = max(sampled[name] for name in names)
-    ratios = {one[1]: linear[one] / sampled[one] for one in names if sampled[one] > 0.01 * largest}
-    values = np.array(list(ratios.values()))
-    worst = max(ratios, key=lambda name: abs(np.log(max(ratios[name], 1e-6))))
-    return {
-        "columns": len(values),
-        "mean ratio": float(values.mean()),
-        "within 10 % [%]": 100.0 * float((np.abs(values - 1.0) <= 0.1).mean()),
-        "within 20 % [%]": 100.0 * float((np.abs(values - 1.0) <= 0.2).mean()),
-        "furthest": worst,
-        "its ratio": ratios[worst],
-    }
 
 
 def command(*words: object) -> None:

@@ -37,7 +37,6 @@ def run(draws: int) -> list[dict[str, object]]:
         "without draws": (),
         "sampled, one process": (*count, "--workers", "1"),
         "sampled": count,
-        "linear": (*count, "--method", "linear"),
     }
     _measured(("--draws", "3"))
     rows: list[dict[str, object]] = []

@@ -1,4 +1,4 @@
-"""Limits while frames arrive: what they are made of by itself, and against the linear way on the whole recording."""
+"""Limits while frames arrive: what they are made of by itself, and against the same draws on the whole recording."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from myomorph.live.sources import Replay
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.motion.causal import CausalFilter, CausalStream
-from myomorph.motion.ik import inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
 from myomorph.motion.sync import cut
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.load import load
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.online_poses import SlowNoise
-from myomorph.uncertainty.pose_slopes import pose_slopes
+from myomorph.uncertainty.pose_slopes import SlopeFinder
 from myomorph.uncertainty.sources import GROUPS, Sources
 
 NONE = replace(Sources(), **{name: 0.0 for names in GROUPS.values() for name in names if name != "skin_time"})
@@ -78,18 +80,31 @@ def test_without_errors_limits_are_the_result(walk: tuple[Model, Markers, Wrench
         np.testing.assert_allclose(one.limits.forces[:2], np.stack([one.tension.forces] * 2), atol=1.0)
 
 
+def marker_places(model: Model, names: tuple[str, ...], motion: Motion) -> np.ndarray:
+    """(frames, markers, 3) of a model's markers in a motion [m]."""
+    tree = compile_tree(model)
+    marked = [model.marker(name) for name in names]
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_number(marker.body) for marker in marked], np.int64)
+    return poses.points(bodies, np.array([marker.location for marker in marked]))
+
+
 def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
     walk: tuple[Model, Markers, Wrenches],
 ) -> None:
-    """The same draws by `pose_slopes` on all frames at once, through the same filter."""
+    """The same draws by the derivatives of all frames at once, through the same filter."""
     model, markers, _ = walk
     sources = replace(NONE, placement=0.005, joint_center=0.006, joint_axis=0.035)
     kept = limited(walk, sources)
     motion = inverse_kinematics(model, markers).motion
-    slopes, normals = pose_slopes(model, markers, motion), Normals(DRAWS)
-    filter, each = CausalFilter(6.0), []
+    names, weights = tracked_markers(model, markers, InverseKinematicsOptions())
+    seen = np.isfinite(markers.values[:, [markers.names.index(name) for name in names]]).all(axis=2)
+    slopes = SlopeFinder(model, names, weights, InverseKinematicsOptions()).at(motion.values, seen)
+    filter, each, normals = CausalFilter(6.0), [], Normals(DRAWS)
     for number in range(DRAWS):
-        errors = slopes.errors(drawn_model(model, Draw(number, sources, normals)), markers, markers)
+        drawn = drawn_model(model, Draw(number, sources, normals))
+        shifts = marker_places(model, names, motion) - marker_places(drawn, names, motion)
+        errors = np.einsum("fcm,fm->fc", slopes, shifts.reshape(len(shifts), -1))
         each.append(filter.motion(Motion(markers.time, motion.names, errors)).values)
     at = np.searchsorted(markers.time, kept.all("time") - 1e-6)
     expected = np.std(each, axis=0, ddof=1)[at]

@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
-    DrawMethod,
     DrawProcesses,
     ForceBodies,
     LabelsFile,
@@ -52,7 +51,6 @@ def ik_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
-    method: DrawMethod = None,
     workers: DrawProcesses = None,
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
@@ -60,7 +58,7 @@ def ik_command(
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
     files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
-    drawn = drawn_settings(draws, uncertainty, method, workers)
+    drawn = drawn_settings(draws, uncertainty, workers)
     trial = open_trial(files, {"ik": settings_dict(options), **drawn})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
         output = StepOutput(writer, folder)
@@ -85,7 +83,6 @@ def id_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
-    method: DrawMethod = None,
     workers: DrawProcesses = None,
     options: IdOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
@@ -94,7 +91,7 @@ def id_command(
     use_threads(threads)
     named = bodies_of(bodies, plates)
     files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
-    drawn = drawn_settings(draws, uncertainty, method, workers)
+    drawn = drawn_settings(draws, uncertainty, workers)
     trial, poses = open_motion_trial(files, {"id": settings_dict(options), **drawn})
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         output = StepOutput(writer, folder)

@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
-    DrawMethod,
     DrawProcesses,
     EmgMuscles,
     ForceBodies,
@@ -131,7 +130,6 @@ def tension_command(
     time: Time = None,
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
-    method: DrawMethod = None,
     workers: DrawProcesses = None,
     options: TensionSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
@@ -167,7 +165,7 @@ def tension_command(
         contact_points=contact_points,
         time=time,
     )
-    drawn = drawn_settings(draws, uncertainty, method, workers)
+    drawn = drawn_settings(draws, uncertainty, workers)
     trial, poses = open_motion_trial(files, {"tension": settings_dict(options), **drawn})
     with folder_with(out, "tension") as (folder, writer):
         output = StepOutput(writer, folder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -70,13 +70,6 @@ DrawProcesses = Annotated[
     Parameter(
         name="--workers",
         help="Processes that share the draws; by default as many as threads, where that is worth their start.",
-    ),
-]
-DrawMethod = Annotated[
-    Literal["sampled", "linear"] | None,
-    Parameter(
-        name="--method",
-        help="sampled (default) computes every draw in full; linear lets poses follow errors by derivatives: faster.",
     ),
 ]
 UncertaintyFile = Annotated[

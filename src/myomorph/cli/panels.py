@@ -40,7 +40,7 @@ PANELS = {
     ),
     "EMG": ("emg",),
     "Errors and intervals": (
-        "draws", "uncertainty", "method", "contributions", "all-frames", "draw-seed", "widened", "level", "seed",
+        "draws", "uncertainty", "contributions", "all-frames", "draw-seed", "widened", "level", "seed",
         "hold-out", "check",
     ),
     "Running": (

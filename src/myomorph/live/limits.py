@@ -1,8 +1,8 @@
 """Limits of what `live` gives: its chain on inputs drawn with errors, computed while the next frame is awaited.
 
-The linear way of the step `uncertainty`, frame by frame: errors of markers, placement and joints move the pose by the
-derivatives of inverse kinematics, go through the filter of the poses, and what follows is computed in full for every
-draw. How far limits lie from the result changes slowly, so that a few rounds of draws a second are enough.
+As the step `uncertainty`, frame by frame and to first order in the pose: errors of markers, placement and joints move
+the pose by the derivatives of inverse kinematics, go through the filter of the poses, and what follows is computed in
+full for every draw. How far limits lie from the result changes slowly: a few rounds of draws a second are enough.
 """
 
 from __future__ import annotations

@@ -1,102 +1,26 @@
-"""How poses follow the markers: derivatives of inverse kinematics at its optimum."""
+"""How poses follow the markers: derivatives of inverse kinematics at its optimum.
+
+Those of the normal equations, residuals taken as small, dc = (J^T W J)^-1 J^T W dx. Coordinates that lie on a bound
+stay there; those that follow others follow.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays, tracked_markers
+from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
 STEP = 1e-6
 """Of the finite differences, in units of the coordinates: markers move smoothly with them."""
-IN_MEMORY = 100e6
-"""Derivatives take at most so much [bytes]; of a longer recording those of the nearest frame are taken."""
 BLOCK = 32
 """Frames whose poses, each with every coordinate moved, are computed in one go."""
 BOUND = 1e-9
 """Nearer to its bound than this a coordinate is held by it [rad or m]."""
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class PoseSlopes:
-    """Derivatives of the coordinates of a motion in the places of its markers.
-
-    Attributes
-    ----------
-    names : markers that take part
-    coordinates : (frames, coordinates) of the motion [rad or m]
-    places : (frames, markers, 3) of the model's markers in it, in ground [m]
-    slopes : (kept, coordinates, 3 markers) [rad/m or 1]
-    nearest : (frames,) which of them belong to a frame
-    """
-
-    names: tuple[str, ...]
-    coordinates: Array
-    places: Array
-    slopes: Array
-    nearest: NDArray[np.int64]
-
-    def errors(self, model: Model, markers: Markers, moved: Markers) -> Array:
-        """(frames, coordinates) errors of the coordinates by errors of markers and model, to first order.
-
-        Parameters
-        ----------
-        model : with errors
-        markers, moved : without and with errors, at the motion's times
-        """
-        columns = [markers.names.index(name) for name in self.names]
-        apart = moved.values[:, columns] - markers.values[:, columns]
-        apart = apart - (_places(compile_tree(model), self.names, self.coordinates) - self.places)
-        # What is hidden has no slope either.
-        flat = np.nan_to_num(apart).reshape(len(apart), -1, 1)
-        return np.asarray((self.slopes[self.nearest] @ flat)[:, :, 0])
-
-
-def pose_slopes(
-    model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
-) -> PoseSlopes:
-    """Derivatives of inverse kinematics at its optimum: of the normal equations, residuals taken as small.
-
-        dc = (J^T W J)^-1 J^T W dx
-
-    Coordinates that lie on a bound stay there; those that follow others follow.
-
-    Parameters
-    ----------
-    markers : as observed, NaN where hidden (frames, markers, 3) [m]
-    motion : what inverse kinematics made of them, all coordinates of the model
-    options : it was found with
-
-    Raises
-    ------
-    BadData
-        the model closes loops
-    """
-    if model.loops:
-        raise BadData(f"model '{model.name}' closes loops: limits by derivatives know none; take method = 'sampled'")
-    options = options or InverseKinematicsOptions()
-    names, weights = tracked_markers(model, markers, options)
-    finder = SlopeFinder(model, names, weights, options)
-    tree = compile_tree(model)
-    c = np.array(motion.values)
-    blank = np.asarray(~np.isfinite(c).all(axis=1))
-    c[blank] = tree.defaults
-    count = max(1, int(IN_MEMORY / (8.0 * c.shape[1] * 3 * len(names))))
-    kept = np.unique(np.linspace(0, len(c) - 1, min(count, len(c))).round().astype(np.int64))
-    nearest = np.searchsorted(0.5 * (kept[1:] + kept[:-1]), np.arange(len(c)))
-    columns = [markers.names.index(name) for name in names]
-    seen = np.isfinite(markers.values[kept][:, columns]).all(axis=2) & ~blank[kept, None]
-    return PoseSlopes(names, c, _places(tree, names, c), finder.at(c[kept], seen), nearest)
 
 
 class SlopeFinder:

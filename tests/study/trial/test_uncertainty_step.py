@@ -41,11 +41,11 @@ trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
 """
 
 
-def opened(arm, thin, linear=False, **sizes):
+def opened(arm, thin, **sizes):
     files = TrialFiles(model=arm.model, motion=arm.motion, loads=arm.loads)
     trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
     torques = solve_dynamics(trial, poses.recorded)
-    return chain_of(trial, poses, torques, True, thin, linear), torques, trial.options[Sources]
+    return chain_of(trial, poses, torques, True, thin), torques, trial.options[Sources]
 
 
 @pytest.mark.parametrize("thin", [False, True])
@@ -109,33 +109,6 @@ def test_processes_that_share_the_draws_come_to_the_same(arm, monkeypatch):
             np.testing.assert_array_equal(other[name], values)
 
 
-def test_linear_poses_are_those_of_small_errors(arm):
-    """The smaller the errors, the nearer: what is left out falls with their square."""
-    apart = []
-    for size in (0.004, 0.001):
-        full, _, sources = opened(arm, False, placement=size, skin_arm=size, joint_center=size)
-        linear, _, _ = opened(arm, False, linear=True, placement=size, skin_arm=size, joint_center=size)
-        draws = [Draw(k, sources, Normals(4)) for k in range(4)]
-        one, other = (np.stack([chain.drawn(draw)["coordinates"] for draw in draws]) for chain in (full, linear))
-        apart.append(np.abs(one - other).max() / np.abs(one - full.recorded.values).max())
-    assert apart[0] < 0.1
-    assert apart[1] < 0.3 * apart[0]
-
-
-def test_linear_limits_by_command_agree_with_those_sampled(arm, command):
-    found = {}
-    for method in ("sampled", "linear"):
-        out = arm.folder / f"{method}.mot"
-        words = ("ik", "--model", arm.model, "--markers", arm.markers, "--draws", 40, "--method", method)
-        done = command(*words, "--out", out)
-        assert done.status == 0, done.err
-        with (arm.folder / f"{method}_uncertainty.csv").open(encoding="utf-8") as stream:
-            found[method] = list(csv.DictReader(stream))
-    for one, other in zip(*found.values(), strict=True):
-        assert float(other["sd"]) == pytest.approx(float(one["sd"]), rel=0.05)
-        assert other["placement_alone"] == other["placement_total"]
-
-
 def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
     sizes, words = arm.folder / "sizes.toml", ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
     found = {}
@@ -187,7 +160,6 @@ def test_angles_have_limits_in_degrees(arm, command):
         ("placement = -0.01", "'placement' is -0.01: expected 0 or more"),
         ("placement = 'far'", "'far'.*expected a number"),
         ("widened = 1", "'1' as 'widened'; expected true or false"),
-        ("method = 'quick'", "'quick' as 'method'.*expected sampled or linear"),
     ],
 )
 def test_a_file_of_sizes_that_is_wrong_is_refused_in_one_line(arm, command, line, text):

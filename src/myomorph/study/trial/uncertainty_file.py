@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData, BadFile, unknown
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
 from myomorph.study.step.step import step_head
@@ -25,35 +24,28 @@ def read_sizes(path: Path) -> dict[str, Any]:
     BadFile
         where it is no TOML, or names something else
     """
-    given = read_toml(path)
-    given = given.get(STEP, given)
-    known = {setting.name: setting for kind in step_head(STEP).options for setting in settings_of(kind)}
-    for name, value in given.items():
+    sizes = read_toml(path)
+    sizes = sizes.get(STEP, sizes)
+    known = {setting.name: setting.kind for kind in step_head(STEP).options for setting in settings_of(kind)}
+    for name, value in sizes.items():
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"is '{near[0]}' meant?" if near else f"there are {', '.join(known)}"
-            raise BadFile(path, f"states the uncertainty of '{name}', which is no source of error", hint)
-        kind = known[name].kind
-        words = (True, False) if kind is bool else get_args(kind)
-        if words and not any(value is word or (value == word and isinstance(word, str)) for word in words):
-            wanted = " or ".join(str(word).lower() if kind is bool else word for word in words)
-            raise BadFile(path, f"states '{value}' as '{name}'", f"expected {wanted}")
-        if not words and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise BadFile(path, unknown("source of error", name, known))
+        if known[name] is bool and not isinstance(value, bool):
+            raise BadFile(path, f"states '{value}' as '{name}'", "expected true or false")
+        if known[name] is not bool and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise BadFile(path, f"states '{value}' as the uncertainty '{name}'", "expected a number")
-    return {name: value if get_args(known[name].kind) else known[name].kind(value) for name, value in given.items()}
+    return {name: known[name](value) for name, value in sizes.items()}
 
 
-def drawn_settings(
-    draws: int | None, path: Path | None, method: str | None = None, workers: int | None = None
-) -> dict[str, dict[str, Any]]:
+def drawn_settings(draws: int | None, path: Path | None, workers: int | None = None) -> dict[str, dict[str, Any]]:
     """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`.
 
     Raises
     ------
     BadData
-        `--method` or `--workers` for no draws, or fewer workers than one
+        `--workers` for no draws, or fewer workers than one
     """
-    options = {"draws": draws, "method": method, "workers": workers}
+    options = {"draws": draws, "workers": workers}
     given = {name: value for name, value in options.items() if value is not None}
     if draws is None and path is None:
         for name, value in given.items():

@@ -33,7 +33,6 @@ from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
 from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
 from myomorph.uncertainty.contacts import drawn_sites, drawn_strengths
-from myomorph.uncertainty.pose_slopes import PoseSlopes, pose_slopes
 from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import GROUPS, Sources
 
@@ -70,7 +69,6 @@ class Chain:
     base : what inverse kinematics makes of these
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
-    slopes : by which poses follow the markers, where they are not solved for anew
     pose_step, torque_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not
         depend on each other. The second divides the third
     """
@@ -83,7 +81,6 @@ class Chain:
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
-    slopes: PoseSlopes | None = None
     pose_step: int = 1
     torque_step: int = 1
     tension_step: int = 1
@@ -168,13 +165,9 @@ class Chain:
             draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
         markers = thinned(self.markers, self.pose_step)
         moved = drawn_markers(trial.model, markers, draw, self.residuals)
-        if self.slopes is not None:
-            errors = self.slopes.errors(trial.model, markers, moved)
-            errors[~np.isfinite(self.base.values[:: self.pose_step]).all(axis=1)] = np.nan
-        else:
-            near = thinned(self.base, self.pose_step)
-            found = poses_near(trial.model, moved, near, trial.options[InverseKinematicsOptions])
-            errors = found.values - near.values
+        near = thinned(self.base, self.pose_step)
+        solved = poses_near(trial.model, moved, near, trial.options[InverseKinematicsOptions])
+        errors = solved.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
@@ -237,21 +230,13 @@ def every(step: int, torques: Torques) -> Torques:
     return Torques(thin, replace(own, time=own.time[some], values=own.values[some]), wrenches)
 
 
-def chain_of(
-    trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool, linear: bool = False
-) -> Chain:
+def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
     """What a trial's results are drawn around.
 
     Parameters
     ----------
     tense : whether tensions are asked for
     thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
-    linear : let poses follow errors by the derivatives at the result, in the place of solving for them anew
-
-    Raises
-    ------
-    BadData
-        linear poses of a model that closes loops
     """
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
     if trial.time is not None:
@@ -280,13 +265,7 @@ def chain_of(
         torque_step = 1 if tied else pose_step
         tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
         chain = replace(chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step)
-    if not linear or markers is None or base is None:
-        return chain
-    step = chain.pose_step
-    found = pose_slopes(
-        trial.model, thinned(markers, step), thinned(base, step), trial.options[InverseKinematicsOptions]
-    )
-    return replace(chain, slopes=found)
+    return chain
 
 
 def whole(motion: Motion, model: Model) -> Motion:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -57,8 +56,6 @@ class DrawOptions:
         between is interpolated
     draw_seed : other random numbers for another one
     widened : widen limits by the factors that simulated recordings with other errors than assumed ask for
-    method : "sampled" computes every draw in full; "linear" lets poses follow the errors of markers and model by the
-        derivatives at the result, and takes contributions as additive, which is faster
     """
 
     draws: int = 200
@@ -66,7 +63,6 @@ class DrawOptions:
     all_frames: bool = False
     draw_seed: int = 0
     widened: bool = True
-    method: Literal["sampled", "linear"] = "sampled"
 
     def __post_init__(self) -> None:
         if self.draws < 2:
@@ -107,17 +103,15 @@ def _run(
     trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None, tensions: Tensions | None
 ) -> Uncertainty:
     chosen, sources = trial.options[DrawOptions], trial.options[Sources]
-    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames, chosen.method == "linear")
+    chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
     sizes = trial.error_sizes.beside(sources)
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
-    # Where errors add up, what is missing without a group is what it does alone.
-    kinds = (alone,) if chosen.method == "linear" else (alone, frozen)
     jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in kinds]
+            jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in (alone, frozen)]
     shapes = {quantity.name: quantity.values.shape for quantity in quantities}
     numbers = drawn_values(quantities, _strides(trial, poses, torques))
     true = numbers.of({quantity.name: quantity.values for quantity in quantities})
