@@ -29,11 +29,10 @@ from myomorph.store.results import read_result
 from myomorph.study.trial.open_trial import open_motion_trial
 from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.uncertainty.bodies import Draw, drawn_subject
+from myomorph.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.recordings import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import LEVEL
-from myomorph.uncertainty.widening import FACTORS
+from myomorph.uncertainty.spread import FACTORS, LEVEL
 
 Row = dict[str, object]
 

@@ -29,8 +29,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.contacts import Site
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.uncertainty.spread import LEVEL
-from myomorph.uncertainty.widening import FACTORS
+from myomorph.uncertainty.spread import FACTORS, LEVEL
 
 Row = dict[str, object]
 

@@ -18,8 +18,8 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import read_motion
 from myomorph.uncertainty.bodies import Draw
+from myomorph.uncertainty.drawn_inputs import drawn_markers
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.recordings import drawn_markers
 from myomorph.uncertainty.sources import Sources
 
 HOME = "opencap-subject4-multitask"

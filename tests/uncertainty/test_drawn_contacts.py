@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.series import Series
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.contacts import drawn_sites, drawn_strengths
+from myomorph.uncertainty.drawn_inputs import drawn_sites, drawn_strengths
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 

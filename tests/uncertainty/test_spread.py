@@ -6,8 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from myomorph.uncertainty import spread as spreads
-from myomorph.uncertainty.spread import Draws, Spread
-from myomorph.uncertainty.widening import widened
+from myomorph.uncertainty.spread import Draws, Spread, widened
 
 TIME, NAMES = np.arange(3) / 10.0, ("a", "b")
 SCALE = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])

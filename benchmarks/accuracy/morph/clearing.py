@@ -11,9 +11,9 @@ import myomorph as mm
 from benchmarks.accuracy.morph.demo import demo_morph
 from benchmarks.accuracy.morph.real_bones import persons
 from myomorph.morph.checks.clearance import WEIGHT, Clearance, clear_paths
-from myomorph.morph.checks.ground import Ground
 from myomorph.morph.checks.moment_arms import compared_coordinates
 from myomorph.morph.checks.path_changes import path_changes
+from myomorph.morph.checks.path_moves import Ground
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.morphed import Morph, MorphOptions
 

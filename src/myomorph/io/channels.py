@@ -1,20 +1,23 @@
-"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, and comma-separated text."""
+"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, tables of spreadsheets."""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
-from myomorph.io.parsing.text import file_text, line_from, parse_cells, quick_numbers, rising, split_cells
+import numpy as np
+
+from myomorph.io.parsing.text import file_text, quick_numbers, rising, unique_names
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
-from myomorph.model.series import Series
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Series, Table
 
-TIMES = ("time", "t", "time_s", "time (s)", "time [s]")
-MOST_SIGNS = 60
-"""Of a column's name in a message."""
-
-HINT = "expected a first line of names, one of them 'time' in seconds, and numbers below"
+HINT = "expected a line of column names, 'time' among them, then rows of numbers between commas, semicolons or tabs"
+TIMES = ("time", "t", "seconds", "second", "sec", "timestamp")
+HEADING_LINES = 50
+"""Lines in which the one of the names is looked for."""
 
 
 def read_channels(path: str | os.PathLike[str]) -> Series:
@@ -38,18 +41,57 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
         return read_sto(path)
     if ending not in (".csv", ".tsv", ".txt"):
         raise BadFile(path, f"holds no channels: its name ends in '{ending}'", "expected .c3d, .csv, .mot or .sto")
-    text = file_text(path, HINT)
-    first, start = line_from(text, 0)
-    delimiter = max(",;\t", key=first.count)
-    names = [cell.strip().strip('"') for cell in split_cells(first, delimiter)]
-    column = next((index for index, name in enumerate(names) if name.lower() in TIMES), -1)
-    if column < 0 or len(names) < 2:
-        raise BadFile(path, f"begins with the columns {', '.join(name[:MOST_SIGNS] for name in names[:6])}", HINT)
-    values = quick_numbers(text[start:], delimiter, len(names))
-    notes: list[str] = []
+    return read_csv_table(path)
+
+
+def read_csv_table(path: Path) -> Table:
+    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so.
+
+    With semicolons between cells a comma is a decimal point. Lines before the one of the names are passed over.
+
+    Raises
+    ------
+    BadFile : no line of names, a row that is not of numbers, or times that do not rise
+    """
+    lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
+    mark, names, start = _heading(lines, path)
+    values = quick_numbers("\n".join(lines[start:]), mark, len(names))
     if values is None:
-        values = parse_cells(text[start:], len(names), delimiter, notes, path, HINT)
-    if notes or not len(values) or not rising(values[:, column]).all():
-        raise BadFile(path, notes[0] if notes else "has times that do not rise", HINT)
-    others = [index for index in range(len(names)) if index != column]
-    return Series(values[:, column], tuple(names[other] for other in others), values[:, others])
+        rows = enumerate(lines[start:], start + 1)
+        values = np.array([_row(line, mark, len(names), number, path) for number, line in rows])
+    if not len(values):
+        raise BadFile(path, "has no row of numbers", HINT)
+    clock = next(index for index, name in enumerate(names) if _word(name) in TIMES)
+    time = values[:, clock] * (1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[clock].lower()) else 1.0)
+    if not rising(time).all():
+        raise BadFile(path, "its times do not rise from row to row", "sort the rows, and fill gaps in their column")
+    notes: list[str] = []
+    kept = [index for index, name in enumerate(names) if name and index != clock]
+    titles = unique_names([names[index] for index in kept], "column", notes)
+    return Table(time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(notes), source=str(path))
+
+
+def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
+    """What stands between cells, the names of the columns, and the number of the first row."""
+    for number, line in enumerate(lines[:HEADING_LINES]):
+        mark = next((delimiter for delimiter in ";\t" if delimiter in line), ",")
+        names = [cell.strip().strip('"') for cell in line.split(mark)]
+        if len(names) > 1 and any(_word(name) in TIMES for name in names):
+            return mark, names, number + 1
+    raise BadFile(path, "has no line of column names with the time", HINT)
+
+
+def _row(line: str, mark: str, width: int, number: int, path: Path) -> list[float]:
+    """Numbers of a row, NaN where a cell is blank or missing."""
+    text = line.replace(",", ".") if mark == ";" else line
+    cells = [cell.strip().strip('"') for cell in text.split(mark)]
+    try:
+        row = [float(cell) if cell else np.nan for cell in cells[:width]]
+    except ValueError:
+        raise BadFile(path, f"line {number} is not of numbers", HINT) from None
+    return row + [np.nan] * (width - len(row))
+
+
+def _word(name: str) -> str:
+    """A name without its unit, in small letters."""
+    return name.lower().split("[")[0].split("(")[0].strip().removesuffix("_s").removesuffix("_ms").strip("_ \ufeff")

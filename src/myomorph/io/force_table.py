@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.csv_table import TIMES
+from myomorph.io.channels import TIMES
 from myomorph.io.force_columns import UNIT, UNITS, force_columns, table_wrenches
 from myomorph.io.force_guess import guessed_names
 from myomorph.io.parsing.text import file_text, number, unique_names

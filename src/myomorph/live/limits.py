@@ -24,11 +24,9 @@ from myomorph.tension.online import OnlineTension
 from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.online_inputs import OnlineInputs
-from myomorph.uncertainty.online_poses import AngleErrors, MarkerErrors
+from myomorph.uncertainty.online_errors import AngleErrors, MarkerErrors, OnlineInputs
 from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import LEVEL
-from myomorph.uncertainty.widening import FACTORS, NOT_NEGATIVE
+from myomorph.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
 
 TABLES = ("coordinates", "torques", "activations", "forces")
 """What has limits, in the order of a row."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.io.mjcf.composed import composed_model
+from myomorph.io.mjcf.read import composed_model
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Marker, Model

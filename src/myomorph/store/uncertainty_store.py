@@ -10,9 +10,8 @@ import numpy as np
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.results import ResultWriter, Stored, stored_values
-from myomorph.uncertainty.found_sizes import SourceSize
-from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
-from myomorph.uncertainty.value_errors import ValueErrors
+from myomorph.uncertainty.error_sizes import SourceSize
+from myomorph.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
+from zlib import crc32
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.uncertainty.found_sizes import SourceSize
+from myomorph.uncertainty.error_sizes import SourceSize
 
 LEVEL = 0.9
 IN_MEMORY = 100e6
@@ -159,3 +160,83 @@ class Draws:
             low[part], high[part] = np.quantile(taken, tails, axis=0)
             deviation[part] = taken.std(axis=0, ddof=1)
         return Spread(time, names, low, high, deviation)
+
+
+FACTORS: Mapping[str, float] = FrozenMap(
+    {
+        "coordinates": 1.17,
+        "torques": 1.11,
+        "activations": 1.03,
+        "forces": 1.03,
+        "contact_forces": 1.23,
+        "contact_groups": 1.23,
+        "joint_reactions": 1.05,
+        "joint_contact_forces": 1.05,
+    }
+)
+"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md says. Of a table
+that is not named nothing is known: its limits stay as drawn."""
+NOT_NEGATIVE = ("activations", "forces")
+"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are not."""
+
+
+def widened(name: str, spread: Spread, factor: float) -> Spread:
+    """Limits further apart by a factor, about their middle; what cannot be negative stays at 0 or above.
+
+    Parameters
+    ----------
+    name : of the table
+    """
+    if factor == 1.0:
+        return spread
+    middle, half = 0.5 * (spread.low + spread.high), 0.5 * factor * (spread.high - spread.low)
+    low, high = middle - half, middle + half
+    positive = [name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names]
+    low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
+    if name == "activations":
+        high = np.minimum(high, np.maximum(spread.high, 1.0))
+    return replace(spread, low=low, high=high)
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class ValueErrors:
+    """Errors of the numbers of a trial under draws.
+
+    Attributes
+    ----------
+    names : step and quantity, as tables of values name them
+    errors : (draws, names) in the units of the tables, NaN in a draw that has no solution
+    """
+
+    names: tuple[tuple[str, str], ...]
+    errors: Array
+
+    def limits(self) -> tuple[Array, Array, Array]:
+        """How far the limits of 90 % lie from the value, and the standard deviation, (names,) each."""
+        known = self.errors[np.isfinite(self.errors).all(axis=1)]
+        if len(known) < 2:
+            none = np.full(len(self.names), np.nan)
+            return none, none, none
+        low, high = np.quantile(known, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+        return low, high, known.std(axis=0, ddof=1)
+
+
+def widened_errors(errors: Array, factors: Array) -> Array:
+    """Errors (draws, names) further from their middle by a factor of each, as limits are widened."""
+    known = np.isfinite(errors).all(axis=1)
+    if not known.any():
+        return errors
+    low, high = np.quantile(errors[known], (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+    middle = 0.5 * (low + high)
+    return np.asarray(middle + factors * (errors - middle))
+
+
+def of_subject(errors: Array, subject: str) -> Array:
+    """Errors (draws, names) in an order of the subject's own.
+
+    Draws go by the names of sources and items: a marker is misplaced alike in all trials of a subject, which is true,
+    and in those of another, which is not. In another order for each, subjects err independently.
+    """
+    order = np.random.default_rng(crc32(subject.encode())).permutation(len(errors))
+    return np.asarray(errors[order])

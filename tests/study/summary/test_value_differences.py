@@ -11,7 +11,7 @@ from myomorph.study.summary.condition_values import GrowingCondition, OutlierSea
 from myomorph.study.summary.value_differences import KEPT_DRAWS, MeasuredValues, difference_rows, differences
 from myomorph.study.trial.tidy import OF_TRIAL
 from myomorph.study.trial.trial_inputs import Value
-from myomorph.uncertainty.value_errors import ValueErrors, of_subject, widened_errors
+from myomorph.uncertainty.spread import ValueErrors, of_subject, widened_errors
 
 NAME = ("id", "knee_angle_r_moment, maximum")
 DRAWS = KEPT_DRAWS

@@ -188,7 +188,7 @@ def test_channels_of_other_files(tmp_path):
     (tmp_path / "semi.csv").write_text(text)
     np.testing.assert_allclose(read_channels(tmp_path / "semi.csv").values, cells.values)
     for name, wrong, told in (
-        ("a.csv", "force,other\n1,2\n", "one of them 'time'"),
+        ("a.csv", "force,other\n1,2\n", "'time' among them"),
         ("b.csv", "time,f\n1,2\n0,3\n", "do not rise"),
         ("c.xyz", "", "expected .c3d, .csv"),
     ):

@@ -24,7 +24,7 @@ from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
-from myomorph.uncertainty.widening import FACTORS
+from myomorph.uncertainty.spread import FACTORS
 
 NONE = {name: 0.0 for names in GROUPS.values() for name in names}
 STUDY = """

@@ -6,6 +6,7 @@ with what leaving it out means.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,11 +16,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.io.formats import COMPOSED
 from myomorph.io.mjcf.bodies import MjcfNames, bodies_and_joints, couplers_and_loops, geom_mesh, left_out, pose_of
-from myomorph.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded
+from myomorph.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
 from myomorph.io.mjcf.muscles import actuators_of, muscles_of
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadModel
+from myomorph.model.errors import BadData, BadFile, BadModel
 from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
 from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz, rotation_from_quaternion
 
@@ -230,3 +232,33 @@ def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
             start = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
             yield kind, at_q, at_c, start
             at_q, at_c = at_q + WIDTHS[kind][0], at_c + WIDTHS[kind][1]
+
+
+def composed_model(name: str | os.PathLike[str]) -> Model:
+    """A model of `myo-sim`, with its bones.
+
+    Source: MyoSuite (Caggiano et al. 2022); models of the package `myo-sim`.
+
+    Parameters
+    ----------
+    name : as the package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without
+
+    Raises
+    ------
+    BadData : the package is not installed
+    BadFile : it has no such model
+    """
+    name = os.fspath(name).removeprefix(COMPOSED)
+    try:
+        # Loaded only where one of its models is asked for.
+        import myo_sim
+    except ImportError:
+        raise BadData(f"the model '{name}' comes with the package 'myo-sim': pip install myo-sim") from None
+    with silent_mujoco():
+        try:
+            spec = myo_sim.load_spec(name)
+        except ValueError as error:
+            raise BadFile(COMPOSED + name, "no such model of myo-sim", str(error)) from None
+        compiled = spec.compile()
+    # Meshes are looked for beside a model's source.
+    return model_from_mujoco(compiled, name=name, source=str(myo_sim.MODELS_DIR / name))

@@ -17,8 +17,15 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.registration.affine import lay_affinely
 from myomorph.morph.registration.alignment import align_bones, mirrored_share
-from myomorph.morph.registration.certainty import match_radii
-from myomorph.morph.registration.smooth import FACING, MatchOptions, SmoothFit, fit_smoothly, onto, spread_points
+from myomorph.morph.registration.smooth import (
+    FACING,
+    MatchOptions,
+    SmoothFit,
+    fit_smoothly,
+    match_radii,
+    onto,
+    spread_points,
+)
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
 COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0

@@ -26,9 +26,8 @@ from myomorph.morph.maps.fields import BoneMap, PlacedMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable, ScalingLaw
-from myomorph.morph.species.markers import MarkerTable
 from myomorph.morph.species.masses import SegmentShare
-from myomorph.morph.species.table_rows import Ray, RelativeBone
+from myomorph.morph.species.table_rows import MarkerTable, Ray, RelativeBone
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]

@@ -31,7 +31,7 @@ from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
 from myomorph.morph.transfer.paths import LinesOfAction, transferred_lines
-from myomorph.morph.transfer.sure_points import uncertain_notes
+from myomorph.morph.transfer.points import uncertain_notes
 from myomorph.morph.transfer.virtual_links import balanced_links, bones_around, link_carriers, link_notes
 from myomorph.muscles.scaling import default_path_lengths
 

@@ -10,7 +10,7 @@ from myomorph.model.model import Model
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.prepared import Prepared
-from myomorph.uncertainty.found_sizes import SourceSize
+from myomorph.uncertainty.error_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 TITLES = {

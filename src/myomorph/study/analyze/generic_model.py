@@ -125,7 +125,7 @@ def legs_and_trunk() -> Model:
     BadData : myo-sim is not installed
     """
     # Brings MuJoCo and myo-sim: loaded only where it is needed.
-    from myomorph.io.mjcf.composed import composed_model
+    from myomorph.io.mjcf.read import composed_model
 
     model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))
     tree = compile_tree(model)

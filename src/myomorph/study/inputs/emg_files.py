@@ -142,7 +142,7 @@ def _channels(path: str | Path) -> Series:
     ending = Path(path).suffix.lower()
     if ending in (".csv", ".txt"):
         # Most trials start without: loaded where a trial has such input.
-        from myomorph.io.csv_table import read_csv_table
+        from myomorph.io.channels import read_csv_table
 
         return read_csv_table(Path(path))
     if ending in TABLE_FILES:

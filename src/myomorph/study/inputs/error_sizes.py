@@ -9,7 +9,7 @@ from pathlib import Path
 
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadFile
-from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, ItemSize
+from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, ItemSize
 from myomorph.uncertainty.sources import GROUPS
 
 TABLE = "error_sizes.csv"
@@ -32,7 +32,7 @@ def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> Non
         table.writerows(rows)
 
 
-def read_error_sizes(paths: Sequence[Path]) -> FoundSizes:
+def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
     """What steps found, in their order; a file that is not there found nothing.
 
     Raises

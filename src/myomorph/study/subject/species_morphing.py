@@ -36,14 +36,13 @@ from myomorph.morph.species.counterparts import (
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
-from myomorph.morph.species.markers import MarkerTable, with_markers_of
 from myomorph.morph.species.masses import (
     SegmentShare,
     share_notes,
     with_possible_inertias,
     with_segment_shares,
 )
-from myomorph.morph.species.table_rows import Attachment, Ray, RelativeBone
+from myomorph.morph.species.table_rows import Attachment, MarkerTable, Ray, RelativeBone, with_markers_of
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.inputs import reading

@@ -55,7 +55,7 @@ from myomorph.study.trial.tidy import (
     value_row,
 )
 from myomorph.study.trial.trial_inputs import Value
-from myomorph.uncertainty.value_errors import ValueErrors
+from myomorph.uncertainty.spread import ValueErrors
 
 SMALL, LARGE = 10.0, 25.0
 """An angle that stays within the first on one side of zero and passes the second on the other bends one way [deg]."""

@@ -14,7 +14,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.report.study.study_input import ValueDifference
 from myomorph.study.summary.condition_values import RunningMeans
 from myomorph.study.trial.trial_inputs import Value
-from myomorph.uncertainty.value_errors import ValueErrors, of_subject
+from myomorph.uncertainty.spread import ValueErrors, of_subject
 
 CONFIDENCE = 0.95
 """Of the intervals, as of those of curves and of parameters of strides."""

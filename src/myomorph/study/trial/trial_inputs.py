@@ -21,7 +21,7 @@ from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.refined import RefinedMotion
-from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes
+from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes
 
 if TYPE_CHECKING:
     from myomorph.contact.plan import ContactPlan
@@ -106,7 +106,7 @@ class TrialInputs:
     contacts: ContactPlan | None = None
     contact_points: JointPoints | None = None
     actuators: tuple[Actuator, ...] | None = None
-    error_sizes: FoundSizes = NOTHING
+    error_sizes: ErrorSizes = NOTHING
     phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
     truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
     parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))

@@ -32,8 +32,14 @@ from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
 from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
-from myomorph.uncertainty.contacts import drawn_sites, drawn_strengths
-from myomorph.uncertainty.recordings import drawn_angles, drawn_emg, drawn_markers, drawn_wrenches
+from myomorph.uncertainty.drawn_inputs import (
+    drawn_angles,
+    drawn_emg,
+    drawn_markers,
+    drawn_sites,
+    drawn_strengths,
+    drawn_wrenches,
+)
 from myomorph.uncertainty.sources import GROUPS, Sources
 
 Held = TypeVar("Held", Markers, Motion)

@@ -31,12 +31,19 @@ from myomorph.study.trial.steps.tension import Tensions
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.found_sizes import NOTHING, FoundSizes, SourceSize, source_sizes
+from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, SourceSize, source_sizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import Draws, Shares, Spread, Uncertainty
-from myomorph.uncertainty.value_errors import ValueErrors, widened_errors
-from myomorph.uncertainty.widening import FACTORS, widened
+from myomorph.uncertainty.spread import (
+    FACTORS,
+    Draws,
+    Shares,
+    Spread,
+    Uncertainty,
+    ValueErrors,
+    widened,
+    widened_errors,
+)
 
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
 MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
@@ -270,8 +277,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     return given if trial.error_sizes == NOTHING else (*given, _FoundHash(_digest(trial.error_sizes)))
 
 
-def _digest(found_sizes: FoundSizes) -> str:
-    rows = sorted(one for item in found_sizes.items.values() for one in item.values())
+def _digest(error_sizes: ErrorSizes) -> str:
+    rows = sorted(one for item in error_sizes.items.values() for one in item.values())
     return sha256(repr(rows).encode()).hexdigest()[:16]
 
 

@@ -52,7 +52,7 @@ class SourceSize(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FoundSizes:
+class ErrorSizes:
     """Sizes that steps found, the latest step's where several found one.
 
     Attributes
@@ -68,35 +68,35 @@ class FoundSizes:
         """What was found of an item, or None."""
         return self.items.get(source, {}).get(item)
 
-    def with_step(self, step: str, sizes: Iterable[ItemSize]) -> FoundSizes:
+    def with_step(self, step: str, sizes: Iterable[ItemSize]) -> ErrorSizes:
         """The same with what a later step found, which replaces all that earlier ones said of its sources."""
         by_source: dict[str, dict[str, ItemSize]] = {}
         for size in sizes:
             by_source.setdefault(size.source, {})[size.item] = size
         items = {**self.items, **{source: FrozenMap(by_item) for source, by_item in by_source.items()}}
-        return FoundSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(by_source, step)}))
+        return ErrorSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(by_source, step)}))
 
-    def beside(self, sources: Sources) -> FoundSizes:
+    def beside(self, sources: Sources) -> ErrorSizes:
         """Without sources whose size a user stated: one that is not the usual."""
         kept = [name for name in self.items if _origin(sources, name) == USUAL]
-        return FoundSizes(
+        return ErrorSizes(
             FrozenMap({name: self.items[name] for name in kept}), FrozenMap({name: self.origins[name] for name in kept})
         )
 
 
-NOTHING = FoundSizes()
+NOTHING = ErrorSizes()
 
 
-def source_sizes(sources: Sources, found_sizes: FoundSizes) -> tuple[SourceSize, ...]:
+def source_sizes(sources: Sources, error_sizes: ErrorSizes) -> tuple[SourceSize, ...]:
     """Every source with its size and where that comes from; one that is left out has size 0."""
     rows = []
     for group, names in GROUPS.items():
         for name in names:
-            sizes = np.array([item.size for item in found_sizes.items.get(name, {}).values()])
+            sizes = np.array([item.size for item in error_sizes.items.get(name, {}).values()])
             size, origin = float(getattr(sources, name)), _origin(sources, name)
             if len(sizes) and origin == USUAL:
                 least, middle, greatest = (float(size) for size in np.quantile(sizes, (0.0, 0.5, 1.0)))
-                rows.append(SourceSize(group, name, middle, found_sizes.origins[name], len(sizes), least, greatest))
+                rows.append(SourceSize(group, name, middle, error_sizes.origins[name], len(sizes), least, greatest))
             else:
                 rows.append(SourceSize(group, name, size, origin, 0, size, size))
     return tuple(rows)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.csv_table import read_csv_table
+from myomorph.io.channels import read_csv_table
 from myomorph.model.errors import BadFile
 
 

@@ -10,7 +10,7 @@ import pytest
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs.error_sizes import HEAD, TABLE, read_error_sizes, tables_beside, write_error_sizes
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.found_sizes import NOTHING, ItemSize, source_sizes
+from myomorph.uncertainty.error_sizes import NOTHING, ItemSize, source_sizes
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 
