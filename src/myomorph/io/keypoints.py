@@ -60,11 +60,7 @@ class KeypointNames:
 
 
 def read_keypoints(
-    path: str | os.PathLike[str],
-    names: Sequence[str] = (),
-    units: str = "",
-    rate: float | None = None,
-    animal: int = 0,
+    path: str | os.PathLike[str], names: Sequence[str] = (), units: str = "", rate: float | None = None, animal: int = 0
 ) -> Trial:
     """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
 

@@ -127,9 +127,7 @@ def _old_entry(node: Node, data: Path) -> LoadEntry:
 
 
 def read_external_loads(
-    path: str | os.PathLike[str],
-    motion_file: str | os.PathLike[str] | None = None,
-    poses: PosesOf | None = None,
+    path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None, poses: PosesOf | None = None
 ) -> Wrenches:
     """The wrenches of an external loads file, in ground, over the times of its table.
 

@@ -170,6 +170,4 @@ def _fragment_facts(fragments: Array, rate: float) -> dict[str, str]:
     if not len(fragments):
         return {}
     seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
-    return {
-        "unidentified fragments": f"{len(fragments)}, together {seen.sum():.1f} s, the longest {seen.max():.2f} s",
-    }
+    return {"unidentified fragments": f"{len(fragments)}, together {seen.sum():.1f} s, the longest {seen.max():.2f} s"}

@@ -312,8 +312,4 @@ def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
 
 
 def _tied(tie: Tie, sizes: Mapping[str, Array]) -> Tie:
-    return replace(
-        tie,
-        pose_1=_shifted(tie.pose_1, sizes[tie.body_1]),
-        pose_2=_shifted(tie.pose_2, sizes[tie.body_2]),
-    )
+    return replace(tie, pose_1=_shifted(tie.pose_1, sizes[tie.body_1]), pose_2=_shifted(tie.pose_2, sizes[tie.body_2]))

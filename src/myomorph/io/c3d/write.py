@@ -164,10 +164,7 @@ def _groups(
     """Parameters by group and name: texts, or arrays whose first index is the fastest."""
     last = first + len(markers) - 1
     groups: dict[str, dict[str, object]] = {
-        "TRIAL": {
-            "ACTUAL_START_FIELD": _words(first),
-            "ACTUAL_END_FIELD": _words(last),
-        },
+        "TRIAL": {"ACTUAL_START_FIELD": _words(first), "ACTUAL_END_FIELD": _words(last)},
         "POINT": {
             "USED": np.array([len(markers.names)], np.int16),
             "SCALE": np.array([-1.0]),

@@ -63,12 +63,7 @@ def read_mjcf(
 
 
 def model_from_mujoco(
-    compiled: Any,
-    *,
-    name: str = "",
-    source: str = "",
-    marker_sites: str | None = None,
-    kept: Sequence[Kept] = (),
+    compiled: Any, *, name: str = "", source: str = "", marker_sites: str | None = None, kept: Sequence[Kept] = ()
 ) -> Model:
     """Model of a compiled `mujoco.MjModel`.
 

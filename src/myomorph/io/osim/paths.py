@@ -130,11 +130,7 @@ def _warn_of_path(path: Path, warnings: list[str]) -> None:
 
 
 def _write_point(
-    parent: etree._Element,
-    point: PathPoint | MovingPathPoint,
-    name: str,
-    joints: dict[str, str],
-    warnings: list[str],
+    parent: etree._Element, point: PathPoint | MovingPathPoint, name: str, joints: dict[str, str], warnings: list[str]
 ) -> None:
     if isinstance(point, MovingPathPoint):
         element = child(parent, "MovingPathPoint", name=name)

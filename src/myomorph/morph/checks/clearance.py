@@ -9,12 +9,7 @@ import numpy as np
 
 from myomorph.model.model import Model
 from myomorph.model.paths import Path, PathPoint
-from myomorph.morph.checks.moment_arms import (
-    CoordinatePair,
-    CoordinateTable,
-    compare_moment_arms,
-    compared_coordinates,
-)
+from myomorph.morph.checks.moment_arms import CoordinatePair, CoordinateTable, compare_moment_arms, compared_coordinates
 from myomorph.morph.checks.path_changes import SAME, wraps_of
 from myomorph.morph.checks.path_moves import Ground, moved_once
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings

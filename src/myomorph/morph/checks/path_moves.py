@@ -154,11 +154,7 @@ class Ground:
 
     @staticmethod
     def of(
-        source: Model,
-        target: Model,
-        bones: Iterable[BoneMap],
-        pairs: Sequence[CoordinatePair],
-        options: CheckOptions,
+        source: Model, target: Model, bones: Iterable[BoneMap], pairs: Sequence[CoordinatePair], options: CheckOptions
     ) -> Ground | None:
         """The bones of which both surfaces are known; None where there is none."""
         known = {bone.body: bone for bone in bones if bone.source is not None and bone.target is not None}

@@ -140,13 +140,7 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
 
 
 def _warnings(
-    names: Sequence[str],
-    source: Array,
-    target: Array,
-    scale: bool,
-    residuals: Array,
-    left_out: Array,
-    of_others: Array,
+    names: Sequence[str], source: Array, target: Array, scale: bool, residuals: Array, left_out: Array, of_others: Array
 ) -> list[str]:
     rms = float(np.sqrt(np.mean(residuals**2)))
     mirrored = procrustes(source * [-1.0, 1.0, 1.0], target, scale)

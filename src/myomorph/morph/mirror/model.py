@@ -225,11 +225,7 @@ class MirroredMap:
 
 
 def with_mirrored_bones(
-    model: Model,
-    bones: Mapping[str, BoneMap],
-    surfaces: Mapping[str, Surface],
-    together: bool = False,
-    axis: str = "z",
+    model: Model, bones: Mapping[str, BoneMap], surfaces: Mapping[str, Surface], together: bool = False, axis: str = "z"
 ) -> dict[str, BoneMap]:
     """The maps, and the mirrored ones of bodies that have none while their other side has one.
 

@@ -10,15 +10,7 @@ import numpy as np
 
 from myomorph.model.errors import BadModel
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
-from myomorph.model.paths import (
-    Bushing,
-    MovingPathPoint,
-    Muscle,
-    PassiveTorque,
-    PathPoint,
-    TendonWrap,
-    WrapObject,
-)
+from myomorph.model.paths import Bushing, MovingPathPoint, Muscle, PassiveTorque, PathPoint, TendonWrap, WrapObject
 from myomorph.model.scale import slides_freely
 from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform

@@ -199,11 +199,7 @@ def _check_axis(model: Model, resting: Mapping[str, Transform], ground: Reflecti
 
 
 def _planes(
-    model: Model,
-    resting: Mapping[str, Transform],
-    ground: Reflection,
-    extent: float,
-    stated: Collection[str] | None,
+    model: Model, resting: Mapping[str, Transform], ground: Reflection, extent: float, stated: Collection[str] | None
 ) -> tuple[dict[str, Reflection], set[str]]:
     joints = {joint.child: joint for joint in model.joints}
     sided = any(other_side(name) for name in (*model.body_names, *model.coordinate_names, *model.muscle_names))

@@ -292,12 +292,7 @@ def _grown(affine: AffineMap, ours: float, theirs: float) -> AffineMap:
 
 
 def _pairs(
-    ours: _Unit,
-    goal: _Unit,
-    fit: SmoothFit,
-    deformed: Shape,
-    pulls: FeaturePoints | None,
-    options: MatchOptions,
+    ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, pulls: FeaturePoints | None, options: MatchOptions
 ) -> FeaturePoints:
     """The evenly spread points of the source that have a place on the target, and how surely."""
     samples = spread_points(ours.shape, options.match_points)

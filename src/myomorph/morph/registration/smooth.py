@@ -338,12 +338,7 @@ and from a template cut into 80 to 700 triangles, as OpenSim's bones are; tried 
 
 
 def match_radii(
-    ours: Shape,
-    goal: Shape,
-    fit: SmoothFit,
-    points: Array,
-    landmarks: FeaturePoints | None,
-    options: MatchOptions,
+    ours: Shape, goal: Shape, fit: SmoothFit, points: Array, landmarks: FeaturePoints | None, options: MatchOptions
 ) -> Array:
     """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the bone's length.
 

@@ -145,10 +145,7 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: Arr
 
 
 def fit_cylinder(
-    points: ArrayLike,
-    normals: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
-    axis: ArrayLike | None = None,
+    points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None, axis: ArrayLike | None = None
 ) -> CylinderFit:
     """The cylinder nearest to points.
 

@@ -106,11 +106,7 @@ class LandmarkRule:
             "section": not self.at or self.around < 3,
         }
         if lacking.get(self.rule):
-            wants = {
-                "joint": "source_joint and target_joint",
-                "farthest": "toward",
-                "section": "at, 3 or more around",
-            }
+            wants = {"joint": "source_joint and target_joint", "farthest": "toward", "section": "at, 3 or more around"}
             raise BadData(f"landmark '{self.name}': the rule '{self.rule}' needs {wants[self.rule]}")
 
 

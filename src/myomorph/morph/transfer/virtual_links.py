@@ -150,10 +150,7 @@ def link_carriers(
 
 
 def balanced_links(
-    source: Model,
-    links: Mapping[str, Sequence[str]],
-    transfers: Transfers,
-    transferred: Callable[[Transfers], Model],
+    source: Model, links: Mapping[str, Sequence[str]], transfers: Transfers, transferred: Callable[[Transfers], Model]
 ) -> dict[str, Transfer]:
     """The transfers, those of links moved to where their line tensions balance in the target as in the source.
 
