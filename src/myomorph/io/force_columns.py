@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.series import Table, Wrenches
 
 OPENSIM = re.compile(r"(?P<before>.*?)(?P<kind>force|torque|moment)(?P<after>.*?)_?(?P<part>[vpm]?)_?(?P<axis>[xyz])$")
@@ -121,7 +121,7 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
         chosen = force_columns(table.names)
         names = tuple(columns.name for columns in chosen)
     if not chosen:
-        some = ", ".join(f"'{name}'" for name in table.names[:6])
+        some = quoted(table.names)
         raise BadData(
             f"{source}: no columns of a force with a center of pressure or moments are found among {some}"
             f"{', ...' if len(table.names) > 6 else ''}; names that are known: {USUAL}"

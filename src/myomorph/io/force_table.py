@@ -15,7 +15,7 @@ from myomorph.io.force_guess import guessed_names
 from myomorph.io.parsing.text import file_text, number, unique_names
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, MyomorphError
+from myomorph.model.errors import BadData, BadFile, MyomorphError, quoted
 from myomorph.model.series import Table, Wrenches
 
 HINT = (
@@ -155,7 +155,7 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
             "(--force-columns states them)"
         )
     elif not layout.names:
-        notes.append(f"columns by its heading: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}")
+        notes.append(f"columns by its heading: {quoted(names)}")
     time = _times(names, values, layout.rate or _rate(heading), notes, path)
     kept = [index for index, name in enumerate(names) if name not in ("", "-") and not _is_clock(name)]
     titles = unique_names([names[index] for index in kept], "column", notes)

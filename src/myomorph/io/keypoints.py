@@ -15,7 +15,7 @@ import numpy as np
 from myomorph.io.parsing.guard import run_guarded, seconds_for
 from myomorph.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
@@ -132,7 +132,7 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
         with h5py.File(path, "r") as file:
             tracks = file.get("tracks")
             if not isinstance(tracks, h5py.Dataset):
-                held = ", ".join(f"'{name}'" for name in list(file)[:6]) or "nothing"
+                held = quoted(file) or "nothing"
                 raise BadFile(path, f"holds {held}, but no 'tracks'", HINT)
             shape = tracks.shape
             if len(shape) == 3 and shape[-1] == 3:

@@ -12,7 +12,7 @@ import numpy as np
 
 from myomorph.io.parsing.text import mapped_bytes, unique_names, without_far_away
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
@@ -125,7 +125,7 @@ def _recording(path: Path) -> tuple[str, Any]:
     for name in names:
         if _field(content[name], "Trajectories") is not None:
             return name, content[name]
-    held = ", ".join(f"'{name}'" for name in names[:6]) or "nothing"
+    held = quoted(names) or "nothing"
     raise BadFile(path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT)
 
 

@@ -20,7 +20,7 @@ from myomorph.io.parsing.text import (
     written,
 )
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData, BadFile, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
@@ -240,10 +240,9 @@ def motion_from_table(table: Table, model: Model) -> Motion:
     """
     columns = coordinate_columns(table.names, model)
     if not columns:
-        some = ", ".join(f"'{name}'" for name in table.names[:4])
         raise BadData(
-            f"{table.source or 'the table'}: no column is a coordinate of model '{model.name}': it has {some}, ..., "
-            f"the model has {', '.join(repr(name) for name in model.coordinate_names[:4])}, ..."
+            f"{table.source or 'the table'}: no coordinate of '{model.name}' in its columns {quoted(table.names)}; "
+            f"the model has {quoted(model.coordinate_names)}"
         )
     names = [name for name in model.coordinate_names if name in columns]
     factors = np.array([_factor(model, name, table.in_degrees) for name in names])

@@ -101,7 +101,7 @@ def one_line(text: str) -> str:
 
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
     """Names in quotes, at most so many of them, and how many there are in all where some are left out."""
-    names = tuple(names)
+    names = tuple(dict.fromkeys(names))
     text = ", ".join(f"'{name}'" for name in names[:most])
     return text + (f", ... ({len(names)} in all)" if len(names) > most else "")
 

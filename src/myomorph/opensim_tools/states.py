@@ -13,7 +13,7 @@ import numpy as np
 from myomorph.io.osim.tool_setups import AnalyzeSetup
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
@@ -131,7 +131,7 @@ class Analyzed:
             name for name, gone in zip(self.model.muscle_names, np.atleast_1d(missing.any(axis=0)), strict=True) if gone
         ]
         return (
-            f"no equilibrium of {', '.join(names[:5])}{', ...' if len(names) > 5 else ''} in {int(missing.sum())} "
+            f"no equilibrium of {quoted(names)} in {int(missing.sum())} "
             f"of {missing.size} fibers and frames: there the fiber lengths stand that were given, as in OpenSim",
         )
 

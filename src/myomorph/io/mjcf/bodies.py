@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
+from myomorph.model.errors import quoted
 from myomorph.model.functions import PiecewisePolynomial, linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Kept, Loop, Mesh
 from myomorph.model.spatial import Transform, rotation_from_quaternion
@@ -148,7 +149,7 @@ def left_out(m: Any, names: MjcfNames) -> list[Kept]:
         ("skins", [str(i) for i in range(m.nskin)], "they only draw"),
         ("contact pairs and plugins", [str(i) for i in range(m.npair + m.nplugin)], "they are not modelled"),
     ]
-    return [Kept(kind, _few(which), effect, "", "mujoco") for kind, which, effect in kinds if which]
+    return [Kept(kind, quoted(which, 3), effect, "", "mujoco") for kind, which, effect in kinds if which]
 
 
 def _rows(values: Any) -> list[Array]:
@@ -158,10 +159,6 @@ def _rows(values: Any) -> list[Array]:
 def _dofs(m: Any, names: MjcfNames, values: Any) -> list[str]:
     moved = {int(m.dof_jntid[i]) for i, row in enumerate(_rows(values)) if np.any(row)}
     return [names.joints[i] for i in sorted(moved)]
-
-
-def _few(which: list[str], most: int = 3) -> str:
-    return ", ".join(which[:most]) + (f", ... ({len(which)} in all)" if len(which) > most else "")
 
 
 def bodies_and_joints(

@@ -19,7 +19,7 @@ import mujoco
 
 from myomorph.io.parsing.guard import run_guarded
 from myomorph.io.parsing.xml import read_xml
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, quoted
 from myomorph.model.model import Kept
 
 DEFAULT_TIME_LIMIT = 15.0
@@ -186,7 +186,7 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
 
 def _hint(missing: list[str], error: str) -> str:
     if missing and "mass" in error:
-        return f"bodies have no mass without the missing meshes ({', '.join(missing[:3])}, ...): get these files"
+        return f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get these files"
     return "does it open in MuJoCo's own viewer?"
 
 

@@ -10,6 +10,7 @@ from lxml import etree
 from myomorph.io.osim.document import NEWEST, Node
 from myomorph.io.osim.frames import OFFSET_KINDS
 from myomorph.io.osim.paths import put_ligament
+from myomorph.model.errors import quoted
 from myomorph.model.model import Kept, Model
 
 HARMLESS = "nothing that is computed changes"
@@ -79,8 +80,7 @@ def warnings_of(kept: Iterable[Kept]) -> list[str]:
             names.setdefault((part.kind, part.effect), []).append(part.name)
     lines = []
     for (kind, effect), some in names.items():
-        shown = ", ".join(f"'{name}'" for name in some[:3]) + (f" and {len(some) - 3} more" if len(some) > 3 else "")
-        lines.append(f"{kind} {shown}: kept but not modelled, {effect}")
+        lines.append(f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}")
     return lines
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.model import Body, Model
 from myomorph.model.surface import Surface
 
@@ -115,7 +115,7 @@ def with_possible_inertias(model: Model, surfaces: Mapping[str, Surface]) -> tup
     if not changed:
         return model, ()
     note = (
-        f"inertias of {len(changed)} bodies ({', '.join(changed[:3])}, ...) have radii of gyration longer than their "
+        f"inertias of {len(changed)} bodies ({quoted(changed, 3)}) have radii of gyration longer than their "
         f"bones, up to {1e3 * most:.3g} mm: taken for those of boxes around the bones"
     )
     return replace(model, bodies=bodies), (note,)

@@ -12,13 +12,13 @@ from typing import TypeVar
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, quoted
 from myomorph.model.model import GROUND, Actuator, Body, Loop, Marker, Mesh, Model
 from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few, nearest_rotation, scaled_map
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation, scaled_map
 
 Tie = TypeVar("Tie", Loop, Bushing)
 
@@ -143,4 +143,4 @@ def neighbor_notes(bones: Mapping[str, BoneMap]) -> list[str]:
         return []
     low, high = min(scaled.values()), max(scaled.values())
     by = f"by {low:.3g}" if high - low < 5e-4 * high else f"by {low:.3g} to {high:.3g}"
-    return [f"scaled with their neighbors {by}, as no bone is given: {few(scaled)}"]
+    return [f"scaled with their neighbors {by}, as no bone is given: {quoted(scaled)}"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -144,13 +144,6 @@ def nearest_rotation(matrix: Array) -> Array:
     """The rotation (3, 3) nearest to a matrix that keeps right right (its polar factor)."""
     u, _, vt = np.linalg.svd(matrix)
     return (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-
-
-def few(names: Iterable[str], most: int = 6) -> str:
-    """Names in quotes for a note, and how many more there are."""
-    distinct = tuple(dict.fromkeys(names))
-    more = f" and {len(distinct) - most} more" if len(distinct) > most else ""
-    return ", ".join(f"'{name}'" for name in distinct[:most]) + more
 
 
 def scaled_map(body: str, size: float) -> AffineMap:

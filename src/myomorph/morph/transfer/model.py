@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Kept, Marker, Model, index_of
 from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWrap
@@ -26,7 +26,7 @@ from myomorph.morph.transfer.bodies import (
     transferred_tie,
     with_neighbors,
 )
-from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
@@ -346,9 +346,9 @@ def _translated(
         paths.append(replace(muscle, path=replace(path, wraps=wraps)))
     notes = []
     if frozen:
-        notes.append(f"points stand still that follow coordinates which the target does not have: {few(frozen)}")
+        notes.append(f"points stand still that follow coordinates which the target does not have: {quoted(frozen)}")
     if straight:
-        notes.append(f"paths no longer go around surfaces of bodies that the target does not have: {few(straight)}")
+        notes.append(f"paths no longer go around surfaces of bodies that the target does not have: {quoted(straight)}")
     return paths, notes
 
 

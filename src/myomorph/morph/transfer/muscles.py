@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.model.errors import quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.model.scale import FIBER_LENGTHS
 from myomorph.morph.checks.moment_arms import Postures
 from myomorph.morph.morphed import Architecture, MorphOptions, MuscleChange
-from myomorph.morph.transfer.body_transfer import Transfers, few
+from myomorph.morph.transfer.body_transfer import Transfers
 from myomorph.muscles.path import compile_paths
 
 USUAL = 0.4, 1.6
@@ -105,10 +106,12 @@ def transferred_muscles(
                 change, basis=known.basis, fiber_interval=known.fiber_interval, force_interval=known.force_interval
             )
         changes.append(change)
-    notes = [f"paths do not tell fiber from tendon, which both grow with the path: {few(doubtful)}"] if doubtful else []
+    notes = (
+        [f"paths do not tell fiber from tendon, which both grow with the path: {quoted(doubtful)}"] if doubtful else []
+    )
     if slack:
         notes.append(
-            f"paths are shorter than the fibers that the species' tables give, so no tendon is left: {few(slack)}"
+            f"paths are shorter than the fibers that the species' tables give, so no tendon is left: {quoted(slack)}"
         )
     return tuple(result), tuple(changes), notes
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import quoted
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant
 from myomorph.model.model import Coordinate
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, WrapObject
@@ -15,7 +16,7 @@ from myomorph.model.scale import stretched
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.shapes.articular import mm
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.body_transfer import Transfer, Transfers, few
+from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.moving_points import piece_about
 
 DEEPER = 3.0
@@ -198,7 +199,7 @@ def _transferred_points(
     for body, here in by_body.items():
         put = put_on_surface(transfers[body], places[here], within)
         if put.beyond.any():
-            shown = few(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
+            shown = quoted(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
             notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
         sure = transfers[body].within(places[here])
         for row, i in enumerate(here):
