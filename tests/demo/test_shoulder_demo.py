@@ -10,6 +10,7 @@ import pytest
 from myomorph.demo.shoulder import write_shoulder_study
 from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.run import run_viscosity
+from myomorph.viscosity.study.specimen_step import read_specimen
 
 WITHIN = {
     "mass_muscles_removed": 0.005,
@@ -28,7 +29,7 @@ def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
     pytest.importorskip("myo_sim")
     plan = read_viscosity_plan(write_shoulder_study(tmp_path / "recordings", (1, 3), seconds=8.0, trials=2))
     outcomes = run_viscosity(plan, tmp_path / "out")
-    assert [one.report.failure for one in outcomes] == ["", ""]
+    assert [outcome.error for outcome in outcomes] == ["", ""]
     with (tmp_path / "out" / "specimens.csv").open() as stream:
         rows = {row["name"]: row for row in csv.DictReader(stream)}
     for specimen in plan.specimens:
@@ -36,7 +37,7 @@ def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
         for name, share in WITHIN.items():
             assert float(found[name]) == pytest.approx(specimen.truth[name], rel=share), name
         assert float(found["measured_muscle_mass"]) == specimen.measured_muscle_mass
-    raw = outcomes[0].report
+    raw = read_specimen(outcomes[0].folder)
     assert any("plate" in one.what for one in raw.calibration)
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "nobody was measured" in page

@@ -10,10 +10,13 @@ import pytest
 
 from myomorph.cli.program import main
 from myomorph.model.errors import BadData, BadFile
+from myomorph.study.run.dry_run import dry_run
 from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.report.given import specimen_report
-from myomorph.viscosity.study import run as viscosity
+from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
+from myomorph.viscosity.study.results import read_store
+from myomorph.viscosity.study.run import graph_of, run_viscosity
 from myomorph.viscosity.study.specimen import Studied
 from swing_cohort import specimens
 
@@ -47,7 +50,7 @@ def studied(monkeypatch):
             raise ZeroDivisionError("by nothing")
         return Studied(known[files.name], specimen_report(known[files.name]))
 
-    monkeypatch.setattr(viscosity, "study_specimen", study_specimen)
+    monkeypatch.setattr(specimen_step, "study_specimen", study_specimen)
 
 
 def rows(path):
@@ -58,10 +61,10 @@ def rows(path):
 @pytest.mark.usefixtures("studied")
 def test_the_rest_of_the_cohort_is_done(study, tmp_path):
     out, seen = tmp_path / "out", []
-    outcomes = viscosity.run_viscosity(read_viscosity_plan(study), out, seen.append)
+    outcomes = run_viscosity(read_viscosity_plan(study), out, seen.append)
     assert outcomes == seen
-    assert [bool(one.report.failure) for one in outcomes] == [False, True, True, False]
-    assert [one.fault for one in outcomes] == [False, False, True, False]
+    assert [bool(outcome.error) for outcome in outcomes] == [False, True, True, False]
+    assert [outcome.fault for outcome in outcomes] == [False, False, True, False]
     assert [row["name"] for row in rows(out / "specimens.csv")] == ["01", "04"]
     mean = np.mean([SPECIMENS[0].total_viscosity, SPECIMENS[3].total_viscosity])
     cohort = {row["quantity"]: row for row in rows(out / "cohort.csv")}
@@ -78,12 +81,12 @@ def test_the_rest_of_the_cohort_is_done(study, tmp_path):
 
 @pytest.mark.usefixtures("studied")
 def test_provenance_tells_inputs_and_options(study, tmp_path):
-    viscosity.run_viscosity(read_viscosity_plan(study), tmp_path / "out")
-    made = json.loads((tmp_path / "out" / "provenance.json").read_text())
+    run_viscosity(read_viscosity_plan(study), tmp_path / "out")
+    made = json.loads((tmp_path / "out" / "01" / "provenance.json").read_text())
     assert made["options"]["identification.draws"] == 7
     roles = {source["role"] for source in made["sources"]}
     assert roles == {
-        "study",
+        "result",
         "model",
         "markers without muscles",
         "loads without muscles",
@@ -93,12 +96,46 @@ def test_provenance_tells_inputs_and_options(study, tmp_path):
 
 
 @pytest.mark.usefixtures("studied")
+def test_a_second_run_reuses_what_has_not_changed(study, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    out = tmp_path / "out"
+    run_viscosity(read_viscosity_plan(study), out)
+    of_a_run = ("study.log", "study.json", "timings.csv", "results.csv")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file() and path.name not in of_a_run}
+    looked = {row.work.key[0]: row for row in dry_run(graph_of(read_viscosity_plan(study), out), out).rows}
+    assert looked["01"].reused == ("viscosity",)
+    assert looked["02"].computed == ("viscosity",)
+    again = run_viscosity(read_viscosity_plan(study), out)
+    assert [outcome.reused for outcome in again] == [("viscosity",), (), (), ("viscosity",)]
+    assert {path: path.read_bytes() for path in before} == before
+
+    (tmp_path / "b.mot").write_text("\n")
+    changed = dry_run(graph_of(read_viscosity_plan(study), out), out).rows[0]
+    assert changed.reasons["viscosity"] == ("loads with muscles b.mot has changed",)
+    study.write_text(study.read_text().replace('name = "01"', 'name = "01"\ntruth = { joint_viscosity = 0.1 }'))
+    (tmp_path / "b.mot").write_text("")
+    outcome = run_viscosity(read_viscosity_plan(study), out)[0]
+    # What a value is held against does not change how it is found, but the page shows it.
+    assert outcome.reused == ("viscosity",)
+    assert read_store(out).specimens[0].truth["joint_viscosity"] == 0.1
+
+
+@pytest.mark.usefixtures("studied")
+def test_a_dry_run_and_its_command_compute_nothing(study, tmp_path, capsys):
+    assert main(["viscosity", str(study), "--out", str(tmp_path / "out"), "--dry-run", "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "four shoulders" in said
+    assert "time unknown: viscosity" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("studied", "in_process")
 def test_the_command_says_who_failed_and_ends_with_2_or_1(study, tmp_path, capsys):
     status = main(["viscosity", str(study), "--out", str(tmp_path / "out")])
     told = capsys.readouterr().out
     assert status == 1  # one of the failures is a fault of ours
-    assert "specimen 02: FAILED: a wire slipped: the elbow turns" in told
-    assert "specimen 01: joint 0.0761 (" in told
+    assert "02: FAILED: viscosity: a wire slipped: the elbow turns" in told
+    assert "joint 0.0761 (" in told
     assert "2 of 4 specimens done" in told
     study.write_text(study.read_text().replace('name = "03"', 'name = "06"'))
     assert main(["viscosity", str(study), "--out", str(tmp_path / "out")]) == 2
@@ -108,7 +145,7 @@ def test_the_command_says_who_failed_and_ends_with_2_or_1(study, tmp_path, capsy
 def test_options_that_are_out_of_range_stop_before_anything_is_written(study, tmp_path):
     study.write_text(study.read_text().replace("draws = 7", "draws = 0"))
     with pytest.raises(BadData, match="draws from 2"):
-        viscosity.run_viscosity(read_viscosity_plan(study), tmp_path / "out")
+        run_viscosity(read_viscosity_plan(study), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -143,9 +180,9 @@ def test_what_is_wrong_is_one_line_and_status_2(arguments, told, study, tmp_path
 
 
 def test_files_that_cannot_be_read_are_named_specimen_by_specimen(study, tmp_path):
-    outcomes = viscosity.run_viscosity(read_viscosity_plan(_with(study, "draws = 7", "draws = 20")), tmp_path / "out")
-    assert all(one.report.failure for one in outcomes)
-    assert "a.trc" in outcomes[0].report.failure
+    outcomes = run_viscosity(read_viscosity_plan(_with(study, "draws = 7", "draws = 20")), tmp_path / "out")
+    assert all(outcome.error for outcome in outcomes)
+    assert "a.trc" in outcomes[0].error
     assert rows(tmp_path / "out" / "specimens.csv") == []
     with pytest.raises(BadFile, match="cannot be read"):
         read_viscosity_plan(tmp_path / "none.toml")

@@ -15,6 +15,7 @@ from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Markers, Table
 from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.viscosity.study.results import read_store
 from myomorph.viscosity.study.run import run_viscosity
 
 JOINT, TOTAL = 0.05, 0.09
@@ -62,14 +63,15 @@ def ran(tmp_path_factory):
     ]
     text = '[study]\nname = "made"\n' + "".join(f'[[specimen]]\nmodel = "arm.osim"\n{one}\n' for one in tables)
     (folder / "study.toml").write_text(text + OPTIONS)
-    outcomes = run_viscosity(read_viscosity_plan(folder / "study.toml"), folder / "out")
-    return {one.report.name: one for one in outcomes}, folder / "out", swings["bare"]
+    run_viscosity(read_viscosity_plan(folder / "study.toml"), folder / "out")
+    reports = {report.name: report for report in read_store(folder / "out").specimens}
+    return reports, folder / "out", swings["bare"]
 
 
 @pytest.mark.long
 def test_truth_comes_back(ran):
-    outcomes, out, swung = ran
-    row = outcomes["whole"].report.row
+    reports, out, swung = ran
+    row = reports["whole"].row
     assert row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.01)
     assert row["total_viscosity"].value == pytest.approx(TOTAL, rel=0.01)
     assert row["mass_muscles_removed"].value == pytest.approx(swung.parameters[0], rel=0.002)
@@ -84,17 +86,17 @@ def test_truth_comes_back(ran):
 
 @pytest.mark.long
 def test_one_condition_alone_has_its_own_columns(ran):
-    outcomes, out, _ = ran
-    one = outcomes["half"]
-    assert set(one.report.row) == {"mass_muscles_removed", "com_muscles_removed", "joint_viscosity"}
-    assert any("muscles intact: no recording" in note for note in one.report.notes)
+    reports, out, _ = ran
+    one = reports["half"]
+    assert set(one.row) == {"mass_muscles_removed", "com_muscles_removed", "joint_viscosity"}
+    assert any("muscles intact: no recording" in note for note in one.notes)
     assert (out / "half" / "without_bare1.sto").is_file()
 
 
 @pytest.mark.long
 def test_a_plate_that_hides_the_mass_is_named_and_the_other_condition_keeps_its_own(ran):
-    outcomes, _, swung = ran
-    one = outcomes["tared"].report
+    reports, _, swung = ran
+    one = reports["tared"]
     assert any("the plate was set to zero with the limb on it" in note for note in one.notes)
     assert not {"mass_muscles_removed", "com_muscles_removed", "estimated_muscle_mass"} & set(one.row)
     assert one.row["mass_intact"].value == pytest.approx(swung.parameters[0], rel=0.002)
@@ -103,8 +105,8 @@ def test_a_plate_that_hides_the_mass_is_named_and_the_other_condition_keeps_its_
 
 @pytest.mark.long
 def test_a_specimen_whose_markers_are_not_the_models_is_left_out(ran):
-    outcomes, out, _ = ran
-    failure = outcomes["unnamed"].report.failure
+    reports, out, _ = ran
+    failure = reports["unnamed"].failure
     assert "other_bare1.trc" in failure
     assert "share no marker" in failure
     assert not (out / "unnamed").exists()
@@ -122,7 +124,7 @@ def test_the_model_is_damped_as_found(ran):
 
 @pytest.mark.long
 def test_one_specimen_needs_no_study_file(ran, capsys):
-    outcomes, out, _ = ran
+    reports, out, _ = ran
     folder = out.parent
     recordings = {
         name: [str(folder / f"{kind}{i}.trc") for i in (1, 2)]
@@ -136,7 +138,7 @@ def test_one_specimen_needs_no_study_file(ran, capsys):
     assert main(["viscosity", *given, "--muscle-mass", "0.3", "--draws", "40", "--out", str(folder / "one")]) == 0
     with (folder / "one" / "specimens.csv").open() as stream:
         (row,) = csv.DictReader(stream)
-    found = outcomes["whole"].report.row
+    found = reports["whole"].row
     assert (row["name"], row["measured_muscle_mass"]) == ("arm", "0.3")
     for name in ("joint_viscosity", "muscle_viscosity", "com_intact"):
         assert float(row[name]) == pytest.approx(found[name].value, rel=1e-6)

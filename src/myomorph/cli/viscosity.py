@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import Threads, Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import Time, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
+from myomorph.cli.running import (
+    DryRun,
+    Fresh,
+    Memory,
+    Resume,
+    Scheduler,
+    WorkerCount,
+    WorkerThreads,
+    check_running,
+    print_dry_run,
+    print_outcome,
+    status_of,
+    workers_here,
+    workers_of,
+)
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
 from myomorph.viscosity.study.results import NOTES
-from myomorph.viscosity.study.run import SpecimenOutcome
 from myomorph.viscosity.tracking.tracked import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 
-BAD_INPUT, OUR_FAULT = 2, 1
+if TYPE_CHECKING:
+    from myomorph.store.outcome import Outcome
+
 MAX_NOTES = 4
 """Notes of a specimen that are printed; findings come first, clocks that were set right stay out."""
 
@@ -70,12 +87,18 @@ def viscosity_command(
     muscle_mass: Annotated[float | None, Parameter(help="Of the removed muscles, as weighed [kg].")] = None,
     time: Time = None,
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
+    resume: Resume = False,
+    fresh: Fresh = False,
+    dry_run: DryRun = False,
+    workers: WorkerCount = None,
+    memory: Memory = None,
+    scheduler: Scheduler = None,
+    threads: WorkerThreads = None,
 ) -> int:
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
-    from myomorph.viscosity.study.run import run_viscosity
+    from myomorph.viscosity.study.run import graph_of, run_viscosity
     from myomorph.viscosity.study.template import write_template
 
     if template is not None:
@@ -83,6 +106,10 @@ def viscosity_command(
         return 0
     if out is None:
         raise BadData("give --out, the folder to write, or --template for a study file to fill in")
+    check_running(resume, fresh, scheduler, workers, memory, threads)
+    if scheduler is not None:
+        # Its processes are in folders of their own.
+        study, out = None if study is None else study.resolve(), out.resolve()
     use_threads(threads)
     if study is not None:
         plan = read_viscosity_plan(study)
@@ -92,20 +119,25 @@ def viscosity_command(
         plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
     for remark in plan.remarks:
         said(remark)
-    return ended(run_viscosity(plan, out, print_outcome), out)
+    jobs = len(plan.specimens)
+    if dry_run:
+        count = 1 if scheduler else workers_here(jobs, workers, memory, threads).count
+        return print_dry_run(partial(graph_of, plan), out, fresh, count)
+    # What is wrong with options is said before workers begin.
+    graph_of(plan, out)
+    hands = workers_of(scheduler, out, jobs, workers, memory, threads)
+    return ended(run_viscosity(plan, out, print_specimen, fresh=fresh, workers=hands), out)
 
 
-def ended(outcomes: Sequence[SpecimenOutcome], out: Path) -> int:
+def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say how many specimens were done and where the report is; the exit status."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.results import REPORT
 
-    failed = [outcome for outcome in outcomes if outcome.report.failure]
-    said(f"{len(outcomes) - len(failed)} of {len(outcomes)} specimens done")
+    specimens = [outcome for outcome in outcomes if outcome.subject]
+    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} specimens done")
     said(f"report: {(out / REPORT).resolve()}")
-    if any(one.fault for one in failed):
-        return OUR_FAULT
-    return BAD_INPUT if failed else 0
+    return status_of(outcomes)
 
 
 def changed(options: Any) -> list[str]:
@@ -124,23 +156,27 @@ def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[P
         raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
 
 
-def print_outcome(outcome: SpecimenOutcome) -> None:
-    """Print a specimen's row, or why there is none."""
-    name, row = outcome.report.name, outcome.report.row
-    if outcome.report.failure:
-        said(f"specimen {name}: FAILED: {outcome.report.failure}")
+def print_specimen(outcome: Outcome) -> None:
+    """Print what became of a specimen and its row, or why there is none."""
+    if outcome.error:
+        print_outcome(outcome)
         return
+    # Imported by the command that needs it: --help and the others start without.
+    from myomorph.viscosity.study.specimen_step import read_specimen
+
+    print_outcome(replace(outcome, findings=()))
+    report = read_specimen(outcome.folder)
     parts = []
     for key, label, unit in (
         ("joint_viscosity", "joint", "Nms/rad"),
         ("total_viscosity", "total", "Nms/rad"),
         ("muscle_viscosity", "muscles", "Ns/m"),
     ):
-        if key in row:
-            one = row[key]
-            parts.append(f"{label} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {unit}")
-    said(f"specimen {name}: {'; '.join(parts)} in {outcome.seconds:.1f} s")
-    notes = [note for note in outcome.report.notes if not note.endswith(": corrected")]
+        if key in report.row:
+            value = report.row[key]
+            parts.append(f"{label} {value.value:.3g} ({value.low:.3g} to {value.high:.3g}) {unit}")
+    said(f"  {'; '.join(parts)}")
+    notes = [note for note in report.notes if not note.endswith(": corrected")]
     warn(notes[:MAX_NOTES])
     if len(notes) > MAX_NOTES:
         warn([f"and {len(notes) - MAX_NOTES} notes more, in the report and in {NOTES}"])

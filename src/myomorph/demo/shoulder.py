@@ -22,10 +22,11 @@ from myomorph.simulate.laboratory import (
 )
 from myomorph.simulate.limb import specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
+from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.study.plan import read_viscosity_plan
-from myomorph.viscosity.study.run import SpecimenOutcome, run_viscosity
+from myomorph.viscosity.study.run import run_viscosity
 from myomorph.viscosity.trust.moment_arms import OFFSET
 
 STUDY, RECORDINGS = "shoulder.toml", "recordings"
@@ -37,7 +38,7 @@ ARM_OFFSET = 0.0014
 """`arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m]."""
 
 
-def run_shoulder_demo(out: Path, said: Callable[[SpecimenOutcome], None]) -> list[SpecimenOutcome]:
+def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:
     """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`.
 
     Parameters

@@ -137,7 +137,7 @@ class _Looked:
         computed = [step for step, reasons in why.items() if reasons]
         if computed:
             self.computed.add(work.key)
-        frames = self._frames(work)
+        frames = work.frames(self._count)
         seconds, unknown = 0.0, list[str]()
         muscles = self._muscles(work) if computed else None
         for step in computed:
@@ -197,11 +197,3 @@ class _Looked:
         if path not in self.counts:
             self.counts[path] = count_frames(path)
         return self.counts[path]
-
-    def _frames(self, work: Work) -> int | None:
-        counts = [self._count(recording.path).within(recording.time) for recording in work.recordings]
-        known = [count for count in counts if count is not None]
-        if not counts or len(known) < len(counts):
-            return None
-        # Several recordings that are solved as one have common times.
-        return min(known) if work.scope == "pair" else sum(known)

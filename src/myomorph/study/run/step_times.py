@@ -37,7 +37,7 @@ class Sample:
     ----------
     settings : of the step, as `settings_key` has them
     muscles : of the model that its job was given, 0 for none
-    frames : of the trial, or of all trials of a subject's own step
+    frames : that its job uses of its recordings
     """
 
     step: str
@@ -157,16 +157,17 @@ class Learning:
         """Keep what the run took, all its jobs done."""
         found = {outcome.key: outcome for outcome in outcomes}
         if not any(outcome.error for outcome in found.values()):
-            samples = [sample for outcome in found.values() for sample in self._samples(outcome, found)]
-            keep_samples(times_file(), samples)
+            path = times_file()
+            if path is not None:
+                keep_samples(path, [sample for outcome in found.values() for sample in self._samples(outcome)])
 
-    def _samples(self, outcome: Outcome, outcomes: Mapping[Key, Outcome]) -> list[Sample]:
+    def _samples(self, outcome: Outcome) -> list[Sample]:
         work = self.works.get(outcome.key)
         if work is None or outcome.key in self.compiled or outcome.key not in self._before:
             return []
-        frames = outcome.frames
-        if work.scope == "subject":
-            frames = sum(each.frames for key, each in outcomes.items() if key[0] == outcome.subject and key[1])
+        frames = work.frames() if outcome.timed else None
+        if frames is None:
+            return []
         muscles = 0 if work.model is None else self.muscles.get(work.model, 0)
         return [
             Sample(step, settings_key(work.settings.get(step, {})), muscles, frames, seconds)

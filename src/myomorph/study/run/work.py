@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
+from myomorph.io.frame_count import FrameCount, count_frames
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.store.locks import PATIENCE, RunMark, folder_lock
@@ -79,6 +80,15 @@ class Work:
         """The job, which asks here for results that are there already before it is given out."""
         reused = None if self.fresh else self.reused
         return Job(self.key, self, self.needs, self.model, self.after, reused)
+
+    def frames(self, count: Callable[[Path], FrameCount] = count_frames) -> int | None:
+        """Frames that are used of its recordings, None where the files do not tell at once."""
+        counts = [count(recording.path).within(recording.time) for recording in self.recordings]
+        known = [frames for frames in counts if frames is not None]
+        if not counts or len(known) < len(counts):
+            return None
+        # Several recordings that are solved as one have common times.
+        return min(known) if self.scope == "pair" else sum(known)
 
     def __call__(self, model: Model | None, read: str = "") -> Outcome:
         """Do it: what one process may do at a time in its folder; an error ends it, but not the study.

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, Self, TypeVar
@@ -154,7 +154,12 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         """Run a step, which writes its files."""
         value, home = self._step(step), self.outcome.folder
         home.mkdir(parents=True, exist_ok=True)
-        value.run(self.inputs, FolderOutput(value, home, self.provenance(step)))
+        try:
+            value.run(self.inputs, FolderOutput(value, home, self.provenance(step)))
+        finally:
+            with suppress(OSError):
+                # Only where it is empty, since the step has failed.
+                home.rmdir()
         self.reuse(step)
 
     def reuse(self, step: str) -> None:

@@ -27,6 +27,10 @@ STEPS: dict[Scope, dict[str, str]] = {
     "study": {
         "groups": "myomorph.study.summary.grouping",
         "tables": "myomorph.study.summary.study_tables",
+        "cohort": "myomorph.viscosity.study.cohort_step",
+    },
+    "specimen": {
+        "viscosity": "myomorph.viscosity.study.specimen_step",
     },
     "pair": {
         "id": "myomorph.study.trial.steps.id",

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from myomorph.viscosity.report import given as shown
 from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
 from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.swings.recording import SwingRecording
+
+Kind = TypeVar("Kind")
 
 SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
 MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
@@ -188,7 +190,7 @@ def _csv(head: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
 
 def write_store(viscosity_input: ViscosityInput, folder: Path) -> None:
     """Write what a report shows, arrays to six digits."""
-    write_whole(json.dumps(_plain(viscosity_input), separators=(",", ":")) + "\n", folder / STORE)
+    write_value(viscosity_input, folder / STORE, DIGITS)
 
 
 def read_store(folder: Path) -> ViscosityInput:
@@ -199,12 +201,26 @@ def read_store(folder: Path) -> ViscosityInput:
     BadFile
         where it is something else
     """
-    path = folder / STORE
+    return read_value(folder / STORE, ViscosityInput)
+
+
+def write_value(value: object, path: Path, digits: int | None = None) -> None:
+    """Write a value of which a report is made.
+
+    Parameters
+    ----------
+    digits : of numbers in arrays, None for all
+    """
+    write_whole(json.dumps(_plain(value, digits), separators=(",", ":")) + "\n", path)
+
+
+def read_value(path: Path, kind: type[Kind]) -> Kind:
+    """What `write_value` wrote; raises `BadFile` where it is something else."""
     try:
         result = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadFile(path, f"is no result of 'myomorph viscosity' ({error})", "run the study again") from None
-    if not isinstance(result, ViscosityInput):
+    if not isinstance(result, kind):
         raise BadFile(path, "is no result of 'myomorph viscosity'", "run the study again")
     return result
 
@@ -221,19 +237,22 @@ def remake_report(folder: Path) -> Path:
     return folder / REPORT
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object, digits: int | None) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {KIND: type(value).__name__} | {
-            field.name: _plain(getattr(value, field.name)) for field in fields(value)
+            field.name: _plain(getattr(value, field.name), digits) for field in fields(value)
         }
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "f":
             return {KIND: ARRAY, "values": value.tolist(), "whole": True}
-        return {KIND: ARRAY, "values": [float(f"{one:.{DIGITS}g}") for one in value.ravel()], "shape": value.shape}
+        numbers = value.ravel().tolist()
+        if digits is not None:
+            numbers = [float(f"{number:.{digits}g}") for number in numbers]
+        return {KIND: ARRAY, "values": numbers, "shape": value.shape}
     if isinstance(value, Mapping):
-        return {"of": {str(name): _plain(one) for name, one in value.items()}}
+        return {"of": {str(name): _plain(one, digits) for name, one in value.items()}}
     if isinstance(value, tuple | list):
-        return [_plain(one) for one in value]
+        return [_plain(one, digits) for one in value]
     if isinstance(value, np.generic):
         return value.item()
     return value

@@ -1,0 +1,129 @@
+"""The step of a study of swinging limbs that is done once for all specimens: tables of the cohort and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from myomorph import __version__
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.provenance import Provenance, Source
+from myomorph.report.page.parts import Note, SourceFile
+from myomorph.report.page.parts import Step as PageStep
+from myomorph.store.outcome import Outcome
+from myomorph.store.results import file_source, provenance_of, value_source
+from myomorph.study.step.folder_steps import FolderOutput, stored_provenance
+from myomorph.study.step.step import Step
+from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+from myomorph.viscosity.study import specimen_step
+from myomorph.viscosity.study.plan import StudyOptions, ViscosityPlan
+from myomorph.viscosity.study.results import REPORT, STORE, remake_report, write_store, write_tables
+from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
+
+
+@dataclass(frozen=True)
+class CohortInputs:
+    """The specimens of a study when all have ended.
+
+    Attributes
+    ----------
+    outcomes : of the specimens, in the order of the plan
+    """
+
+    plan: ViscosityPlan
+    outcomes: tuple[Outcome, ...]
+
+    def after(self, step: Step[Any], home: Path) -> CohortInputs:
+        """The same: a cohort has one step."""
+        return self
+
+    def reports(self) -> tuple[SpecimenReport, ...]:
+        """What is shown of each specimen; of one that failed, why."""
+        reports = []
+        for files, outcome in zip(self.plan.specimens, self.outcomes, strict=True):
+            if outcome.error:
+                failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
+                report = SpecimenReport(files.name, failure=failure)
+            else:
+                report = read_specimen(outcome.folder)
+            reports.append(replace(report, truth=files.truth, paper=files.paper))
+        return tuple(reports)
+
+    def sources(self) -> Iterator[Source]:
+        """The files that the specimens were made from."""
+        if self.plan.path is not None:
+            yield file_source("study", self.plan.path)
+        for outcome in self.outcomes:
+            made = None if outcome.error else stored_provenance(outcome.folder, specimen_step.STEP)
+            yield from () if made is None else made.sources
+
+
+def cohort_provenance(cohort: CohortInputs) -> Provenance:
+    """What the tables of a cohort are derived from: its specimens' results, and what the study file says of them."""
+    plan = cohort.plan
+    sources = [] if plan.path is None else [file_source("study", plan.path)]
+    for files, outcome in zip(plan.specimens, cohort.outcomes, strict=True):
+        result = outcome.folder / SPECIMEN
+        sha = "" if outcome.error else file_source("specimen", result).sha256
+        known = (sorted(files.truth.items()), sorted(files.paper.items()))
+        sources.append(value_source("specimen", files.name, outcome.error, sha, known))
+    options = {"name": plan.name, "real": plan.real, "simulated": plan.simulated, "assumed": plan.assumed}
+    return provenance_of("cohort", sources, options)
+
+
+def _run(cohort: CohortInputs, output: FolderOutput) -> None:
+    reports = cohort.reports()
+    with output.whole() as folder:
+        write_tables(reports, folder)
+        write_store(viscosity_input(cohort, reports, output.made.date), folder)
+        remake_report(folder)
+
+
+def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], date: str) -> ViscosityInput:
+    """What the report shows of a study."""
+    plan, options = cohort.plan, StudyOptions.of(cohort.plan.settings)
+    sources = dict.fromkeys(
+        SourceFile(source.role, Path(source.name).name, source.sha256) for source in cohort.sources()
+    )
+    steps = tuple(
+        PageStep(table, FrozenMap({name: _shown(value) for name, value in settings.items()}))
+        for table, settings in options.plain.items()
+    )
+    return ViscosityInput(plan.name, reports, head_notes(plan), tuple(sources), steps, date, __version__)
+
+
+def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
+    """What is real, simulated and assumed, as the study file says it and as the method has it."""
+    real = plan.real
+    if not real and not plan.simulated:
+        trials = sum(len(specimen.without) + len(specimen.intact) for specimen in plan.specimens)
+        real = (f"Markers and forces of {trials} recordings, as the study file names them.",)
+    assumed = (
+        "The limb beyond the joint is one rigid link; the joint turns about one fixed center; the base does not move.",
+        "Swings are passive: nobody touches the limb, and no muscle is active.",
+        "Moment arms are those of the model. One value for all axes and one for all muscles, as the paper has it; "
+        "values by axis and by muscle stand beside.",
+        *plan.assumed,
+    )
+    parts = (("real", real), ("simulated", plan.simulated), ("assumed", assumed))
+    return tuple(Note(kind, text) for kind, texts in parts for text in texts)  # type: ignore[arg-type]
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "chosen"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+STEP = Step(
+    name="cohort",
+    title="tables and report of a cohort",
+    scope="study",
+    leaves=FrozenMap({"page": REPORT, "store": STORE}),
+    run=_run,
+    made_from=cohort_provenance,
+)

@@ -1,0 +1,85 @@
+"""The step of a study of swinging limbs that is done once for a specimen: from its recordings to its viscosities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from myomorph.io.osim.write import write_osim
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.provenance import Provenance
+from myomorph.store.progress import progress
+from myomorph.store.results import file_source, provenance_of
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.viscosity.report.given import SpecimenReport
+from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.viscosity.study.results import read_value, write_swings, write_value
+from myomorph.viscosity.study.specimen import input_sources, study_specimen
+
+SPECIMEN, IDENTIFIED = "specimen.json", "identified.osim"
+
+
+@dataclass(frozen=True)
+class SpecimenInputs:
+    """One specimen and the options of the study."""
+
+    files: SpecimenFiles
+    options: StudyOptions
+
+    def after(self, step: Step[Any], home: Path) -> SpecimenInputs:
+        """The same: a specimen has one step."""
+        return self
+
+
+def specimen_provenance(specimen: SpecimenInputs) -> Provenance:
+    """What the result of a specimen is derived from; what it is held against, its truth, changes nothing."""
+    files = specimen.files
+    sources = list(input_sources(files))
+    for scan in files.ct:
+        sources += [file_source("CT", path) for path in (scan.picked, scan.mesh) if path is not None]
+    names = ("measured_muscle_mass", "base", "first", "bones", "joint", "muscles", "pcsa", "up")
+    known: dict[str, object] = {name: getattr(files, name) for name in names}
+    known |= {name: dict(value) for name, value in known.items() if isinstance(value, FrozenMap)}
+    for condition, recordings in (("removed", files.without), ("intact", files.intact)):
+        known[condition] = [(recording.name, recording.time) for recording in recordings]
+    known["ct"] = [scan.model_dump(exclude={"surface", "cluster", "picked", "mesh"}) for scan in files.ct]
+    known["plate"] = None if files.plate is None else (repr(files.plate.weight), files.plate.plate)
+    tables: dict[str, dict[str, object]] = {"specimen": known, **specimen.options.plain}
+    options = {f"{table}.{name}": value for table, settings in tables.items() for name, value in settings.items()}
+    return provenance_of("viscosity", sources, options)
+
+
+def read_specimen(home: Path) -> SpecimenReport:
+    """What is shown of a specimen, from the folder of its results.
+
+    Raises
+    ------
+    BadFile
+        where there is no such result
+    """
+    return read_value(home / SPECIMEN, SpecimenReport)
+
+
+def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
+    with progress(f"specimen {specimen.files.name}", 1, "specimens") as advance:
+        studied = study_specimen(specimen.files, specimen.options, advance)
+    with output.whole() as folder:
+        write_swings(studied.found, folder)
+        lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
+        notes = (*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost))
+        report = replace(studied.report, notes=notes)
+        write_value(report, folder / SPECIMEN)
+    return report
+
+
+STEP = Step(
+    name="viscosity",
+    title="viscosities of a swinging limb",
+    scope="specimen",
+    options=tuple(type(options) for options in vars(StudyOptions()).values()),
+    leaves=FrozenMap({"report": SPECIMEN}),
+    run=_run,
+    made_from=specimen_provenance,
+)
