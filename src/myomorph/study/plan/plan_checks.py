@@ -70,9 +70,9 @@ def check_names(
     flat : folders of trials lie beside the study's own files
     """
     for subject in steps:
-        _possible(subject, f"subject '{subject}'", OF_STUDY, problems)
+        _possible(subject, f"subject '{subject}'", (*OF_STUDY, *STEPS["study"]), problems)
     for name in together:
-        _possible(name, f"together '{name}'", OF_STUDY, problems)
+        _possible(name, f"together '{name}'", (*OF_STUDY, *STEPS["study"]), problems)
     _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
     for subject, own in steps.items():
         steps_on = [step_of(step, "subject") for step in STEPS["subject"] if step in own]

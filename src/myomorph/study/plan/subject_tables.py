@@ -20,8 +20,8 @@ from myomorph.study.step.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.trial.together import TogetherTable
 
-FIRST = ("morph", "calibrate", "ik", "refine", "identify", "personalize", "emg")
-"""Steps in whose order those on subjects and those on trials alternate."""
+BEFORE_IK = ("morph", "calibrate")
+"""Steps on subjects that make the model which inverse kinematics fits; the others use its coordinates."""
 Patterns = str | list[str]
 """One pattern or several."""
 PLACE = "{subject}"
@@ -30,7 +30,8 @@ PLACE = "{subject}"
 
 def study_steps() -> tuple[str, ...]:
     """Names of all steps in the order in which they run."""
-    return (*FIRST, *(step for step in STEPS["trial"] if step not in FIRST), REPORT)
+    after = (step for step in STEPS["subject"] if step not in BEFORE_IK)
+    return (*BEFORE_IK, "ik", *after, *(step for step in STEPS["trial"] if step != "ik"), REPORT)
 
 
 def filtered_steps() -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from myomorph.study.plan.plan import Plan
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
-from myomorph.study.step.step import large_variables
+from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, made_model
 from myomorph.study.subject.subjects import subject_steps
@@ -31,6 +31,9 @@ from myomorph.study.trial.steps import ik
 from myomorph.study.trial.together import Part, Together, join_trials, object_part
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_step import StepResults
+
+TABLES = "tables"
+"""The step of a study that gathers the values of its trials; it is not told of where it ends well."""
 
 
 def open_trial_steps(
@@ -252,19 +255,12 @@ class _Works:
         )
 
     def last(self, outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
-        """The comparison of groups where one is asked for, and the study's tables."""
+        """What is done for the whole study, the tables and their page last."""
         inputs = StudyInputs(self.plan, outcomes, self.out)
-        groups = self.plan.groups
-        steps: dict[str, Key] = {"tables": GATHERED}
-        if groups is not None:
-            steps = {"groups": (f"{groups.first[0]} and {groups.second[0]}", "")} | steps
-        return tuple(
-            Work(
-                "study",
-                Outcome(*key, self.out),
-                (step,),
-                partial(open_study_steps, inputs=inputs, key=key),
-                fresh=self.fresh,
-            )
-            for step, key in steps.items()
-        )
+        works = []
+        for step in STEPS["study"]:
+            if step_of(step, "study").applies(inputs):
+                key = GATHERED if step == TABLES else (step, "")
+                opened = partial(open_study_steps, inputs=inputs, key=key)
+                works.append(Work("study", Outcome(*key, self.out), (step,), opened, fresh=self.fresh))
+        return tuple(works)

@@ -16,6 +16,7 @@ from myomorph.store.locks import PATIENCE, RunMark, folder_lock
 from myomorph.store.outcome import Key, Outcome, failed
 from myomorph.study.run.jobs import Job
 from myomorph.study.step.job_steps import JobSteps, run_steps
+from myomorph.study.step.step import WHOLE_STUDY
 from myomorph.study.step.step_table import REPORT, Scope
 from myomorph.study.trial.trial_files import Settings
 
@@ -131,7 +132,7 @@ class Work:
 
     def _lock(self, patience: float = PATIENCE) -> AbstractContextManager[None]:
         # The folder of a study is this run's already.
-        return nullcontext() if self.scope == "study" else folder_lock(self.folder, self.mark, patience)
+        return nullcontext() if self.scope in WHOLE_STUDY else folder_lock(self.folder, self.mark, patience)
 
     def _told(self, outcome: Outcome, started: float) -> Outcome:
         subject, trial, condition = self.outcome.subject, self.outcome.trial, self.outcome.condition

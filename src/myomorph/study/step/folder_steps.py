@@ -16,7 +16,7 @@ from myomorph.model.provenance import Provenance
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, whole_folder
 from myomorph.study.step.job_steps import JobSteps
-from myomorph.study.step.step import Step, step_of
+from myomorph.study.step.step import WHOLE_STUDY, Step, step_of
 from myomorph.study.step.step_table import Scope
 
 PROVENANCE = "provenance.json"
@@ -92,7 +92,7 @@ def _shared_folder(home: Path, name: str) -> Iterator[Path]:
 
 def provenance_file(step: Step[Any] | None = None) -> str:
     """Name of the file that tells what a result is derived from; those of a study lie beside each other."""
-    return PROVENANCE if step is None or step.scope != "study" else f"{step.name}_{PROVENANCE}"
+    return PROVENANCE if step is None or step.scope not in WHOLE_STUDY else f"{step.name}_{PROVENANCE}"
 
 
 def stored_provenance(tables: Path, step: Step[Any] | None = None) -> Provenance | None:

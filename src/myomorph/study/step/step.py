@@ -94,6 +94,7 @@ class Step(StepHead, Generic[Result]):
 
     Of other scopes:
 
+    applies : whether there is anything to do, from the inputs of its scope
     made_from : from the inputs of its scope to what its result is derived from
     leaves : files that later steps and jobs read, from what they are used as to their path in the folder of the
         subject, specimen or study; a result is there when they are
@@ -117,9 +118,13 @@ class Step(StepHead, Generic[Result]):
     outcome: Callable[[Outcome, Result], Outcome] | None = None
     outcome_variables: tuple[str, ...] = ()
 
+    applies: Callable[[Any], bool] = lambda inputs: True
     made_from: Callable[[Any], Provenance] | None = None
     leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
+
+WHOLE_STUDY: tuple[Scope, ...] = ("cohort", "study")
+"""Scopes whose results lie in the folder of the study itself."""
 
 REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
 

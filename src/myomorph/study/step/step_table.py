@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-Scope = Literal["subject", "trial", "pair", "specimen", "study"]
+Scope = Literal["subject", "trial", "pair", "specimen", "cohort", "study"]
 """What a step is done once for: a subject, one of its trials, trials of several subjects that are solved as one, a
-specimen that swings, a whole study."""
+specimen that swings, all specimens of a study, a study of subjects."""
 
 STEPS: dict[Scope, dict[str, str]] = {
     "subject": {
@@ -27,10 +27,12 @@ STEPS: dict[Scope, dict[str, str]] = {
     "study": {
         "groups": "myomorph.study.summary.grouping",
         "tables": "myomorph.study.summary.study_tables",
-        "cohort": "myomorph.viscosity.study.cohort_step",
     },
     "specimen": {
         "viscosity": "myomorph.viscosity.study.specimen_step",
+    },
+    "cohort": {
+        "cohort": "myomorph.viscosity.study.cohort_step",
     },
     "pair": {
         "id": "myomorph.study.trial.steps.id",

@@ -199,6 +199,7 @@ STEP = Step(
     title="two groups of subjects beside each other",
     scope="study",
     leaves=FrozenMap({"page": PAGE}),
+    applies=lambda study: study.plan.groups is not None,
     run=_run,
     made_from=groups_provenance,
 )

@@ -122,7 +122,7 @@ def _shown(value: object) -> str:
 STEP = Step(
     name="cohort",
     title="tables and report of a cohort",
-    scope="study",
+    scope="cohort",
     leaves=FrozenMap({"page": REPORT, "store": STORE}),
     run=_run,
     made_from=cohort_provenance,

@@ -17,7 +17,8 @@ from myomorph.study.run.run import run_graph
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
-from myomorph.viscosity.study import cohort_step, specimen_step
+from myomorph.study.step.step_table import STEPS
+from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.cohort_step import CohortInputs
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
 from myomorph.viscosity.study.specimen_step import SpecimenInputs
@@ -30,7 +31,7 @@ def open_specimen_steps(model: Model | None, read: str, fresh: bool, *, inputs: 
 
 def open_cohort_steps(model: Model | None, read: str, fresh: bool, *, inputs: CohortInputs, home: Path) -> JobSteps:
     """The step of all specimens."""
-    return FolderSteps("study", inputs, Outcome(*GATHERED, home), fresh)
+    return FolderSteps("cohort", inputs, Outcome(*GATHERED, home), fresh)
 
 
 def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
@@ -55,7 +56,7 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
         return Work(
             "specimen",
             Outcome(files.name, "", home),
-            (specimen_step.STEP.name,),
+            tuple(STEPS["specimen"]),
             partial(open_specimen_steps, inputs=SpecimenInputs(files, options), home=home),
             fresh=fresh,
             mark=mark,
@@ -66,7 +67,7 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
         opened = partial(open_cohort_steps, inputs=CohortInputs(plan, outcomes), home=out)
-        return (Work("study", Outcome(*GATHERED, out), (cohort_step.STEP.name,), opened, fresh=fresh),)
+        return (Work("cohort", Outcome(*GATHERED, out), tuple(STEPS["cohort"]), opened, fresh=fresh),)
 
     return Graph(plan.name, tuple(map(work, plan.specimens)), last, open_model)
 
