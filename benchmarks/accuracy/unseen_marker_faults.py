@@ -33,7 +33,7 @@ from benchmarks.accuracy.unseen_faults import Raw as RawForces
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding
 from myomorph.motion.marker_checks import checked_kinematics
-from myomorph.store.finding_store import get_findings
+from myomorph.store.results import get_findings
 from myomorph.study.analyze.recordings import Recording, bare, look_at
 from myomorph.study.subject.calibrating import stored_findings
 from myomorph.study.trial.steps.ik import FINDINGS

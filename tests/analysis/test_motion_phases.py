@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from myomorph.analysis.motion_phases import MOST_STAGES, Cuttable, cut, measure, together
+from myomorph.analysis.motion_phases import MAX_STAGES, Cuttable, cut, measure, together
 from myomorph.analysis.phases import Phase
 from myomorph.model.errors import BadData
 from myomorph.model.series import Event, Series
@@ -82,7 +82,7 @@ def test_cuts_in_order_until_one_cuts() -> None:
     cycles = cut(what, ("cycles",))
     assert [one.name for one in cycles.stages] == ["Cycle 1", "Cycle 2", "Cycle 3", "Remainder"]
     assert [one.duration for one in cycles.stages] == pytest.approx([3.0, 3.0, 3.0, 1.0])
-    many = Cuttable(SPAN, TIME, tuple(Event(0.1 * i, "tap") for i in range(1, 3 * MOST_STAGES)))
+    many = Cuttable(SPAN, TIME, tuple(Event(0.1 * i, "tap") for i in range(1, 3 * MAX_STAGES)))
     assert cut(many, ("events", "cycles", "parts")).by == "parts"
     assert cut(many, ("events",)).stages == ()
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit as student_quantile
 
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups, compare_paired
-from myomorph.analysis.permutations import FEWEST
+from myomorph.analysis.permutations import MIN_SUBJECTS
 from myomorph.model.arrays import Array, read_only
 
 
@@ -95,7 +95,7 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     alone = [
         Group(group.name, tuple(each for each in group.animals if each.name not in shared)) for group in (first, second)
     ]
-    if len(shared) >= FEWEST or min(len(group.animals) for group in alone) < FEWEST:
+    if len(shared) >= MIN_SUBJECTS or min(len(group.animals) for group in alone) < MIN_SUBJECTS:
         return compare_paired(first, second, options)
     comparison = compare_groups(alone[0], alone[1], options)
     note = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
@@ -106,9 +106,9 @@ def _without_curves(group: Group) -> Group:
     return Group(group.name, tuple(replace(animal, curves={}) for animal in group.animals))
 
 
-FAR = 3.5
+OUTLIER_SCORE = 3.5
 """Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)."""
-FEWEST_VALUES = 5
+MIN_VALUES = 5
 """Values of a kind from which on any is judged."""
 ROUNDED = 1e-6
 """Values that differ by less, as a share of their median, are equal: what is left is rounding."""
@@ -123,7 +123,7 @@ def modified_z(values: ArrayLike) -> Array:
     """
     samples = np.asarray(values, dtype=np.float64)
     known = samples[np.isfinite(samples)]
-    if len(known) < FEWEST_VALUES:
+    if len(known) < MIN_VALUES:
         return np.full(samples.shape, np.nan)
     middle = np.median(known)
     spread = float(np.median(np.abs(known - middle)))

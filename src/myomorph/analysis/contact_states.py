@@ -16,7 +16,7 @@ from myomorph.model.model import GROUND
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 
-SHORTEST_LINE = 0.03
+MIN_LINE = 0.03
 
 
 _HAND = re.compile(r"hand|palm|finger|thumb|stick|arm|wrist|grip|sleeve|lapel", re.IGNORECASE)
@@ -143,7 +143,7 @@ def row_label(site: str, who: Sequence[Subject] = ()) -> str:
 
 def is_stroke(touch: Touch) -> bool:
     """Whether a contact is an impact: heard, or too short to be drawn as a line."""
-    return touch.source == "sound" or touch.stop - touch.start < SHORTEST_LINE
+    return touch.source == "sound" or touch.stop - touch.start < MIN_LINE
 
 
 def limb_states(contacts: Contacts, time: Array, who: Sequence[Subject] = ()) -> tuple[tuple[Limb, ...], np.ndarray]:

@@ -15,7 +15,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 
-MOST_SAMPLES, LEAST_KNOWN = 4096, 0.5
+MAX_SAMPLES, MIN_KNOWN = 4096, 0.5
 
 
 @dataclass(frozen=True)
@@ -129,9 +129,9 @@ def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
     Values that are not known are 0.
     """
     known = np.isfinite(values)
-    if known.sum() < 8 or known.mean() < LEAST_KNOWN:
+    if known.sum() < 8 or known.mean() < MIN_KNOWN:
         return None
-    count = min(len(time), MOST_SAMPLES)
+    count = min(len(time), MAX_SAMPLES)
     even = np.linspace(time[0], time[-1], count)
     seen = np.interp(even, time, known.astype(np.float64)) > 0.5
     signal = np.interp(even, time[known], values[known])
@@ -179,7 +179,7 @@ def _vertex(values: Array, at: int) -> float:
 
 
 SAMPLES = 101
-LONGEST_GAP = 0.1
+MAX_GAP = 0.1
 """Of a signal within a cycle, as a share of it, that a line may cross."""
 
 
@@ -267,7 +267,7 @@ def _between(time: Array, values: Array, at: Array, step: float) -> Array:
     before = values[after - 1]
     result: Array = before + share * (values[after] - before)
     apart = np.where(time[after] == at, 0.0, span)
-    longest = np.maximum(LONGEST_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
+    longest = np.maximum(MAX_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
     result[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
     return result
 

@@ -18,7 +18,7 @@ NEAREST = 0.4
 ahead a quarter of a stride before it strikes."""
 CLEAR = 0.4
 """Skewness of the speeds of feet from which on their swing shows the direction."""
-FEWEST = 8
+MIN_FRAMES = 8
 """Frames in which trunk and foot must be seen."""
 
 
@@ -147,7 +147,7 @@ def foot_track(
 def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
     """Times of the maxima that stand out, between samples by the parabola around each."""
     known = np.isfinite(values)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_FRAMES:
         return np.zeros(0)
     filled = np.interp(time, time[known], values[known])
     way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))

@@ -14,7 +14,7 @@ from scipy.special import stdtrit as student_quantile
 
 from myomorph.analysis.cycles import Band, Cycles, band
 from myomorph.analysis.permutations import (
-    FEWEST,
+    MIN_SUBJECTS,
     benjamini_hochberg,
     g_curve_interval,
     g_interval,
@@ -205,7 +205,7 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     if both:
         raise BadData(f"'{min(both)}' is in both groups")
     n, m = len(first.animals), len(second.animals)
-    few = f"groups of {n} and {m} are described, not tested: a test needs {FEWEST} or more in each"
+    few = f"groups of {n} and {m} are described, not tested: a test needs {MIN_SUBJECTS} or more in each"
     blunt = (
         f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:g}"
     )
@@ -233,7 +233,7 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
     notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
     n = len(pairs)
-    few = f"{n} subjects with both are described, not tested: a test needs {FEWEST} or more"
+    few = f"{n} subjects with both are described, not tested: a test needs {MIN_SUBJECTS} or more"
     blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:.3g}"
     former, other = (
         Group(group.name, animals) for group, animals in zip((first, second), zip(*pairs, strict=True), strict=True)
@@ -246,7 +246,7 @@ def _compared(
     notes: Sequence[str] = (),
 ) -> Comparison:  # fmt: skip
     """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
-    tested, paired = min(sizes) >= FEWEST, len(sizes) == 1
+    tested, paired = min(sizes) >= MIN_SUBJECTS, len(sizes) == 1
     floor = p_floor(*sizes, most=options.permutations) if tested else float("nan")
     notes_of_test = [
         *notes,
@@ -293,7 +293,7 @@ def _scalars(
         sizes = [len(part) for part in samples]
         g = float(hedges_g(*samples))
         p = float("nan")
-        if tested and min(sizes) >= FEWEST:
+        if tested and min(sizes) >= MIN_SUBJECTS:
             p = float(permutation_test(*samples, most=options.permutations, seed=options.seed).p)
         mean, low, high = (float(end) for end in _mean_interval(samples, options.confidence))
         g_low, g_high = g_interval(g, *sizes, confidence=options.confidence)

@@ -22,7 +22,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.muscles.scaling import default_path_lengths
 
-FEWEST = 2
+MIN_STRIDES = 2
 """Strides whose mean has an interval."""
 
 

@@ -13,8 +13,8 @@ from myomorph.analysis.presets import Cut
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Series
 
-MOST_STAGES = 16
-SHORTEST = 0.03
+MAX_STAGES = 16
+MIN_DURATION = 0.03
 PARTS = 4
 
 
@@ -87,7 +87,7 @@ def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cu
     }
     for way in cuts:
         stages = makers[way](what)
-        if 2 <= len(stages) <= MOST_STAGES:
+        if 2 <= len(stages) <= MAX_STAGES:
             return Cutting(stages, way)
     return Cutting((), "")
 
@@ -161,7 +161,7 @@ def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:
     borders = [0, *changes.tolist(), len(touching)]
     runs: list[tuple[int, int]] = []
     for start, stop in itertools.pairwise(borders):
-        short = time[stop - 1] - time[start] < SHORTEST
+        short = time[stop - 1] - time[start] < MIN_DURATION
         same = bool(runs) and np.array_equal(touching[sum(runs[-1]) // 2], touching[start])
         if runs and (short or same):
             runs[-1] = runs[-1][0], stop - 1

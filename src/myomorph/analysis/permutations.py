@@ -28,7 +28,7 @@ from scipy.special import stdtrit as student_quantile
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 
-FEWEST = 3
+MIN_SUBJECTS = 3
 """Members of a group from which on it is tested."""
 SAME = 1e-9
 """Two |t| are equal within this share."""
@@ -100,9 +100,9 @@ def permutation_test(
     sizes, shape = [len(group) for group in groups], groups[0].shape[1:]
     if groups[-1].shape[1:] != shape:
         raise BadData(f"groups of shapes {groups[0].shape} and {groups[1].shape}: expected the same but for members")
-    if min(sizes) < FEWEST:
+    if min(sizes) < MIN_SUBJECTS:
         who = f"{sizes[0]} pairs" if second is None else f"groups of {sizes[0]} and {sizes[1]}"
-        raise BadData(f"{who}: a test needs {FEWEST} or more{'' if second is None else ' in each'}")
+        raise BadData(f"{who}: a test needs {MIN_SUBJECTS} or more{'' if second is None else ' in each'}")
     values = np.concatenate(groups).reshape(sum(sizes), -1)
     known = np.isfinite(values).all(axis=0)
     curve = np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known] if shape else None

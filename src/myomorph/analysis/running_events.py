@@ -19,7 +19,7 @@ FLIGHT = 0.3
 """A runner's force falls below this share of the weight between contacts; a walker's stays above 0.6."""
 EDGE = 0.5
 """Share of the weight at which the slope of the force is taken, along which it goes on to nothing."""
-FEWEST = 24
+MIN_FRAMES = 24
 """Frames that a second derivative takes."""
 
 
@@ -55,7 +55,7 @@ def running_contacts(
     feet : bodies
     """
     known = np.isfinite(motion.values).all(axis=1)
-    if known.sum() < FEWEST or not known.all() or model.mass <= 0.0 or not np.linalg.norm(model.gravity) > 0.0:
+    if known.sum() < MIN_FRAMES or not known.all() or model.mass <= 0.0 or not np.linalg.norm(model.gravity) > 0.0:
         return {}
     force = vertical_force(model, motion)
     time = motion.time

@@ -235,7 +235,7 @@ def muscle_rows(names: Sequence[str]) -> tuple[tuple[str, Indices], ...]:
 
 
 _CHUNK = 1024
-LEAST_SHARE = 1e-3
+MIN_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def subjects(model: Model) -> tuple[Subject, ...]:
             for muscle in model.muscles
             if next((home[point.body] for point in muscle.path.points if point.body in home), "") == root
         )
-        if mass > LEAST_SHARE * model.mass:
+        if mass > MIN_SHARE * model.mass:
             prefix = _prefix((*bodies, *muscles)) if len(roots) > 1 else ""
             name = (prefix.rstrip("_") or root) if len(roots) > 1 else ""
             result.append(Subject(name, prefix, bodies, muscles))

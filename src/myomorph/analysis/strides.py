@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.foot_events import (
-    FEWEST,
+    MIN_FRAMES,
     FootTrack,
     Limb,
     StrideOptions,
@@ -225,8 +225,8 @@ def _trunk(points: Series, limbs: Sequence[Limb], body: Sequence[str]) -> Array:
     if points.values.ndim != 3:
         raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
     trunk = _mean(points, body)
-    if np.isfinite(trunk[:, 0]).sum() < FEWEST:
-        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen together in fewer than {FEWEST} frames")
+    if np.isfinite(trunk[:, 0]).sum() < MIN_FRAMES:
+        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen in fewer than {MIN_FRAMES} frames")
     return trunk
 
 

@@ -25,7 +25,7 @@ TRAVELS = 3.0
 STANDS = 0.5
 """Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
 
-LEAST_DUTY = 0.1
+MIN_DUTY = 0.1
 """The only stride of a recording has a stance and a swing of at least this share."""
 
 STEADY = 0.35
@@ -134,7 +134,7 @@ def walking_strides(
         return None
     if len(lasting) == 1:
         only = strides.strides[0]
-        return strides if LEAST_DUTY < only.duty < 1.0 - LEAST_DUTY and only.length > 0.0 else None
+        return strides if MIN_DUTY < only.duty < 1.0 - MIN_DUTY and only.length > 0.0 else None
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
     return strides if unlike < STEADY else None

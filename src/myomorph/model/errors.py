@@ -99,6 +99,12 @@ def one_line(text: str) -> str:
     return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} characters) ... {text[-LAST:]}"
 
 
+def few(names: Iterable[str], most: int = MAX_NAMES) -> str:
+    """Names for a sentence, at most so many of them, and how many more there are."""
+    names = tuple(dict.fromkeys(names))
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
     """Names in quotes, at most so many of them, and how many there are in all where some are left out."""
     names = tuple(dict.fromkeys(names))

@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +22,7 @@ from myomorph import __version__
 from myomorph.io.formats import is_composed
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
@@ -35,7 +36,7 @@ WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
 """What every result file tells first."""
 SETTLED = 10.0
 """A file is taken to be the same while its size and times are, if it has not been touched for so long [s]."""
-LARGE, MOST_HASHES = 1 << 16, 256
+LARGE, MAX_HASHES = 1 << 16, 256
 _HASHES: dict[tuple[int, ...], str] = {}
 
 
@@ -68,7 +69,7 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
         for block in iter(lambda: stream.read(1 << 20), b""):
             digest.update(block)
     if settled and status.st_size > LARGE:
-        while len(_HASHES) >= MOST_HASHES:
+        while len(_HASHES) >= MAX_HASHES:
             _HASHES.pop(next(iter(_HASHES)), None)
         _HASHES[look] = digest.hexdigest()
     return digest.hexdigest()
@@ -370,3 +371,29 @@ def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     """Unit of each coordinate: "rad", "m", or "" where it is the file's own."""
     units = {"rotational": "rad", "translational": "m", "coupled": ""}
     return tuple(units[model.coordinate(name).motion] for name in names)
+
+
+def put_findings(writer: ResultWriter, name: str, findings: Sequence[Finding]) -> None:
+    """Findings as a text about the whole file.
+
+    Parameters
+    ----------
+    name : of the attribute
+    """
+    writer.fact(name, findings_text(findings))
+
+
+def get_findings(stored: Stored, name: str) -> tuple[Finding, ...]:
+    """What `put_findings` wrote; none where an older version wrote the file."""
+    return findings_of(stored.facts.get(name, "[]"))
+
+
+def findings_text(findings: Sequence[Finding]) -> str:
+    """Findings as JSON."""
+    return json.dumps([asdict(finding) for finding in findings])
+
+
+def findings_of(text: str) -> tuple[Finding, ...]:
+    """What `findings_text` wrote."""
+    records = json.loads(text)
+    return tuple(Finding(**{**record, "times": tuple((a, b) for a, b in record["times"])}) for record in records)

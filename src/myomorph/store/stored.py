@@ -12,6 +12,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.store.results import ResultWriter, Stored, coordinate_units
+from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 
 if TYPE_CHECKING:
@@ -31,6 +32,15 @@ FIBER_MEANINGS = {
 
 CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
 """Fields of `Certificate`."""
+
+CONFLICT = "emg_conflict"
+CONFLICT_NUMBERS = {
+    "start": ("s", "begin of a stretch in which EMG and torques contradict each other"),
+    "stop": ("s", "its end"),
+    "worst": ("s", "when they are farthest apart"),
+    "emg": ("1", "activation by EMG then, or torque wanted where a reserve bears it"),
+    "found": ("1", "activation of the solution then, or torque of the reserve"),
+}
 
 
 def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
@@ -341,4 +351,26 @@ def get_fibers(stored: Stored) -> Fibers | None:
             if frame >= 0
         ),
         certificate=Certificate(**certificate, steps=steps),
+    )
+
+
+def put_conflicts(writer: ResultWriter, conflicts: Sequence[EmgConflict]) -> None:
+    """Write conflicts, none of them too: an empty table says that EMG took part and nothing contradicts it."""
+    writer.sizes(CONFLICT, len(conflicts))
+    for name in ("muscle", "coordinate"):
+        writer.texts(f"{CONFLICT}_{name}", CONFLICT, [getattr(conflict, name) for conflict in conflicts])
+    for name, (unit, meaning) in CONFLICT_NUMBERS.items():
+        values = np.array([getattr(conflict, name) for conflict in conflicts], dtype=np.float64)
+        writer.put(f"{CONFLICT}_{name}", (CONFLICT,), values, unit, meaning)
+
+
+def get_conflicts(stored: Stored) -> tuple[EmgConflict, ...] | None:
+    """What `put_conflicts` wrote, None where EMG took no part."""
+    if f"{CONFLICT}_start" not in stored.values:
+        return None
+    numbers = zip(*(stored.values[f"{CONFLICT}_{name}"].tolist() for name in CONFLICT_NUMBERS), strict=True)
+    muscles, coordinates = (stored.names[f"{CONFLICT}_{name}"] for name in ("muscle", "coordinate"))
+    return tuple(
+        EmgConflict(muscle, coordinate, *values)
+        for muscle, coordinate, values in zip(muscles, coordinates, numbers, strict=True)
     )

@@ -16,7 +16,7 @@ from myomorph.muscles.path_shape import drawn_paths
 from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.shapes import tube
-from myomorph.viewer.replay_body import LEAST_FORCE, SLACK, TALL, TIGHT, WEIGHT, Tubes, arrows, tubes
+from myomorph.viewer.replay_body import MIN_FORCE, SLACK, TALL, TIGHT, WEIGHT, Tubes, arrows, tubes
 from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
 from myomorph.viewer.web_page import DEEPER, Page
 
@@ -131,7 +131,7 @@ def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Arra
     """
     moments, forces = wrenches[:, :3], wrenches[:, 3:]
     lift = forces @ up
-    acts = np.isfinite(lift) & (np.abs(lift) > LEAST_FORCE * weight)
+    acts = np.isfinite(lift) & (np.abs(lift) > MIN_FORCE * weight)
     start = np.cross(up, moments) / np.where(acts, lift, 1.0)[:, None]
     ends = np.stack([start, start + length / weight * forces], axis=1)
     return np.where(acts[:, None, None], ends, np.nan)

@@ -235,7 +235,7 @@ class Panel:
             self._on(follow, player.follow)
             if len(player.bodies) > 1:
                 spacing = gui.add_slider(
-                    "Apart [m]", 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint="Bodies side by side"
+                    "Separation [m]", 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint="Bodies side by side"
                 )
                 self._on(spacing, player.part)
             picture = gui.add_button("Save a picture", icon="camera")
@@ -258,7 +258,7 @@ class Panel:
         try:
             self._choose(number, event.target.value)
         except MyomorphError as error:
-            event.client.add_notification("This recording cannot be shown", str(error), color="red")
+            event.client.add_notification("This recording cannot be displayed", str(error), color="red")
             event.target.value = self._chosen[number]
 
     def _choose_subject(self, number: int) -> None:

@@ -47,7 +47,7 @@ FADED = np.array([0.80, 0.77, 0.72])
 WEIGHT = 0.45
 """Length of an arrow of one body weight, as a share of the body's size."""
 
-LEAST_FORCE = 0.005
+MIN_FORCE = 0.005
 """Smaller forces are not drawn, as a share of body weight."""
 
 SHAFT, HEAD = 0.006, 0.045
@@ -356,7 +356,7 @@ class _Arrows:
             return np.zeros((0, 2, 3))
         near = self._near[frame]
         start, force = self._wrenches.points[near], self._wrenches.forces[near]
-        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > LEAST_FORCE * self._weight)
+        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > MIN_FORCE * self._weight)
         ends = np.stack([start, start + self._scale * force], axis=1)
         return np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
 

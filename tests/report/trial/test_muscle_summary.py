@@ -48,7 +48,7 @@ def test_a_path_that_leaves_its_surface_jumps(model):
     assert "no path jumps" in muscles_line(model, TIME, lengths, velocities)
     lengths = lengths + 0.004 * (TIME > 0.305)[:, None]
     line = muscles_line(model, TIME, lengths, velocities)
-    assert "1 path jumps (muscle_0 by 4.0 mm at 0.31 s): moment arms there are doubtful" in line
+    assert "(muscle_0 by 4.0 mm at 0.31 s)" in line
 
 
 def test_frames_without_coordinates_are_passed_over(model):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.store.emg_store import get_conflicts, put_conflicts
 from myomorph.store.results import new_result, read_result
+from myomorph.store.stored import get_conflicts, put_conflicts
 from myomorph.tension.emg_conflicts import EmgConflict
 
 

@@ -11,9 +11,8 @@ from myomorph.model.findings import Finding
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.report.page.parts import PageHead
 from myomorph.report.trial.report_input import ReportInput
-from myomorph.store.finding_store import put_findings
 from myomorph.store.outcome import Outcome
-from myomorph.store.results import new_result, read_result
+from myomorph.store.results import new_result, put_findings, read_result
 from myomorph.store.stored import put_torques
 from myomorph.study.step.step import step_of
 from myomorph.study.trial.steps.id import FINDINGS, Torques

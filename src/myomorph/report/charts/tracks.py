@@ -206,7 +206,7 @@ def _contact(area: Frame, y: float, row: Row, touch: Touch, who: Sequence[Subjec
     under = (
         f"{row.label}: {number(touch.start, 0.001)} to {number(touch.stop, 0.001)} s"
         + (f", {touch.source}" if touch.source else "")
-        + (f", {100 * touch.confidence:.0f} % sure" if touch.confidence < 1.0 else "")
+        + (f", {100 * touch.confidence:.0f} % confidence" if touch.confidence < 1.0 else "")
     )
     attributes = f' class="touch {row.side or "middle"}" opacity="{0.35 + 0.65 * touch.confidence:.2f}"'
     return group(under, marks, attributes=attributes)

@@ -26,7 +26,7 @@ KINDS = {
 
 def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
     """Bones, moment arms and paths with their worst place, and what the checks say."""
-    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points carried over{_sure(morph)}; {_bones(morph)}"
+    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points transferred{_sure(morph)}; {_bones(morph)}"
     if any(muscle.basis for muscle in morph.muscles):
         yield _architecture(morph)
     parts = [part for part in (_order(checks), _deepest(checks), _fibers(morph)) if part]
@@ -40,9 +40,9 @@ def _sure(morph: Morph) -> str:
     known = [point for point in morph.points if np.isfinite(point.within)]
     if not known:
         return ""
-    worst = max(known, key=lambda arm: arm.within)
+    worst = max(known, key=lambda point: point.within)
     return (
-        f", known with 90 % to {1e3 * float(np.median([arm.within for arm in known])):.2g} mm (median; worst "
+        f", known with 90 % to {1e3 * float(np.median([point.within for point in known])):.2g} mm (median; worst "
         f"{1e3 * worst.within:.2g} mm, {worst.owner} on {worst.body})"
     )
 

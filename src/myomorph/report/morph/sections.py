@@ -273,7 +273,7 @@ def method_section(morph: Morph) -> Section:
     """What was done, in the order it was done."""
     options = morph.options
     rows = (
-        ("Features", "Pairs of points of source and target bone: landmarks, and what non-rigid registration finds."),
+        ("Features", "Pairs of points of source and target bone: landmarks, and those of the non-rigid registration."),
         ("Maps", "One map a bone from its features alone; virtual links move with all the bones around them."),
         (
             "Points",
@@ -288,4 +288,4 @@ def method_section(morph: Morph) -> Section:
         ("Joints", f"Centers “{options.joints}”."),
         ("Muscles", f"Fibers “{options.fibers}”, force “{options.force}”, pennation “{options.pennation}”."),
     )
-    return Section("method", "Method", "", (), (), (Grid(("Step", "What is done"), rows),))
+    return Section("method", "Method", "", (), (), (Grid(("Step", "Description"), rows),))

@@ -1,13 +1,13 @@
-"""What the page is put together from: sections of figures and tables."""
+"""What pages are put together from: sections of figures and tables, quantities held against limits, notes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Literal
 
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.report.page.quantity import Quantity
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,36 @@ SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"
 
 
 State = Literal["ok", "over", "note"]
+
+
+class Quantity(StrEnum):
+    """What a verdict is about; its value is what tables and pages print."""
+
+    MARKER_RMS = "Marker error, RMS of the worst frame"
+    MARKER_LARGEST = "Marker error, largest"
+    MARKER_GAPS = "Gaps in the markers"
+    NOT_CONVERGED = "Frames whose inverse kinematics did not converge"
+    LOOP_CLOSURE = "Loop-closure error"
+    OUT_OF_RANGE = "Coordinates outside the model's range"
+    RESIDUAL_FORCE_PEAK = "Residual force, peak"
+    RESIDUAL_FORCE_RMS = "Residual force, RMS"
+    RESIDUAL_MOMENT_PEAK = "Residual moment, peak"
+    RESIDUAL_MOMENT_RMS = "Residual moment, RMS"
+    CONTACT_FORCE_PEAK = "Residual force beside contacts, peak"
+    CONTACT_FORCE_RMS = "Residual force beside contacts, RMS"
+    CONTACT_MOMENT_PEAK = "Residual moment beside contacts, peak"
+    CONTACT_MOMENT_RMS = "Residual moment beside contacts, RMS"
+    INFEASIBLE_CONTACT = "Infeasible contact frames"
+    NOT_OPTIMAL = "Frames without an optimal muscle solution"
+    RESERVES = "Reserve actuators, largest"
+    UNDRIVEN = "Coordinates that no muscle moves"
+    OVERSTRETCHED = "Overstretched muscles"
+    SATURATED = "Saturated muscles"
+
+    @staticmethod
+    def residual(what: str, statistic: str, contacts: bool = False) -> Quantity:
+        """Residual "force" or "moment", its "peak" or "RMS"; with contacts, what is left beside estimated ones."""
+        return Quantity[f"{'CONTACT' if contacts else 'RESIDUAL'}_{what.upper()}_{statistic.upper()}"]
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,10 @@ from myomorph.rigid.tree import compile_tree
 SHRINK = 4
 """Pixels rendered for one shown, along each axis."""
 
-SHORTEST = 1e-3
+MIN_LENGTH = 1e-3
 """Pieces that are shorter are not drawn [m]."""
 
-THICK, LEAST, MOST = 0.16, 0.014, 0.055
+THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 """Radius of a limb in a small picture: a share of its length, and bounds as shares of the body's height."""
 
 
@@ -52,7 +52,7 @@ class BodyView:
         self._limbs = _limbs(model, self._tree.body_index)
         lengths = np.array([np.linalg.norm(end - start) for _, start, end in self._limbs])
         tall = self.scene.high - self.scene.low
-        self._radii = np.repeat(np.clip(THICK * lengths, LEAST * tall, MOST * tall)[:, None], 2, axis=1)
+        self._radii = np.repeat(np.clip(THICK * lengths, MIN_RADIUS * tall, MAX_RADIUS * tall)[:, None], 2, axis=1)
         angle = np.deg2rad(turn)
         ahead = np.cos(angle) * self.scene.forward + np.sin(angle) * self.scene.right
         # The viewer stands ahead: the subject's right is on the picture's left.
@@ -96,7 +96,7 @@ def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, A
         ends = list(joints)
         if not ends or body.mass > 0.02 * model.mass:
             ends.append(start + 1.9 * (body.mass_center - start))
-        result += [(numbers[body.name], start, end) for end in ends if np.linalg.norm(end - start) > SHORTEST]
+        result += [(numbers[body.name], start, end) for end in ends if np.linalg.norm(end - start) > MIN_LENGTH]
     return result
 
 

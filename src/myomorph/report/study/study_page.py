@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.analysis.conditions import FAR, Condition
+from myomorph.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.analysis.groups import Comparison
 from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.sides import split_side
@@ -14,8 +14,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Section
-from myomorph.report.page.quantity import Quantity
+from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section
 from myomorph.report.page.references import cited
 from myomorph.report.study.group_page import (
     TESTS,
@@ -373,7 +372,8 @@ def _outliers(study: StudyInput) -> list[Section]:
         rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), words))
     lead = (
         "Values whose modified z-score, 0.6745 (x − median) / median absolute deviation, in the trials of a condition "
-        f"is beyond {FAR:g}; curves by their distance to the mean of the condition. Outliers are to be inspected: "
+        f"is beyond "
+        f"{OUTLIER_SCORE:g}; curves by their distance to the mean of the condition. Outliers are to be inspected: "
         "nothing is excluded because of them. All are in outliers.csv."
     )
     grid = Grid(("Subject", "Trial", "Condition", "Values", "Most extreme"), tuple(rows), "", len(rows) > LONG)

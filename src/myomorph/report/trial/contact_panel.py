@@ -20,7 +20,7 @@ from myomorph.report.trial.figures import Ground, axis_names
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.report_input import ReportInput
 
-SELDOM, NEAR_FLOOR = 2.5, 0.2
+RARE, NEAR_FLOOR = 2.5, 0.2
 
 
 def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
@@ -153,7 +153,7 @@ def _at_instants(prepared: Prepared) -> bool:
     intervals, forces = prepared.results.contacts.intervals, prepared.results.contacts.forces
     if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
         return True
-    return float(np.median(np.diff(intervals.time))) > SELDOM * float(np.median(np.diff(forces.time)))
+    return float(np.median(np.diff(intervals.time))) > RARE * float(np.median(np.diff(forces.time)))
 
 
 def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
@@ -210,7 +210,6 @@ def _difference(group: Group, vector: Array) -> str:
 
 def _infeasible_grid(results: ReportInput) -> Grid:
     rows = tuple(
-        (f"{number(contact.time, 0.001)} s", contact.relaxation or "none found")
-        for contact in results.contacts.infeasible
+        (f"{number(contact.time, 0.001)} s", contact.relaxation or "none") for contact in results.contacts.infeasible
     )
     return Grid(("Time", "Smallest relaxation that is feasible"), rows, f"{len(rows)} infeasible contact frames", True)

@@ -15,8 +15,7 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
-from myomorph.report.page.parts import Verdict
-from myomorph.report.page.quantity import Quantity
+from myomorph.report.page.parts import Quantity, Verdict
 from myomorph.report.trial.report_input import ReportInput, Situation
 from myomorph.report.trial.tables import judged_residual
 
@@ -25,7 +24,7 @@ SITUATIONS: Mapping[Situation, str] = FrozenMap(
         "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
         "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch "
         "it ([D] chapter 4, second situation).",
-        "sound": "Forces of strokes come from their sound ([D] chapter 4, third situation).",
+        "sound": "Forces of impacts come from their sound ([D] chapter 4, third situation).",
         "unknown": "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4, fourth "
         "situation).",
     }
@@ -182,7 +181,7 @@ def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
             columns = [index for index, name in enumerate(names) if name.startswith(what[0].upper())]
             values = np.linalg.norm(residuals.values[:, columns], axis=1)
             if columns and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
-                detail = f" left over once contacts carry; F = {peak:.4g} N"
+                detail = f" left with contact forces; F = {peak:.4g} N"
                 verdicts = judged_residual(what, values, residuals.time, scale, contacts=True)
                 rows += [replace(row, detail=row.detail + detail) for row, _ in verdicts]
     lost = results.contacts.infeasible

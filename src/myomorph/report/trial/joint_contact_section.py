@@ -62,7 +62,7 @@ def _left(forces: JointContactForces) -> str:
         if moment > 0.1:
             texts.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
         if pull > 1.0:
-            texts.append(f"{joint} is pulled apart by up to {number(pull)} N, which no contact point carries")
+            texts.append(f"{joint} is under tension of up to {number(pull)} N, which no contact point can transmit")
     text = "; ".join(texts)
     return f" {text[0].upper()}{text[1:]}." if text else ""
 

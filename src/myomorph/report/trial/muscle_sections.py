@@ -9,6 +9,7 @@ from myomorph.analysis.cycles import band
 from myomorph.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, range_row
 from myomorph.analysis.selection import Pair, major_muscles
 from myomorph.model.arrays import Array
+from myomorph.model.errors import few
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
@@ -16,7 +17,12 @@ from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.trial.prepared import Prepared
-from myomorph.report.trial.tables import few
+from myomorph.tension.emg_conflicts import APART, BORNE, EmgConflict
+
+CONFLICT_HEAD = ("Muscle", "From", "To", "Largest difference at", "Activation from EMG", "Activation in the solution")
+RESERVE_HEAD = ("Coordinate", "From", "To", "Maximum at", "Required torque", "Reserve torque")
+SHOWN = 20
+"""Rows above which a table is folded away."""
 
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
@@ -62,7 +68,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     lead += "" if spread is None else "; bands hold 90 % of the draws, for muscles of one part"
     legend = SIDES_LEGEND
     if matched_emg(prepared):
-        lead += ". EMG envelopes are scaled as they were given; their size is not comparable to activation"
+        lead += ". EMG envelopes have the scale of their file and are not comparable to activations in magnitude"
         legend += (("emg", "EMG"),)
     if truth is not None:
         legend += (("truth", "truth"),)
@@ -114,10 +120,38 @@ def emg_section(prepared: Prepared) -> Section | None:
         lead += f" The recording does not specify their muscles: {few(unknown, 16)}."
     figures = []
     for name in left[:32]:
-        title = name if name in unknown else f"{name} ({few(on_muscles[name])})"
+        title = name if name in unknown else f"{name} ({few(on_muscles[name], 4)})"
         chart = emg_panel(title, emg.time, emg[name], prepared.detail, prepared.events)
         figures.append(Figure(chart, "quarter"))
     return Section("emg", "EMG", lead, (), tuple(figures))
+
+
+def emg_conflict_section(prepared: Prepared) -> Section | None:
+    """Stretches in which muscles leave their EMG, and in which reserves bear what EMG leaves."""
+    conflicts = prepared.results.emg_conflicts
+    if conflicts is None:
+        return None
+    muscles = [conflict for conflict in conflicts if conflict.muscle]
+    reserves = [conflict for conflict in conflicts if conflict.coordinate]
+    lead = (
+        f"Where the joint torques need an activation that is more than {APART:g} from the muscle's EMG, or leave more "
+        f"than {BORNE:.0%} of a joint's largest torque to a reserve: gains, the model's moment arms or the torques are "
+        "wrong there, or the EMG is."
+    )
+    if not conflicts:
+        lead = "EMG and joint torques are consistent: no muscle departs from its EMG, and no reserve makes up for it."
+    grids = []
+    for title, head, rows in (("Muscles", CONFLICT_HEAD, muscles), ("Reserves", RESERVE_HEAD, reserves)):
+        if rows:
+            grids.append(Grid(head, tuple(_conflict_row(row) for row in rows), title, folded=len(rows) > SHOWN))
+    return Section("emg-conflicts", "EMG against joint torques", lead, (), (), tuple(grids))
+
+
+def _conflict_row(conflict: EmgConflict) -> tuple[str, ...]:
+    times = (f"{number(value, 0.001)} s" for value in (conflict.start, conflict.stop, conflict.worst))
+    if conflict.muscle:
+        return conflict.muscle, *times, number(conflict.emg, 0.01), number(conflict.found, 0.01)
+    return conflict.coordinate, *times, number(conflict.emg), number(conflict.found)
 
 
 def length_section(prepared: Prepared) -> Section | None:

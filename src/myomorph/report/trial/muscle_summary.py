@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
-from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
+from myomorph.model.errors import few
 from myomorph.model.model import Model
 from myomorph.report.trial.summary_lines import plain
 
@@ -18,7 +20,7 @@ JUMP = 1e-3
 UNUSUAL = 10.0
 """And by so many times what is usual for the muscle, so that coarse frames of fast motions are no jumps."""
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 
 
 def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
@@ -62,7 +64,7 @@ def _range(model: Model, time: Array, fibers: Array) -> str:
         out = np.any((fibers < low) | (fibers > high), axis=0)
     verdict = f"within {low:g} to {high:g} (Zajac 1989)"
     if out.any():
-        verdict = f"{_some(names, out)} outside {low:g} to {high:g} (Zajac 1989)"
+        verdict = f"{few(itertools.compress(names, out), MAX_NAMED)} outside {low:g} to {high:g} (Zajac 1989)"
     return f"fibers {ends[0]} to {ends[1]} optimal lengths, tendons at slack length: {verdict}"
 
 
@@ -76,7 +78,11 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
     share = float(shares[frame, column])
     with np.errstate(invalid="ignore"):
         over = np.any(shares >= 1.0, axis=0)
-    verdict = "below it" if not over.any() else f"{_some(model.muscle_names, over)} too fast to pull"
+    verdict = (
+        "below it"
+        if not over.any()
+        else f"{few(itertools.compress(model.muscle_names, over), MAX_NAMED)} too fast to pull"
+    )
     return (
         f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[column]} at "
         f"{time[frame]:.2f} s): {verdict}"
@@ -97,10 +103,4 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     where = f"{model.muscle_names[muscle]} by {1e3 * odd[frame, muscle]:.1f} mm at {time[frame + 1]:.2f} s"
     count = int(jumping.any(axis=0).sum())
     some = "1 path jumps" if count == 1 else f"{count} paths jump"
-    return f"{some} ({where}): moment arms there are doubtful"
-
-
-def _some(names: tuple[str, ...], which: NDArray[np.bool_]) -> str:
-    chosen = [name for name, flag in zip(names, which, strict=True) if flag]
-    more = f" and {len(chosen) - MOST_NAMED} more" if len(chosen) > MOST_NAMED else ""
-    return ", ".join(chosen[:MOST_NAMED]) + more
+    return f"{some} ({where}): moment arms there are unreliable"

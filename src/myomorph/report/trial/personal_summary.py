@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.model.errors import few
 from myomorph.report.trial.muscle_summary import FIBER_RANGE
 from myomorph.report.trial.summary_lines import reserve_unit
 from myomorph.tension.personal.personalize import Personalized
@@ -29,7 +30,7 @@ def personal_lines(personalized: Personalized) -> list[str]:
         generic, fitted = (float(np.sqrt(np.nanmean(left**2))) for left in (held_out.left_generic, held_out.left))
         better = "better" if held_out.score < held_out.score_generic else "NO better"
         if better == "better" and fitted > generic:
-            better = "better by the score, which counts EMG and what is likely, but leaving more torque"
+            better = "better by the score, which includes EMG and the prior, but with larger torque residuals"
         lines.append(
             f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles (score {held_out.score:.2f}, "
             f"generic {held_out.score_generic:.2f}; torque left {fitted:.2f}, generic {generic:.2f} N m)"
@@ -65,10 +66,9 @@ def _parameter_line(personalized: Personalized) -> str:
     bound = [
         f"{estimate.of} {estimate.parameter.replace('_', ' ')}" for estimate in personalized.estimates if estimate.bound
     ]
-    ends = "none at the end of what is physiological"
+    ends = "none at a physiological limit"
     if bound:
-        more = f" and {len(bound) - 2} more" if len(bound) > 2 else ""
-        ends = f"{len(bound)} at the end of what is physiological ({', '.join(bound[:2])}{more})"
+        ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"
     return (
         f"of {len(personalized.estimates)} parameters {counts['yes']} identifiable, {counts['partly']} partly, "
         f"{counts['no']} as assumed before; {ends}"

@@ -29,9 +29,9 @@ from myomorph.report.trial.tables import (
     unsolved_verdict,
 )
 
-MOST_CENTROID_FRAMES = 40000
-LONGEST_PLAY = 7.5
-LONGEST_WHOLE = 20.0
+MAX_CENTER_FRAMES = 40000
+MAX_PLAYED = 7.5
+MAX_WHOLE = 20.0
 GAITS = ("", "gait")
 """Presets in which strides are looked for."""
 
@@ -74,15 +74,15 @@ class Prepared:
         start, stop = self.span
         if self.events:
             start, stop = max(start, self.events[0].time - 0.5), min(stop, self.events[-1].time + 1.0)
-        if stop - start > LONGEST_PLAY:
+        if stop - start > MAX_PLAYED:
             middle = (start + stop) / 2
-            start, stop = middle - LONGEST_PLAY / 2, middle + LONGEST_PLAY / 2
+            start, stop = middle - MAX_PLAYED / 2, middle + MAX_PLAYED / 2
         return start, stop
 
     @property
     def detail(self) -> tuple[float, float]:
         """What charts show: the whole, or of a long recording the part that is played [s]."""
-        return self.span if self.span[1] - self.span[0] <= LONGEST_WHOLE else self.played
+        return self.span if self.span[1] - self.span[0] <= MAX_WHOLE else self.played
 
     @property
     def detail_note(self) -> str:
@@ -138,7 +138,7 @@ def prepare(results: ReportInput) -> Prepared:
     com = None
     if results.model is not None and motion is not None and len(motion) and results.model.mass > 0.0:
         # It is drawn, not computed with.
-        com = centroid(results.model, thinned(motion, MOST_CENTROID_FRAMES))
+        com = centroid(results.model, thinned(motion, MAX_CENTER_FRAMES))
     weight = None
     if results.model is not None and results.model.mass > 0.0 and np.any(results.model.gravity):
         weight = results.model.weight

@@ -6,11 +6,11 @@ import numpy as np
 
 from myomorph.analysis.columns import extremes
 from myomorph.analysis.selection import coordinate_pairs
+from myomorph.model.errors import few
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.analysis_sections import analysis_sections
-from myomorph.report.trial.emg_conflict_section import emg_conflict_section
 from myomorph.report.trial.fiber_section import fiber_section
 from myomorph.report.trial.figures import (
     centroid_figures,
@@ -25,6 +25,7 @@ from myomorph.report.trial.identification import identification_sections
 from myomorph.report.trial.joint_contact_section import joint_contact_section
 from myomorph.report.trial.muscle_sections import (
     activation_section,
+    emg_conflict_section,
     emg_section,
     length_cycle_section,
     length_section,
@@ -33,7 +34,7 @@ from myomorph.report.trial.muscle_sections import (
 )
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.report_input import Truth
-from myomorph.report.trial.tables import few, residuals
+from myomorph.report.trial.tables import residuals
 from myomorph.report.trial.uncertainty_section import uncertainty_section
 from myomorph.report.trial.validation import truth_section
 
@@ -50,15 +51,15 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         return made, missing
     made += analysis_sections(prepared)
     for make, absent in (
-        (marker_section, "Marker errors: no inverse kinematics. Give a marker file (TRC or C3D) and the step “ik”."),
+        (marker_section, "Marker errors: no inverse kinematics. Specify a marker file (TRC or C3D) and the step “ik”."),
         (force_section, ""),
-        (joint_section, "Joint angles and moments: no motion. Give the step “ik”, or a motion file."),
-        (activation_section, "Muscle activations: not solved. Give the steps “muscles” and “tension”."),
+        (joint_section, "Joint angles and moments: no motion. Specify the step “ik”, or a motion file."),
+        (activation_section, "Muscle activations: not solved. Specify the steps “muscles” and “tension”."),
         (tension_section, ""),
         (fiber_section, ""),
         (joint_contact_section, ""),
         (emg_conflict_section, ""),
-        (emg_section, "EMG: no channels were given."),
+        (emg_section, "EMG: no channels."),
         (length_section, ""),
         (length_cycle_section, ""),
         (uncertainty_section, ""),
@@ -70,9 +71,9 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         elif absent and not (make is emg_section and matched_emg(prepared)):
             missing.append(absent)
     if wrenches is None:
-        missing.append("Ground forces: none were given. Give the plates of the C3D or an external-loads file.")
+        missing.append("Ground forces: none. Specify the plates of the C3D or an external-loads file.")
     if motion is not None and results.dynamics.torques is None:
-        missing.append("Joint moments and residuals: no inverse dynamics. Give external forces and the step “id”.")
+        missing.append("Joint moments and residuals: no inverse dynamics. Specify external forces and the step “id”.")
     return [*made, *results.more], missing
 
 
@@ -115,7 +116,7 @@ def force_section(prepared: Prepared) -> Section | None:
             net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
             peak = float(net.max(initial=0.0))
             drawn += residual_figures(torques.time, *left, peak, prepared.center_height, prepared.span, events)
-            lead = "Residuals are what the model's root would have to be pushed with to move as recorded."
+            lead = "Residuals are the forces at the model's root that the motion would need beside the measured ones."
     figures = [Figure(chart, "medium" if first and i == 0 else "small") for i, chart in enumerate(drawn) if chart]
     if not figures:
         return None

@@ -9,11 +9,11 @@ import numpy as np
 
 from myomorph.analysis.selection import root_coordinates
 from myomorph.model.arrays import Array
+from myomorph.model.errors import few
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.parts import Verdict
-from myomorph.report.page.quantity import Quantity
+from myomorph.report.page.parts import Quantity, Verdict
 
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
@@ -251,8 +251,8 @@ def reserve_verdicts(
     unmoved = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
     undriven = list(dict.fromkeys(unmoved))
     if undriven:
-        detail = "their torque is carried by reserve actuators alone"
-        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven), detail=detail))
+        detail = "reserve actuators alone produce their torque"
+        rows.append(Verdict(Quantity.UNDRIVEN, float(len(undriven)), "", None, few(undriven, 4), detail=detail))
     return rows
 
 
@@ -317,8 +317,3 @@ def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
     far, name, time = max(beyond)
     detail = f"{name} by {np.rad2deg(far):.1f}°; all: " + few([name for _, name, _ in beyond], 8)
     return [Verdict(Quantity.OUT_OF_RANGE, float(len(beyond)), "", 0.0, name, time, "", detail)]
-
-
-def few(names: Sequence[str], most: int = 4) -> str:
-    """Names, cut to `most`."""
-    return ", ".join(names[:most]) + (f", and {len(names) - most} more" if len(names) > most else "")

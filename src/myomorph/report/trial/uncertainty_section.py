@@ -14,7 +14,7 @@ from myomorph.uncertainty.error_sizes import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 TITLES = {
-    "coordinates": "Joint angles and places",
+    "coordinates": "Joint angles and translations",
     "torques": "Joint torques",
     "activations": "Muscle activations",
     "forces": "Muscle tensions",
@@ -29,7 +29,7 @@ PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$"
 """What columns of loads end in that are points and moments."""
 ROWS = 12
 """Columns of a table that are shown, those that are least sure first."""
-LEADING, LEAST = 3, 0.01
+MAX_SOURCES, MIN_SHARE = 3, 0.01
 """Sources that are named for a column, and the share of the variance from which one is."""
 
 
@@ -79,7 +79,7 @@ def _grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -
         )
         rows.append(row if shares is None else (*row, _leading(shares, int(column))))
     head = ("Column", "Mean width of the limits", "Standard deviation")
-    return Grid(head if shares is None else (*head, "Most of it from"), tuple(rows), title)
+    return Grid(head if shares is None else (*head, "Main sources"), tuple(rows), title)
 
 
 def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
@@ -96,5 +96,5 @@ def _sizes(sizes: tuple[SourceSize, ...]) -> Grid:
 def _leading(shares: Shares, column: int) -> str:
     """The groups of sources that contribute most, with their shares of the variance."""
     total = np.nan_to_num(shares.total[:, column])
-    leading = [g for g in np.argsort(-total)[:LEADING] if total[g] > LEAST]
+    leading = [g for g in np.argsort(-total)[:MAX_SOURCES] if total[g] > MIN_SHARE]
     return ", ".join(f"{shares.groups[g]} {100 * total[g]:.0f} %" for g in leading)

@@ -30,9 +30,8 @@ from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.finding_store import findings_of, findings_text
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import file_source, findings_of, findings_text, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from myomorph.analysis.conditions import FAR, Condition, MeanCurves, mean_curves, modified_z
+from myomorph.analysis.conditions import OUTLIER_SCORE, Condition, MeanCurves, mean_curves, modified_z
 from myomorph.analysis.cycles import SAMPLES, Cycles
 from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
@@ -281,7 +281,7 @@ class OutlierSearch:
             scores = modified_z(values)
             middle = float(np.median(values))
             for (subject, trial, value), score in zip(rows, scores.tolist(), strict=True):
-                if score > FAR or (score < -FAR and not quantity.endswith(DISTANCE)):
+                if score > OUTLIER_SCORE or (score < -OUTLIER_SCORE and not quantity.endswith(DISTANCE)):
                     outliers.append(Outlier(subject, trial, condition, quantity, value, unit, middle, score))
         return outliers
 

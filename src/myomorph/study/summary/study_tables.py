@@ -17,6 +17,7 @@ from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
 from myomorph.io.parsing.text import written
+from myomorph.model.errors import few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
@@ -111,15 +112,11 @@ class SignSearch:
             if name in self._below:
                 sides.setdefault((tuple(above), tuple(self._below[name])), []).append(name)
         return [
-            f"{_few(names)}: above zero in {_few(above)}, below it in {_few(below)}: where their models count it "
+            f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
+            f"below it in {few(below, MAX_NAMED)}: where their models count it "
             "the other way round, means over these subjects mean nothing"
             for (above, below), names in sides.items()
         ]
-
-
-def _few(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-    return ", ".join(names[:MAX_NAMED]) + more
 
 
 @dataclass(frozen=True)

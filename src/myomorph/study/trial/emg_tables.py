@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.io.parsing.text import written
 from myomorph.model.model import Model
 from myomorph.motion.emg_delay import EmgCalibration
-from myomorph.store.emg_store import put_conflicts
+from myomorph.store.stored import put_conflicts
 from myomorph.study.step.step import StepOutput
 from myomorph.tension.emg_conflicts import conflict_line
 from myomorph.tension.task import EmgTargets

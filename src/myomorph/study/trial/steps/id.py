@@ -20,9 +20,8 @@ from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store import stored as store
-from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
-from myomorph.store.results import Stored
+from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import has_mass

@@ -21,10 +21,9 @@ from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checke
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
 from myomorph.store import stored as store
-from myomorph.store.finding_store import get_findings, put_findings
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
-from myomorph.store.results import Stored
+from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import about
 from myomorph.study.step.step import Step, StepOutput

@@ -22,10 +22,10 @@ from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, ShownTension, Situation
 from myomorph.store import contact_store
 from myomorph.store import stored as store
-from myomorph.store.emg_store import get_conflicts
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
+from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
