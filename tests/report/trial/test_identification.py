@@ -8,6 +8,7 @@ import pytest
 from lxml import etree, html
 from tests.walker import shown
 
+from myomorph.identify.validation import LinkConsistency
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Body, Joint, Model
@@ -26,7 +27,6 @@ from myomorph.report.trial.identified import (
     IdentificationInput,
     IdentifiedBase,
     LengthFound,
-    LinkCheck,
     TrialError,
     WrenchCheck,
 )
@@ -68,6 +68,11 @@ def masses_only(body: Model, masses: dict[str, list[float]]) -> IdentificationIn
     return IdentificationInput(body, parameters=tables)
 
 
+def link(name: str, mass: float, least: float, *faults: str) -> LinkConsistency:
+    eigenvalues = np.array([least, 1.0, 1.0, mass])
+    return LinkConsistency(name, mass, np.zeros(3), np.ones(3), np.ones(3), eigenvalues, None, faults)
+
+
 def everything() -> IdentificationInput:
     body = walker()
     true = inertial_parameters(body)
@@ -85,7 +90,7 @@ def everything() -> IdentificationInput:
         ),
         never_shown=("I_xx tibia_l",),
         not_shown=("m c_x of it",),
-        checks=(LinkCheck("pelvis", 36.0, 0.1, True), LinkCheck("femur_r", 9.0, -0.2, False, "center outside <skin>")),
+        checks=(link("pelvis", 36.0, 0.1), link("femur_r", 9.0, -0.2, "center outside <skin>")),
         left_out={"no force": 100},
         frames=1000,
         validation=(WrenchCheck(time, measured, predicted, 588.0, "walk 2"),),

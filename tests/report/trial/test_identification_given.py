@@ -61,7 +61,7 @@ def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValid
     assert len(tables["base_parameters.csv"].rows) == len(identification.base.base)
     assert {row[0] for row in tables["misfit.csv"].rows} >= set(identification.parameters)
     faulty = {one.name for one in identification.consistency[identification.chosen].faulty}
-    assert {check.link for check in given.checks if not check.possible} == faulty
+    assert {check.name for check in given.checks if not check.ok} == faulty
     assert given.source == "eight points a body"
 
 

@@ -7,8 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.analysis.conditions import Condition
 from myomorph.analysis.groups import Comparison, CurveDifference
+from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.model.provenance import Estimate
+from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.rows import interval_rows
@@ -21,6 +24,9 @@ TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981",
 
 STYLES = ("left", "right")
 """Of the first group and of the second."""
+
+CONDITION_STYLES = ("right", "left", "third", "second", "fourth", "middle")
+"""Of the conditions in their order; more of them take these again."""
 
 MAX_EFFECT = 10.0
 """Effect sizes along the cycle are drawn up to this."""
@@ -227,3 +233,48 @@ def _with_interval(value: float, low: float, high: float) -> str:
 
 def _probability(p: float) -> str:
     return "–" if not np.isfinite(p) else f"{p:.4f}" if p < 0.01 else f"{p:.3f}"
+
+
+def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
+    """One curve in all conditions: its mean, the interval of it, and fainter one standard deviation."""
+    drawn = []
+    for style, condition in styled(conditions):
+        curves = condition.curves.get(family)
+        if curves is not None and name in curves.names:
+            column = curves.names.index(name)
+            mean, deviation = curves.mean[:, column], curves.deviation[:, column]
+            spread = mean - deviation, mean + deviation
+            drawn.append(
+                CycleCurve(mean, style, condition.name, (curves.low[:, column], curves.high[:, column]), spread)
+            )
+    shown = [part for curve in drawn for part in (curve.mean, *(curve.spread or ()))]
+    return cycle_chart(name, name_and_unit(family)[1], drawn, shown)
+
+
+def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
+    """Conditions with the style of their lines."""
+    return [(CONDITION_STYLES[index % len(CONDITION_STYLES)], condition) for index, condition in enumerate(conditions)]
+
+
+def ordered(conditions: Sequence[Condition], family: str) -> list[str]:
+    """Names of a family's curves: usual coordinates and leg muscles first, the others by how far they move."""
+    reach: dict[str, float] = {}
+    for condition in conditions:
+        curves = condition.curves.get(family)
+        for index, name in enumerate(curves.names if curves is not None else ()):
+            column = curves.mean[:, index] if curves is not None else np.zeros(1)
+            known = column[np.isfinite(column)]
+            reach[name] = max(reach.get(name, 0.0), float(np.ptp(known)) if len(known) else 0.0)
+    names = list(reach)
+    usual = [name for pair in major_muscles(names) for name in pair.names] if family.startswith("muscle") else []
+
+    def rank(name: str) -> tuple[int, float, bool]:
+        base, side = split_side(name)
+        base = base.lower()
+        if name in usual:
+            return usual.index(name), 0.0, False
+        if base in COORDINATE_ORDER:
+            return len(usual) + COORDINATE_ORDER.index(base), 0.0, side == "left"
+        return len(usual) + len(COORDINATE_ORDER), -reach[name], False
+
+    return sorted(names, key=rank)

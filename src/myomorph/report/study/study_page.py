@@ -8,16 +8,14 @@ import numpy as np
 
 from myomorph.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.analysis.groups import Comparison
-from myomorph.analysis.selection import COORDINATE_ORDER, major_muscles
-from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section
 from myomorph.report.page.references import cited
 from myomorph.report.study.group_page import (
     TESTS,
+    condition_chart,
     curve_grid,
     curve_section,
     difference_chart,
@@ -25,15 +23,14 @@ from myomorph.report.study.group_page import (
     effect_figure,
     mean_words,
     name_and_unit,
+    ordered,
     scalar_grid,
+    styled,
 )
 from myomorph.report.study.study_input import Described, Outlier, StudyInput, TrialLine, TrialState, ValueDifference
 
 MAX_OPEN, MAX_FOLDED = 12, 36
 """Curves of a family that are shown, and that are folded away; the tables have all."""
-STYLES = ("right", "left", "third", "second", "fourth", "middle")
-"""Of the conditions in their order; more of them take these again."""
-
 MAX_DIFFERENT = 12
 """Curves of a comparison that are drawn."""
 MAX_VALUES = 24
@@ -243,7 +240,7 @@ def _difference_row(difference: ValueDifference) -> tuple[str, ...]:
 
 
 def _family(study: StudyInput, family: str) -> Section:
-    names = _ordered(study.conditions, family)
+    names = ordered(study.conditions, family)
     figures = [
         Figure(condition_chart(study.conditions, family, name), folded=name if index >= MAX_OPEN else "")
         for index, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
@@ -265,51 +262,6 @@ def _family(study: StudyInput, family: str) -> Section:
         for style, condition in styled(study.conditions)
     ]
     return curve_section(name_and_unit(family)[0], lead, tuple(legend), figures)
-
-
-def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:
-    """One curve in all conditions: its mean, the interval of it, and fainter one standard deviation."""
-    drawn = []
-    for style, condition in styled(conditions):
-        curves = condition.curves.get(family)
-        if curves is not None and name in curves.names:
-            column = curves.names.index(name)
-            mean, deviation = curves.mean[:, column], curves.deviation[:, column]
-            spread = mean - deviation, mean + deviation
-            drawn.append(
-                CycleCurve(mean, style, condition.name, (curves.low[:, column], curves.high[:, column]), spread)
-            )
-    shown = [part for curve in drawn for part in (curve.mean, *(curve.spread or ()))]
-    return cycle_chart(name, name_and_unit(family)[1], drawn, shown)
-
-
-def styled(conditions: Sequence[Condition]) -> list[tuple[str, Condition]]:
-    """Conditions with the style of their lines."""
-    return [(STYLES[index % len(STYLES)], condition) for index, condition in enumerate(conditions)]
-
-
-def _ordered(conditions: Sequence[Condition], family: str) -> list[str]:
-    """Names of a family's curves: usual coordinates and leg muscles first, the others by how far they move."""
-    reach: dict[str, float] = {}
-    for condition in conditions:
-        curves = condition.curves.get(family)
-        for index, name in enumerate(curves.names if curves is not None else ()):
-            column = curves.mean[:, index] if curves is not None else np.zeros(1)
-            known = column[np.isfinite(column)]
-            reach[name] = max(reach.get(name, 0.0), float(np.ptp(known)) if len(known) else 0.0)
-    names = list(reach)
-    usual = [name for pair in major_muscles(names) for name in pair.names] if family.startswith("muscle") else []
-
-    def rank(name: str) -> tuple[int, float, bool]:
-        base, side = split_side(name)
-        base = base.lower()
-        if name in usual:
-            return usual.index(name), 0.0, False
-        if base in COORDINATE_ORDER:
-            return len(usual) + COORDINATE_ORDER.index(base), 0.0, side == "left"
-        return len(usual) + len(COORDINATE_ORDER), -reach[name], False
-
-    return sorted(names, key=rank)
 
 
 def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Section:

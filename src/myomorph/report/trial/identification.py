@@ -73,9 +73,9 @@ def body_section(identified: IdentificationInput) -> Section:
             " Colors: how much of the information on a link comes from motion and forces (blue) rather than from "
             "the shape of the body (red)."
         )
-    wrong = [check for check in identified.checks if not check.possible]
+    wrong = [check for check in identified.checks if not check.ok]
     if identified.checks:
-        words = "; ".join(f"{check.link}, {check.reason}" for check in wrong[:5])
+        words = "; ".join(f"{check.name}, {', '.join(check.faults)}" for check in wrong[:5])
         count = len(identified.checks)
         lead += f" {len(wrong)} of {count} links are not physically possible: {words}." if wrong else ""
         lead += "" if wrong else f" All {count} links are physically possible."

@@ -184,7 +184,7 @@ def segment_sheet(identified: IdentificationInput) -> Sheet:
 def link_sheet(identified: IdentificationInput) -> Sheet:
     """Segment of every link ([D] table 3.5), and how well it is known and whether it is possible."""
     segments = segments_given(identified)
-    checks = {check.link: check for check in identified.checks}
+    checks = {check.name: check for check in identified.checks}
     rows: list[tuple[Cell, ...]] = []
     for i, body in enumerate(identified.model.body_names):
         segment, check = segments.get(body), checks.get(body)
@@ -192,7 +192,7 @@ def link_sheet(identified: IdentificationInput) -> Sheet:
         share = float(identified.share[i]) if len(identified.share) else None
         judged: tuple[Cell, ...] = (None,) * 4
         if check is not None:
-            judged = check.mass, check.least_eigenvalue, "yes" if check.possible else "no", check.reason
+            judged = check.mass, float(check.eigenvalues[0]), "yes" if check.ok else "no", ", ".join(check.faults)
         rows.append((body, *where, share, *judged, ", ".join(identified.from_shape.get(body, ()))))
     head = (
         "link", "segment", "side", "share from the data", "mass [kg]", "least eigenvalue of the pseudo-inertia",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from myomorph.identify.subject import GENERIC, Identification
-from myomorph.identify.validation import CrossValidation
+from myomorph.identify.validation import CrossValidation, LinkConsistency
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -52,25 +52,6 @@ class IdentifiedBase:
         for name in ("estimate", "relative_sd"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (len(self.names),)))
         object.__setattr__(self, "residual", frozen_array(self.residual, (6,)))
-
-
-@dataclass(frozen=True)
-class LinkCheck:
-    """Whether one link's parameters are those of a possible body.
-
-    Attributes
-    ----------
-    mass : [kg]
-    least_eigenvalue : of its pseudo-inertia [kg m^2 or kg], positive for a possible body
-    possible : the verdict
-    reason : what is wrong, or ""
-    """
-
-    link: str
-    mass: float
-    least_eigenvalue: float
-    possible: bool
-    reason: str = ""
 
 
 @read_only
@@ -192,7 +173,7 @@ class IdentificationInput:
     held_out_on: str = ""
     never_shown: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
-    checks: tuple[LinkCheck, ...] = ()
+    checks: tuple[LinkConsistency, ...] = ()
     left_out: Mapping[str, int] = field(default_factory=lambda: FrozenMap({}))
     frames: int = 0
     validation: tuple[WrenchCheck, ...] = ()
@@ -264,10 +245,7 @@ def identification_input(
         held_out_on=identification.unseen.what,
         never_shown=fit.base.never,
         not_shown=tuple(fit.base.names[i] for i in np.flatnonzero(~fit.identifiable)),
-        checks=tuple(
-            LinkCheck(link.name, link.mass, float(link.eigenvalues[0]), link.ok, ", ".join(link.faults))
-            for link in identification.consistency[identification.chosen].links
-        ),
+        checks=identification.consistency[identification.chosen].links,
         left_out=identification.left_out,
         frames=sum(recording.frames for recording in identification.recordings),
         validation=tuple(
