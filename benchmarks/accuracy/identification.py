@@ -288,6 +288,6 @@ def measure_segments(folder: Path, chosen: Sequence[int] = (0, 5)) -> Iterator[d
         if not (folder / subject.model).exists():
             continue
         found, _ = identified(folder, subject, tuple(subject.trials))
-        sheet = segment_sheet(identification_input(found))
+        sheet = segment_sheet(identification_input(found, {}, {}))
         for cells in sheet.rows:
             yield {"subject": subject.name} | dict(zip(sheet.head, cells, strict=True))

@@ -1,4 +1,4 @@
-"""What a kind of motion is looked at for: panels, muscles and phases of its analysis, and how models spell muscles."""
+"""What a kind of motion is looked at for: muscles and phases of its analysis, and how models spell muscles."""
 
 from __future__ import annotations
 
@@ -62,12 +62,7 @@ def plain_words(name: str) -> str:
     return name.replace("lower_arm", "forearm").replace("_", " ")
 
 
-Panel = Literal["score", "center", "phases", "contact forces", "correlations"]
 Cut = Literal["events", "contacts", "cycles", "parts"]
-
-PANELS: tuple[Panel, ...] = ("score", "center", "phases", "contact forces", "correlations")
-"""Every panel, in the order of the page: pictures, height, contacts and muscles on one time axis; the center of
-gravity; phases; contact forces; correlations with it."""
 
 CUTS: tuple[Cut, ...] = ("events", "contacts", "cycles", "parts")
 """Every way to cut a motion: between events, where the contact state changes, by the period of the center of gravity,
@@ -76,7 +71,7 @@ into four equal parts."""
 
 @dataclass(frozen=True)
 class Preset:
-    """Which panels, muscles and phases the analysis of one kind of motion has.
+    """Which muscles and phases the analysis of one kind of motion has.
 
     Attributes
     ----------
@@ -85,7 +80,6 @@ class Preset:
     muscles : of `MUSCLES`, from top to bottom
     cuts : of `CUTS`, the first that cuts the motion at all is taken
     pictures : in the strip
-    panels : of `PANELS`
     """
 
     name: str
@@ -93,11 +87,9 @@ class Preset:
     muscles: tuple[str, ...]
     cuts: tuple[Cut, ...]
     pictures: int = 9
-    panels: tuple[Panel, ...] = PANELS
 
     def __post_init__(self) -> None:
         for kind, names, known in (
-            ("panel", self.panels, PANELS),
             ("muscle", self.muscles, tuple(MUSCLES)),
             ("cut", self.cuts, CUTS),
         ):

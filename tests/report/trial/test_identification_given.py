@@ -50,7 +50,7 @@ def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]
 
 def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValidation]) -> None:
     identification, validation = found
-    given = identification_input(identification, validation={"second half": validation})
+    given = identification_input(identification, {"second half": validation}, {})
     tables = identification_tables(given)
     sheet = tables["masses.csv"]
     masses = {row[0]: row[sheet.head.index(f"{identification.chosen} [kg]")] for row in sheet.rows}
@@ -67,7 +67,7 @@ def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValid
 
 def test_errors_are_those_of_the_cross_validation(found: tuple[Identification, CrossValidation]) -> None:
     identification, validation = found
-    given = identification_input(identification, validation={"second half": validation})
+    given = identification_input(identification, {"second half": validation}, {})
     theirs = validation.table()
     for one in wrench_errors(given.validation[0]):
         k = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz").index(one.component)

@@ -53,5 +53,5 @@ def test_numbers_units_places_and_verdicts(found):
 
 def test_worse_is_said(found):
     assert "NO better" in personal_lines(replace(found, held_out=held(6.0, [5.0, 5.0])))[1]
-    assert "but leaving more torque" in personal_lines(replace(found, held_out=held(4.0, [11.0, 11.0])))[1]
+    assert "torque left 11.00, generic 7.00" in personal_lines(replace(found, held_out=held(4.0, [11.0, 11.0])))[1]
     assert any("nothing was held out" in one for one in personal_lines(replace(found, held_out=None)))

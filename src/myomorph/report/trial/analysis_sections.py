@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from myomorph.analysis.contact_states import graph_rows
-from myomorph.analysis.presets import Panel
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import scaled_unit
@@ -154,19 +151,18 @@ MAX_STRIPES = 60
 
 
 def analysis_sections(prepared: Prepared) -> list[Section]:
-    """The panels of the motion's preset that what was given allows."""
+    """The sections on the motion that the results allow."""
     analysis = analyse(prepared)
     if analysis is None:
         return []
     behind = _backdrop(prepared, analysis)
-    made: dict[Panel, Callable[[], Section | None]] = {
-        "score": lambda: score_section(prepared, analysis, behind),
-        "center": lambda: center_section(prepared, analysis, behind),
-        "phases": lambda: phase_section(analysis),
-        "contact forces": lambda: contact_force_section(prepared, behind, analysis.who),
-        "correlations": lambda: correlation_section(analysis),
-    }
-    sections = [made[panel]() for panel in analysis.preset.panels]
+    sections = (
+        score_section(prepared, analysis, behind),
+        center_section(prepared, analysis, behind),
+        phase_section(analysis),
+        contact_force_section(prepared, behind, analysis.who),
+        correlation_section(analysis),
+    )
     return [section for section in sections if section is not None]
 
 

@@ -94,7 +94,7 @@ def body_section(identified: IdentificationInput) -> Section:
 def body_picture(identified: IdentificationInput) -> str:
     """The model from its right side and from the front as one drawing with its scale of colors."""
     model = replace(identified.model, muscles=())
-    pose = identified.pose or Motion(np.zeros(1), (), np.zeros((1, 0)))
+    pose = Motion(np.zeros(1), (), np.zeros((1, 0)))
     scene = make_scene(model, pose, [0], identified.surfaces)
     share = identified.share if len(identified.share) else np.full(len(model.bodies), np.nan)
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(share)])

@@ -79,9 +79,9 @@ _SPINE = (
 
 
 def segments_given(identified: IdentificationInput) -> Mapping[str, Segment]:
-    """Segment of each body: as given, else by the bodies' names; none of a model whose names contain none."""
+    """Segment of each body: by the bodies' names; none of a model whose names contain none."""
     try:
-        return identified.segments or segments_of(identified.model)
+        return segments_of(identified.model)
     except BadData:
         return {}
 
@@ -290,31 +290,6 @@ def base_sheet(identified: IdentificationInput) -> Sheet:
     return Sheet(head, tuple(rows))
 
 
-def length_sheet(identified: IdentificationInput) -> Sheet:
-    """Link lengths before and after calibration, and their standard deviations [m]."""
-    lengths = () if identified.calibration is None else identified.calibration.lengths
-    head = ("length", "before [m]", "after [m]", "standard deviation [m]")
-    return Sheet(head, tuple((length.name, length.before, length.after, length.sd) for length in lengths))
-
-
-def marker_sheet(identified: IdentificationInput) -> Sheet:
-    """How far calibration moved each marker on its body [m]."""
-    moved = {} if identified.calibration is None else identified.calibration.markers
-    bodies = {marker.name: marker.body for marker in identified.model.markers}
-    return Sheet(
-        ("marker", "body", "moved by [m]"), tuple((name, bodies.get(name, ""), far) for name, far in moved.items())
-    )
-
-
-def trial_sheet(identified: IdentificationInput) -> Sheet:
-    """Marker errors before and after calibration, trial by trial [m]."""
-    errors = () if identified.calibration is None else identified.calibration.errors
-    head = ("trial", "used for calibration", "RMS before [m]", "RMS after [m]")
-    return Sheet(
-        head, tuple((error.trial, "yes" if error.used else "no", error.before, error.after) for error in errors)
-    )
-
-
 def identification_tables(identified: IdentificationInput) -> dict[str, Sheet]:
     """Every table that was given something, by the name of the file to write it to."""
     sheets = {
@@ -326,9 +301,6 @@ def identification_tables(identified: IdentificationInput) -> dict[str, Sheet]:
         "misfit.csv": misfit_sheet(identified),
         "base_parameters.csv": base_sheet(identified),
         "cross_validation.csv": validation_sheet(identified),
-        "lengths.csv": length_sheet(identified),
-        "markers.csv": marker_sheet(identified),
-        "marker_errors.csv": trial_sheet(identified),
     }
     for i, check in enumerate(identified.validation):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", check.trial)

@@ -13,8 +13,6 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.segments import Segment
-from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
 from myomorph.motion.calibrate import Calibration
 
@@ -74,17 +72,11 @@ class LengthFound:
 
 @dataclass(frozen=True)
 class TrialError:
-    """Root mean square marker error of one trial before and after calibration [m].
-
-    Attributes
-    ----------
-    used : whether the calibration saw the trial
-    """
+    """Root mean square marker error of one trial before and after calibration [m]."""
 
     trial: str
     before: float
     after: float
-    used: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,7 +122,6 @@ class IdentificationInput:
     Attributes
     ----------
     model : with the identified parameters
-    segments : segment of each body, see `model.segments.segments_of`
     parameters : (bodies, 10) of each method, by the name to print, in the order of the columns; for
         example "identified, w_d", "identified, w_n", "shape only", "generic"
     chosen : the method whose parameters the model has
@@ -152,13 +143,11 @@ class IdentificationInput:
     validation : on other motions
     calibration : of lengths and markers before
     surfaces : meshes for the picture, by `Mesh.file`
-    pose : of the picture, one frame; the default pose where not given
     source : where the mass points came from, in words
     notes : what else identification had to say, one line each
     """
 
     model: Model
-    segments: Mapping[str, Segment] = field(default_factory=lambda: FrozenMap({}))
     parameters: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
     chosen: str = ""
     share: Array = field(default_factory=lambda: np.zeros(0))
@@ -179,7 +168,6 @@ class IdentificationInput:
     validation: tuple[WrenchCheck, ...] = ()
     calibration: CalibratedBody | None = None
     surfaces: Mapping[str, Surface] = field(default_factory=lambda: FrozenMap({}))
-    pose: Motion | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
 
@@ -197,32 +185,19 @@ class IdentificationInput:
         return {name: parameter[:, 0] for name, parameter in self.parameters.items()}
 
 
-NOTHING: Mapping[str, Surface] = FrozenMap({})
-
-
 def identification_input(
-    identification: Identification,
-    *,
-    validation: Mapping[str, CrossValidation] | None = None,
-    calibration: CalibratedBody | None = None,
-    segments: Mapping[str, Segment] | None = None,
-    surfaces: Mapping[str, Surface] = NOTHING,
-    pose: Motion | None = None,
+    identification: Identification, validation: Mapping[str, CrossValidation], surfaces: Mapping[str, Surface]
 ) -> IdentificationInput:
     """What the report shows of an identified body.
 
     Parameters
     ----------
     validation : on motions that were not used, by their names
-    calibration : of lengths and markers before, see `calibrated_body`
-    segments : of the bodies, where names do not tell
     surfaces : meshes by `Mesh.file`
-    pose : of the picture, one frame
     """
     fit = identification.base
     return IdentificationInput(
         model=identification.model,
-        segments=segments or {},
         parameters=identification.parameters,
         chosen=identification.chosen,
         share=identification.known.shares.mean(axis=1),
@@ -250,11 +225,9 @@ def identification_input(
         frames=sum(recording.frames for recording in identification.recordings),
         validation=tuple(
             WrenchCheck(check.time, check.measured, check.predicted, check.weight, name)
-            for name, check in (validation or {}).items()
+            for name, check in validation.items()
         ),
-        calibration=calibration,
         surfaces=surfaces,
-        pose=pose,
         source=identification.points.source,
         notes=identification.notes,
     )
@@ -270,23 +243,20 @@ def _unseen(identification: Identification) -> Mapping[str, Array]:
     }
 
 
-def calibrated_body(
-    calibration: Calibration, names: Sequence[str], others: Sequence[TrialError] = ()
-) -> CalibratedBody:
+def calibrated_body(calibration: Calibration, names: Sequence[str]) -> CalibratedBody:
     """What the report shows of a calibration.
 
     Parameters
     ----------
     names : of the recordings that were used, in their order, the static one last
-    others : marker errors of recordings that were not used
     """
 
     def rms(distances: np.ndarray) -> float:
         seen = distances[np.isfinite(distances)]
         return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")
 
-    used = tuple(
-        TrialError(name, rms(before), rms(after), used=True)
+    errors = tuple(
+        TrialError(name, rms(before), rms(after))
         for name, before, after in zip(names, calibration.before, calibration.after, strict=True)
     )
     return CalibratedBody(
@@ -295,7 +265,7 @@ def calibrated_body(
             for length in calibration.lengths
         ),
         markers={marker.name: float(np.linalg.norm(marker.shift)) for marker in calibration.markers},
-        errors=used + tuple(others),
+        errors=errors,
         frames=sum(len(frame) for frame in calibration.frames),
         notes=calibration.notes,
         zeros=tuple(

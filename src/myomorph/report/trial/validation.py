@@ -138,12 +138,10 @@ def _calibration_figures(calibrated: CalibratedBody) -> tuple[Figure, ...]:
 def _calibration_grids(calibrated: CalibratedBody) -> tuple[Grid, ...]:
     grids = []
     if calibrated.errors:
-        head = ("Trial", "Used for calibration", "RMS before", "RMS after")
         errors = tuple(
-            (error.trial, "yes" if error.used else "no", _millimetres(error.before), _millimetres(error.after))
-            for error in calibrated.errors
+            (error.trial, _millimetres(error.before), _millimetres(error.after)) for error in calibrated.errors
         )
-        grids.append(Grid(head, errors, "Marker errors before and after"))
+        grids.append(Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"))
     if calibrated.lengths:
         head = ("Length", "Before", "After", "Standard deviation")
         rows = tuple(

@@ -248,7 +248,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
 
     found = identified.found
     surfaces = _surfaces(found.model)
-    given = identification_input(found, validation=identified.validation, surfaces=surfaces)
+    given = identification_input(found, identified.validation, surfaces)
     for name, sheet in identification_tables(given).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
     if len(given.sd):
