@@ -99,7 +99,7 @@ def one_line(text: str) -> str:
     return f"{text[: LONGEST - LAST]} ... ({len(text) - LONGEST} characters) ... {text[-LAST:]}"
 
 
-def few(names: Iterable[str], most: int = MAX_NAMES) -> str:
+def few(names: Iterable[str], most: int = 6) -> str:
     """Names for a sentence, at most so many of them, and how many more there are."""
     names = tuple(dict.fromkeys(names))
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
