@@ -44,7 +44,7 @@ COMPARISONS = {
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
     "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),
-    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio, as docs/validation"),
+    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio: docs/results/validation"),
 }
 
 

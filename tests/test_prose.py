@@ -6,7 +6,7 @@ import pytest
 from docs_build.examples import DOCS
 from docs_build.prose import numbers_of
 
-PAGES = [DOCS / "performance.md"]
+PAGES = [*sorted((DOCS / "validation").glob("*.md")), DOCS / "performance.md", DOCS / "shortfalls.md"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
