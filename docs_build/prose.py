@@ -18,7 +18,7 @@ from pathlib import Path
 
 LABEL = re.compile(r"\*\*(?:Setup|Target|Published):\*\*.*", re.DOTALL)
 LEFT_OUT = re.compile(
-    r"```.*?```|`[^`]*`|\{\{.*?\}\}|<!--.*?-->|\$\$.*?\$\$|\$[^$\n]*\$|(?<=\])\([^)]*\)|https?://\S+", re.DOTALL
+    r"```.*?```|`[^`]*`|\{\{.*?\}\}|<!--.*?-->|\$\$.*?\$\$|\$[^$]{1,200}?\$|(?<=\])\([^)]*\)|https?://\S+", re.DOTALL
 )
 NAMES = re.compile(
     r"(?:OpenSim|MuJoCo|Pinocchio|Python|SciPy|Document version) \d+(?:\.\d+)*"

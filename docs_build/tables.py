@@ -83,7 +83,7 @@ def _shown(line: re.Match[str], page: str) -> str:
         rows = [_linked(row, page) for row in rows]
     made = next(row for row in load(LOG) if row["table"] == table)
     parts = [f"[{table.rpartition('/')[2]}.csv]({line['path']})", f"`{made['command']}`"]
-    parts += [made[key] for key in ("date", "commit", "machine") if made[key]]
+    parts += [made["date"], f"commit {made['commit']}", *([made["machine"]] if made["machine"] else [])]
     return f"{as_markdown(rows)}\n{', '.join(parts)}\n{{ .results }}\n"
 
 
