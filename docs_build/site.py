@@ -63,7 +63,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Pages that are made of the package and of files beside `docs/`, and the notebooks of tutorials."""
     made = {
-        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+        # It lies beside docs/, and in the site among its pages.
+        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "]("),
         "reference/index.md": reference_index(),
     }
     for room in ROOMS:
