@@ -256,6 +256,14 @@ def test_points_are_on_a_line_up_to_a_fiftieth_of_their_length(width: float, eno
                 procrustes(source @ TURN.T, target)
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_point_that_is_not_finite_is_refused_on_either_side(side: int) -> None:
+    pair = [bone(5), bone(5)]
+    pair[side] = np.where(np.arange(5)[:, None] == 2, np.nan, pair[side])
+    with pytest.raises(BadData, match="not finite"):
+        procrustes(*pair)
+
+
 @pytest.mark.parametrize("kind", ["ssd", "rbf", "affine"])
 def test_three_points_move_as_a_similarity_across_their_plane(kind: str) -> None:
     source = bone(3)
