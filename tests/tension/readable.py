@@ -17,9 +17,8 @@ import piqp
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
-from myomorph.model.contacts import Cone
+from myomorph.model.contacts import Cone, tangents
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.terms.cones import tangents
 from myomorph.tension.terms.emg import STIFFNESS, EmgTarget
 from myomorph.tension.terms.measured import MEASURED_COST
 

@@ -11,12 +11,12 @@ from scipy.optimize import nnls
 from walking import full
 
 from myomorph.io.osim.read import read_osim
-from myomorph.model.contacts import Cone, Site
+from myomorph.model.contacts import Cone, Site, tangents
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.cones import compile_cones, cone_generators, tangents
+from myomorph.tension.terms.cones import compile_cones
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm
 
 FOOT = [[0.0, 0.0, -0.02], [0.0, 0.0, 0.02], [0.17, 0.0, 0.0]]
@@ -96,7 +96,7 @@ def test_what_two_bodies_hang_on_does_not_feel_them_touch(data):
 )
 def test_edges_and_faces_are_one_cone_inside_the_round_one(edges, friction, direction, seed):
     cone = Cone(direction=direction, friction=friction, edges=edges)
-    push, turn, lower, _ = cone_generators(cone)
+    push, turn, lower, _ = cone.generators()
     assert np.all(lower == 0.0)
     assert np.all(turn == 0.0)
     d = cone.direction

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+from importlib import import_module
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,14 +15,38 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
 
+CONTACT_LAWS: dict[str, str] = {"pyramid": "myomorph.model.contacts:Cone"}
+"""Contact laws by the name that contact files and results give them: module and class, a subclass of `Cone`."""
+
+
+class Generators(NamedTuple):
+    """Forces and moments of which every force that a contact may carry is a sum, at one point.
+
+    Attributes
+    ----------
+    push, turn : (generators, 3) force [1] and moment [m] of one unit, in the axes of the cone's frame
+    lower : (generators,) least amplitude: 0, or -inf where the opposite is allowed too
+    share : (generators,) cost of amplitude^2; such that the least cost of a force along the direction is its square
+    """
+
+    push: Array
+    turn: Array
+    lower: Array
+    share: Array
+
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Which forces may act on a body at a site.
+    """Which forces may act on a body at a site: a contact law.
+
+    Another law is a subclass that replaces `generators`, in a file of its own; contact files and results know it by its
+    name in `CONTACT_LAWS`.
 
     Attributes
     ----------
+    leans : whether the cheapest force may lean away from the direction (`ContactTask.preferred`): of laws whose
+        generators are d + friction t_k with t_k evenly around d
     direction : (3,) the middle of the cone, the way the body is pushed (made a unit vector), in the axes of
         `frame`; None where force may act any way, as on a hand that grips
     frame : the ground or a body, whose axes turn with it
@@ -39,6 +65,7 @@ class Cone:
     grip: float = 0.0
     edges: int = 6
     most: float = np.inf
+    leans: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.direction is not None:
@@ -50,6 +77,79 @@ class Cone:
             raise BadData(f"a linearised cone of {self.edges} edges: expected an even number from 4")
         if not self.most > 0.0:
             raise BadData(f"greatest force of a contact is {self.most:g} N: expected above 0")
+
+    def generators(self) -> Generators:
+        """The generators at one point, without those of the grip.
+
+        A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a half-space, has free
+        tangents; a cone without a direction has three free axes. Torsional friction adds d with a moment of +-torsion
+        about d: friction across and about the direction share what the normal force allows (Howe and Cutkosky 1996,
+        whose ellipsoid this lies inside).
+        """
+        if self.direction is None:
+            return Generators(np.eye(3), np.zeros((3, 3)), np.full(3, -np.inf), np.ones(3))
+        d = self.direction
+        first, second = tangents(d)
+        if self.friction == 0.0 or np.isinf(self.friction):
+            push = [d]
+        else:
+            angles = 2.0 * np.pi * np.arange(self.edges) / self.edges
+            push = [d + self.friction * (np.cos(a) * first + np.sin(a) * second) for a in angles]
+        turn = [np.zeros(3)] * len(push)
+        if self.torsion > 0.0:
+            push += [d, d]
+            turn += [self.torsion * d, -self.torsion * d]
+        along_d = len(push)
+        free = 2 if np.isinf(self.friction) else 0
+        push += [first, second][:free]
+        turn += [np.zeros(3)] * free
+        lower = np.concatenate([np.zeros(along_d), np.full(free, -np.inf)])
+        share = np.concatenate([np.full(along_d, float(along_d)), np.ones(free)])
+        return Generators(np.array(push), np.array(turn), lower, share)
+
+    def plain(self) -> dict[str, Any]:
+        """The law's name and its parameters as numbers and texts, for files.
+
+        Raises
+        ------
+        BadData
+            where the class has no line in `CONTACT_LAWS`
+        """
+        place = f"{type(self).__module__}:{type(self).__qualname__}"
+        name = next((name for name, law in CONTACT_LAWS.items() if law == place), None)
+        if name is None:
+            raise BadData(f"contact law {place} has no name in CONTACT_LAWS: there are {', '.join(CONTACT_LAWS)}")
+        values = {part.name: getattr(self, part.name) for part in fields(self)}
+        return {"law": name} | {
+            key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()
+        }
+
+
+def contact_law(name: str) -> type[Cone]:
+    """The class of a contact law by its name in files.
+
+    Raises
+    ------
+    UnknownName
+        where there is none
+    """
+    check_name("contact law", name, tuple(CONTACT_LAWS), "Myomorph")
+    return _loaded_law(CONTACT_LAWS[name])
+
+
+@lru_cache(maxsize=64)
+def _loaded_law(place: str) -> type[Cone]:
+    module, name = place.split(":")
+    law: type[Cone] = getattr(import_module(module), name)
+    return law
+
+
+def tangents(direction: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along it."""
+    axis = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    first = axis - (axis @ direction) * direction
+    first /= np.linalg.norm(first)
+    return first, np.cross(direction, first)
 
 
 @read_only

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.model.contacts import ContactForces, Contacts, Site, Touch, contact_law
 from myomorph.model.series import Series
 from myomorph.report.trial.report_input import ForceIntervals, InfeasibleContact, Situation
 from myomorph.store.results import ResultWriter, Stored
@@ -187,17 +187,18 @@ def get_joint_contacts(stored: Stored) -> JointContactForces | None:
 
 
 def _plain_site(site: Site) -> dict[str, Any]:
-    cone = {name: getattr(site.cone, name) for name in ("frame", "friction", "torsion", "grip", "edges", "most")}
-    direction = None if site.cone.direction is None else site.cone.direction.tolist()
     return {
         "name": site.name,
         "body": site.body,
         "points": site.points.tolist(),
         "against": site.against,
         "group": site.group,
-        "cone": {"direction": direction, **cone},
+        "cone": site.cone.plain(),
     }
 
 
 def _site(plain: dict[str, Any]) -> Site:
-    return Site(**{**plain, "points": np.array(plain["points"]), "cone": Cone(**plain["cone"])})
+    # Results of 34e3048 and before know one law.
+    numbers = {"law": "pyramid"} | plain["cone"]
+    cone = contact_law(numbers.pop("law"))(**numbers)
+    return Site(**{**plain, "points": np.array(plain["points"]), "cone": cone})

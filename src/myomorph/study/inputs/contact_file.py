@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -19,8 +20,8 @@ from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
 from myomorph.io.wav import read_wav
 from myomorph.model.arrays import Array
-from myomorph.model.contacts import Cone, Contacts, Site, Touch
-from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, listing
+from myomorph.model.contacts import Cone, Contacts, Site, Touch, contact_law
+from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, check_name, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Z_UP_TO_Y_UP
@@ -53,6 +54,8 @@ class _Site(Strict):
     grip: float = 0.0
     cone_generators: int = 6
     max_force: float = float("inf")
+    law: str = "pyramid"
+    law_options: dict[str, FiniteFloat] = Field(default_factory=dict)
     intervals: When | list[tuple[float, float]] = "motion"
     rests: Literal["floor", "lowest"] | FiniteFloat = "floor"
 
@@ -222,7 +225,12 @@ def _site(site: _Site, model: Model) -> Site:
     direction = model.up if site.direction == "up" else None
     if not isinstance(site.direction, str):
         direction = np.array(site.direction)
-    cone = Cone(direction, site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
+    law = contact_law(site.law)
+    own = {part.name for part in fields(law)} - {part.name for part in fields(Cone)}
+    for option in site.law_options:
+        check_name("option", option, tuple(sorted(own)), f"the contact law '{site.law}'")
+    numbers = (site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
+    cone = law(direction, *numbers, **site.law_options)
     return Site(site.name, site.body, np.array(site.points), cone, site.against, site.group)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.contacts import Cone, Site
+from myomorph.model.contacts import Site
 from myomorph.model.errors import BadModel
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
@@ -107,50 +107,6 @@ class ConeGenerators:
         return entries, places, pushes, turns
 
 
-def tangents(direction: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along it."""
-    axis = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    one = axis - (axis @ direction) * direction
-    one /= np.linalg.norm(one)
-    return one, np.cross(direction, one)
-
-
-def cone_generators(cone: Cone) -> tuple[Array, Array, Array, Array]:
-    """Generators of a cone at one point, in the axes of its frame.
-
-    A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a half-space, has free
-    tangents; a cone without a direction has three free axes. Torsional friction adds d with a moment of +-torsion
-    about d: friction across and about the direction share what the normal force allows (Howe and Cutkosky 1996,
-    whose ellipsoid this lies inside).
-
-    Returns
-    -------
-    push, turn : (generators, 3)
-    lower : (generators,) least amplitude
-    share : (generators,) cost of amplitude^2, with which the least cost of a force along d is its square
-    """
-    if cone.direction is None:
-        return np.eye(3), np.zeros((3, 3)), np.full(3, -np.inf), np.ones(3)
-    d = cone.direction
-    one, other = tangents(d)
-    if cone.friction == 0.0 or np.isinf(cone.friction):
-        push = [d]
-    else:
-        angles = 2.0 * np.pi * np.arange(cone.edges) / cone.edges
-        push = [d + cone.friction * (np.cos(a) * one + np.sin(a) * other) for a in angles]
-    turn = [np.zeros(3)] * len(push)
-    if cone.torsion > 0.0:
-        push += [d, d]
-        turn += [cone.torsion * d, -cone.torsion * d]
-    along_d = len(push)
-    free = 2 if np.isinf(cone.friction) else 0
-    push += [one, other][:free]
-    turn += [np.zeros(3)] * free
-    lower = np.concatenate([np.zeros(along_d), np.full(free, -np.inf)])
-    share = np.concatenate([np.full(along_d, float(along_d)), np.ones(free)])
-    return np.array(push), np.array(turn), lower, share
-
-
 def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
     """Generators of all sites as flat arrays; a site's grip is added to its first point.
 
@@ -220,7 +176,7 @@ def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
     axes, signs, coordinates, slots = _reached(tree, site)
     result = []
     for j, place in enumerate(site.points):
-        push, turn, lower, cost = cone_generators(site.cone)
+        push, turn, lower, cost = site.cone.generators()
         # What one unit of force along the direction costs does not depend on how many points share it.
         cost = cost * len(site.points)
         if j == 0 and site.cone.grip > 0.0:

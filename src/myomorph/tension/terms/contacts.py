@@ -235,7 +235,7 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
         return shares
     for index, site in enumerate(task.sites):
         cone = site.cone
-        if cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
+        if not cone.leans or cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
             continue
         own = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
         across = (generators.arrays.push[own] - cone.direction) / cone.friction
